@@ -1,0 +1,69 @@
+"""What the orchestrator asks of a finite element code, and nothing more.
+
+A black box receives meshes with materials and clamped dofs, and answers nodal forces with
+nodal displacements. It never hears of interfaces, search directions or macro problems: a
+sole is plain matter to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+
+@dataclass
+class Model:
+    """A finite element model as plain data. Dof = 3 * node + component.
+
+    Parameters
+    ----------
+    name : for messages and logs
+    nodes : (n, 3) float
+    cells : (m, 4) int, positively oriented tets
+    region : (m,) int, index into ``materials``
+    materials : (r, 2) float, Young's modulus and Poisson's ratio of each region
+    fixed : (n, 3) bool, dofs clamped to zero
+    trace : (t,) int, dofs on which traces are exchanged; none of them fixed, no repetition
+    """
+
+    name: str
+    nodes: np.ndarray
+    cells: np.ndarray
+    region: np.ndarray
+    materials: np.ndarray
+    fixed: np.ndarray
+    trace: np.ndarray
+
+
+class BlackBox(Protocol):
+    """A pool of finite element processes that hosts many models and keeps all cores busy.
+
+    All methods raise BlackBoxError when the code fails, hangs or answers nonsense.
+    Used as a context manager: leaving the block ends every process and removes every file.
+    """
+
+    def load(self, models: Sequence[Model]) -> None:
+        """Assemble and factorise every model; model i is known as ``i`` from then on."""
+
+    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the displacements there."""
+
+    def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to all nodal displacements."""
+
+    def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
+        """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
+
+    def clock(self) -> dict[str, float]:
+        """The code's own seconds, summed over workers: start, assemble, factorise, solve."""
+
+    def close(self) -> None:
+        """End all processes and remove all files; may be called twice."""
+
+    def __enter__(self) -> "BlackBox": ...
+
+    def __exit__(self, *exc) -> None: ...

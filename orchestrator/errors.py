@@ -1,0 +1,100 @@
+"""The errors a user can meet, each with the exit code it ends the program with.
+
+Every message says what was found, where, what was expected and how to mend it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+CONVERGED, NOT_CONVERGED, BAD_INPUT, BLACKBOX_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+
+KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with the input.
+
+    Parameters
+    ----------
+    path : keys of the YAML entry concerned, e.g. ``("boundary", 1, "on")``; empty when none is
+    found : what was there
+    expected : what would have been accepted
+    cure : what to do about it
+    file, line : where, once known (the configuration fills them in from ``path``)
+    """
+
+    path: KeyPath
+    found: str
+    expected: str
+    cure: str = ""
+    file: str = ""
+    line: int | None = None
+
+    def __str__(self) -> str:
+        place = self.file + (f":{self.line}" if self.line is not None else "")
+        key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in self.path).lstrip(".")
+        head = ": ".join(part for part in (place, key) if part)
+        lines = [head] if head else []
+        lines += [f"  found:    {self.found}", f"  expected: {self.expected}"]
+        if self.cure:
+            lines.append(f"  cure:     {self.cure}")
+        return "\n".join(lines)
+
+
+class OrchestratorError(Exception):
+    """Base of all errors that end a run with a message instead of a traceback."""
+
+    exit_code = NOT_CONVERGED
+
+
+class InputError(OrchestratorError):
+    """Bad configuration, mesh or output folder: everything found, at once."""
+
+    exit_code = BAD_INPUT
+
+    def __init__(self, problems: Problem | list[Problem]):
+        self.problems = [problems] if isinstance(problems, Problem) else list(problems)
+        super().__init__("\n".join(str(p) for p in self.problems))
+
+
+@dataclass
+class Problems:
+    """Collects problems so that a user sees all of them in one go."""
+
+    found: list[Problem] = field(default_factory=list)
+
+    def add(self, path: KeyPath, found: str, expected: str, cure: str = "") -> None:
+        self.found.append(Problem(tuple(path), found, expected, cure))
+
+    def raise_if_any(self) -> None:
+        """Raises InputError with all that was collected."""
+        if self.found:
+            raise InputError(self.found)
+
+
+class BlackBoxError(OrchestratorError):
+    """The black box died, hung or answered nonsense.
+
+    Parameters
+    ----------
+    what : what happened, in one sentence
+    subdomain : name of the subdomain being worked on, if known
+    exit_code_meaning : the code's own exit code explained, if it ended
+    log_tail : last lines of the code's log
+    """
+
+    exit_code = BLACKBOX_FAILED
+
+    def __init__(self, what: str, subdomain: str = "", exit_code_meaning: str = "", log_tail: str = ""):
+        self.what, self.subdomain = what, subdomain
+        self.exit_code_meaning, self.log_tail = exit_code_meaning, log_tail
+        parts = [what]
+        if subdomain:
+            parts.append(f"  subdomain: {subdomain}")
+        if exit_code_meaning:
+            parts.append(f"  exit code: {exit_code_meaning}")
+        if log_tail:
+            parts.append("  log tail:\n" + "\n".join("    | " + row for row in log_tail.splitlines()))
+        super().__init__("\n".join(parts))

@@ -1,0 +1,59 @@
+"""What the solve loop tells its subscribers: history, progress, checkpoint.
+
+A subscriber is any callable taking one event; it must not change the event's arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One finished iteration. The fields up to ``slip`` are the columns of history.csv.
+
+    Parameters
+    ----------
+    iteration : linear stages after set-up
+    sweeps : back-substitutions per subdomain and load step so far, set-up included
+    seconds : since the run began
+    indicator : the paper's η, eq. (16), a squared ratio
+    displacement_jump : ‖B w‖ relative, weighted by the search direction
+    force_imbalance : ‖A f‖ relative, weighted by the inverse search direction
+    residual : ‖s_new − s‖ relative
+    error_bound : guaranteed bound on the relative energy error; nan when not evaluated
+    open, stick, slip : node counts, summed over the steps (contact interfaces)
+    target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
+    state : (dofs, steps) the state s to resume from
+    """
+
+    iteration: int
+    sweeps: float
+    seconds: float
+    indicator: float
+    displacement_jump: float
+    force_imbalance: float
+    residual: float
+    error_bound: float
+    open: int
+    stick: int
+    slip: int
+    target: tuple[str, float]
+    state: np.ndarray
+
+
+HISTORY_COLUMNS = [
+    "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
+    "residual", "error_bound", "open", "stick", "slip",
+]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The loop has ended: ``stop_reason`` is "converged", "max_iterations", "stagnated", "interrupted" …"""
+
+    converged: bool
+    stop_reason: str
+    iterations: int

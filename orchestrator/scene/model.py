@@ -1,0 +1,160 @@
+"""What a scene is made of: a mesh, its subdomains, their interfaces.
+
+Indices are zero-based. Lengths, forces and moduli are in the user's units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Mesh:
+    """A conforming mesh of four-node tetrahedra with named volumes and surfaces.
+
+    Parameters
+    ----------
+    nodes : (n, 3) float, coordinates
+    cells : (m, 4) int, node indices, positively oriented
+    volume : (m,) int, index into ``volumes``
+    volumes : names of the volumes (parts, solids, physical volumes); at least one
+    surfaces : name → (k, 3) int, boundary triangles of each named surface
+    source : what it was made from, for messages
+    """
+
+    nodes: np.ndarray
+    cells: np.ndarray
+    volume: np.ndarray
+    volumes: list[str]
+    surfaces: dict[str, np.ndarray] = field(default_factory=dict)
+    source: str = ""
+
+    def __repr__(self) -> str:
+        return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "
+                f"{len(self.volumes)} volumes, {len(self.surfaces)} surfaces)")
+
+
+@dataclass
+class Subdomain:
+    """One part of the decomposition, in its own numbering.
+
+    Parameters
+    ----------
+    index, name : position in ``Scene.subdomains`` and a name for messages
+    cells : (m_E,) int, global cell indices
+    nodes : (n_E,) int, sorted global node ids; local node l is global node nodes[l]
+    connectivity : (m_E, 4) int, local node indices
+    material : (m_E,) int, index into ``Scene.materials``
+    fixed : (n_E, 3) bool, prescribed displacement components
+    prescribed : (steps, n_E, 3) float, their values (zero elsewhere)
+    loads : (steps, n_E, 3) float, consistent nodal forces of tractions, pressures, body forces
+    """
+
+    index: int
+    name: str
+    cells: np.ndarray
+    nodes: np.ndarray
+    connectivity: np.ndarray
+    material: np.ndarray
+    fixed: np.ndarray
+    prescribed: np.ndarray
+    loads: np.ndarray
+
+
+@dataclass
+class Interface:
+    """One connected patch of faces shared by two subdomains.
+
+    Parameters
+    ----------
+    index, name : position in ``Scene.interfaces`` and a name for messages
+    subdomains : (E1, E2), indices of the two sides
+    global_nodes : (n,) int, global node ids of the patch, ascending
+    nodes : two (n,) int arrays, local node indices in E1 and E2, paired
+    triangles : (k, 3) int, indices into the patch's nodes, oriented outward of E1
+    free : (n, 3) bool, components that no boundary condition prescribes
+    law : name of the interface law ("perfect")
+    """
+
+    index: int
+    name: str
+    subdomains: tuple[int, int]
+    global_nodes: np.ndarray
+    nodes: tuple[np.ndarray, np.ndarray]
+    triangles: np.ndarray
+    free: np.ndarray
+    law: str = "perfect"
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear elasticity: Young's modulus (force/length²), Poisson's ratio."""
+
+    young: float
+    poisson: float
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lamé's λ and μ."""
+        e, nu = self.young, self.poisson
+        return e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+
+
+@dataclass
+class BoundaryEntry:
+    """One resolved entry of ``boundary:`` in the YAML.
+
+    Parameters
+    ----------
+    index : position in the YAML's list
+    kind : "displacement", "traction" or "pressure"
+    triangles : (k, 3) int, global node ids of the selected boundary faces, outward oriented
+    cells : (k,) int, the tet each face belongs to
+    nodes : (p,) int, global ids of all nodes on those faces
+    fixed : (3,) bool, prescribed components (displacement entries; all False for forces)
+    values : (steps, 3) float, displacement or traction per step; pressures in column 0
+    """
+
+    index: int
+    kind: str
+    triangles: np.ndarray
+    cells: np.ndarray
+    nodes: np.ndarray
+    fixed: np.ndarray
+    values: np.ndarray
+
+
+@dataclass
+class Scene:
+    """Everything the method needs to know of the problem.
+
+    Parameters
+    ----------
+    name : of the configuration
+    mesh : the undecomposed mesh
+    cell_subdomain : (m,) int
+    cell_material : (m,) int, index into ``materials``
+    materials, subdomains, interfaces, boundary : lists
+    fixed : (n, 3) bool and prescribed : (steps, n, 3), the boundary conditions on global nodes
+    loads : (steps, n, 3), consistent nodal forces on global nodes
+    steps : number of load steps
+    """
+
+    name: str
+    mesh: Mesh
+    cell_subdomain: np.ndarray
+    cell_material: np.ndarray
+    materials: list[Material]
+    subdomains: list[Subdomain]
+    interfaces: list[Interface]
+    boundary: list[BoundaryEntry]
+    fixed: np.ndarray
+    prescribed: np.ndarray
+    loads: np.ndarray
+    steps: int
+
+    def __repr__(self) -> str:
+        return (f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} interfaces, "
+                f"{3 * len(self.mesh.nodes)} dofs, {self.steps} load steps)")
