@@ -1,0 +1,109 @@
+"""Draws a triangulated surface with VTK, without a window; run as a program of its own.
+
+    python offscreen.py JOB.npz PICTURE.npy
+
+Where neither a display nor EGL is to be had, VTK ends its process with a segmentation fault
+instead of an error: a process apart keeps that away from the run. It imports nothing of the
+orchestrator, and only the parts of VTK it needs, which halves the time to start.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+
+def draw(job: dict[str, np.ndarray]) -> np.ndarray:
+    """Renders one picture.
+
+    Parameters
+    ----------
+    job : points (n, 3), triangles (k, 3), value (n,) in [0, 1], palette (256, 3) in [0, 1];
+        lines (e, 2, 3) drawn dark on the surface, outline (e, 2, 3) drawn grey;
+        focus, toward, up (3,), height (model units), pixels (2,) width and height
+
+    Returns
+    -------
+    (rows, columns, 3) uint8
+    """
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  registers the renderer
+    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkLookupTable, vtkUnsignedCharArray
+    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+
+    columns, rows = (int(p) for p in job["pixels"])
+    table = vtkLookupTable()
+    table.SetNumberOfTableValues(len(job["palette"]))
+    for i, colour in enumerate(job["palette"]):
+        table.SetTableValue(i, *colour, 1.0)
+    table.SetRange(0.0, 1.0)
+
+    renderer = vtkRenderer()
+    renderer.SetBackground(1.0, 1.0, 1.0)
+    surface, mapper = _actor(job["points"], job["triangles"], lines=False)
+    values = numpy_to_vtk(np.ascontiguousarray(job["value"], float), deep=True)
+    mapper.GetInput().GetPointData().SetScalars(values)
+    mapper.SetLookupTable(table)
+    mapper.SetScalarRange(0.0, 1.0)
+    mapper.InterpolateScalarsBeforeMappingOn()
+    surface.GetProperty().SetInterpolationToFlat()
+    surface.GetProperty().SetAmbient(0.45)
+    surface.GetProperty().SetDiffuse(0.6)
+    renderer.AddActor(surface)
+    scale = max(1.0, columns / 1000)
+    for name, colour, width, opacity in (("lines", 0.0, 1.1, 0.45), ("outline", 0.35, 1.3, 1.0)):
+        if len(job[name]):
+            ends = job[name].reshape(-1, 3)
+            actor, mapper = _actor(ends, np.arange(len(ends)).reshape(-1, 2), lines=True)
+            # drawn a hair nearer than the faces they lie on
+            mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
+            actor.GetProperty().SetColor(colour, colour, colour)
+            actor.GetProperty().SetLineWidth(width * scale)
+            actor.GetProperty().SetOpacity(opacity)
+            actor.GetProperty().LightingOff()
+            renderer.AddActor(actor)
+
+    camera = renderer.GetActiveCamera()
+    camera.ParallelProjectionOn()
+    camera.SetFocalPoint(*job["focus"])
+    camera.SetPosition(*(job["focus"] + job["toward"] * float(job["height"])))
+    camera.SetViewUp(*job["up"])
+    camera.SetParallelScale(0.5 * float(job["height"]))
+    renderer.ResetCameraClippingRange()
+
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(8)
+    window.SetSize(columns, rows)
+    window.AddRenderer(renderer)
+    window.Render()
+    pixels = vtkUnsignedCharArray()
+    window.GetPixelData(0, 0, columns - 1, rows - 1, 1, pixels)
+    return vtk_to_numpy(pixels).reshape(rows, columns, 3)[::-1].copy()
+
+
+def _actor(points: np.ndarray, cells: np.ndarray, lines: bool) -> tuple[object, object]:
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+    coordinates, array, data = vtkPoints(), vtkCellArray(), vtkPolyData()
+    coordinates.SetData(numpy_to_vtk(np.ascontiguousarray(points, float), deep=True))
+    ids = np.ascontiguousarray(cells, np.int64)
+    offsets = np.arange(0, ids.size + 1, ids.shape[1], dtype=np.int64)
+    array.SetData(numpy_to_vtkIdTypeArray(offsets, deep=True), numpy_to_vtkIdTypeArray(ids.ravel(), deep=True))
+    data.SetPoints(coordinates)
+    data.SetLines(array) if lines else data.SetPolys(array)
+    mapper, actor = vtkPolyDataMapper(), vtkActor()
+    mapper.SetInputData(data)
+    actor.SetMapper(mapper)
+    return actor, mapper
+
+
+if __name__ == "__main__":
+    with np.load(sys.argv[1]) as archive:
+        picture = draw(dict(archive))
+    np.save(sys.argv[2], picture)
