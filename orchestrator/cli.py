@@ -1,0 +1,155 @@
+"""The command line. Rooms are imported inside the commands, so that checking a file stays quick."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from .errors import CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+                  help="Multiscale domain decomposition around an untouched finite element code.")
+
+ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
+Overrides = Annotated[Optional[list[str]], typer.Option(
+    "--set", metavar="KEY=VALUE", help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
+
+
+@app.command()
+def run(config: ConfigFile, overrides: Overrides = None,
+        output: Annotated[Optional[Path], typer.Option(help="results folder, instead of the one in CONFIG")] = None,
+        resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in the results folder")] = False,
+        reference: Annotated[bool, typer.Option("--reference", help="also solve undecomposed; report the true error")] = False,
+        quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
+    """Solve a problem and write its results."""
+    def action() -> int:
+        from .config import load_config, place
+
+        loaded = load_config(config, overrides or [])
+        from .run import run as solve
+
+        try:
+            return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet)
+        except InputError as error:
+            raise place(error, loaded) from error
+
+    _guarded(action)
+
+
+@app.command()
+def check(config: ConfigFile, overrides: Overrides = None,
+          syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False) -> None:
+    """Show everything wrong with a configuration and its mesh; solve nothing."""
+    def action() -> int:
+        from .config import load_config, place
+
+        loaded = load_config(config, overrides or [])
+        if syntax_only:
+            print("OK")
+            return CONVERGED
+        from .scene.build import build_scene
+
+        try:
+            print(f"OK: {build_scene(loaded.config)!r}")
+        except InputError as error:
+            raise place(error, loaded) from error
+        return CONVERGED
+
+    _guarded(action)
+
+
+@app.command()
+def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")]) -> None:
+    """Draw the figures and a readable report from a results folder."""
+    def action() -> int:
+        from .results.report import report as write
+
+        write(directory)
+        return CONVERGED
+
+    _guarded(action)
+
+
+@app.command()
+def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None) -> None:
+    """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
+    def action() -> int:
+        from .studies import STUDIES, run_study
+
+        if name in STUDIES:
+            run_study(name)
+            return CONVERGED
+        listing = "\n".join(f"  {key:12} {line}" for key, line in STUDIES.items())
+        if name is None:
+            print(f"Studies:\n{listing}")
+            return CONVERGED
+        from .config.explain import nearest
+
+        raise InputError(Problem((), f"study '{name}'", "one of\n" + listing,
+                                 nearest(name, list(STUDIES), otherwise="take one of these")))
+
+    _guarded(action)
+
+
+@app.command()
+def doctor() -> None:
+    """Tell whether FreeFEM, its plugins and its BLAS are in order."""
+    def action() -> int:
+        from .blackbox.freefem import doctor as examine
+
+        print("\n".join(examine()))
+        return CONVERGED
+
+    _guarded(action)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    app()
+
+
+def _guarded(action: Callable[[], int]) -> None:
+    """Runs a command and ends the program with its exit code; errors of the user's are shown, not traced.
+
+    SIGTERM interrupts like Ctrl-C, so that batch systems get the checkpoint too.
+    """
+    in_main = threading.current_thread() is threading.main_thread()
+    previous = signal.signal(signal.SIGTERM, _interrupt) if in_main else None
+    try:
+        code = action()
+    except OrchestratorError as error:
+        _show(error)
+        code = error.exit_code
+    except KeyboardInterrupt:
+        print("Interrupted.", file=sys.stderr)
+        code = INTERRUPTED
+    finally:
+        if in_main:
+            signal.signal(signal.SIGTERM, previous)
+    raise typer.Exit(code)
+
+
+def _interrupt(signum: int, frame: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _show(error: OrchestratorError) -> None:
+    """An error on stderr: a count, then one paragraph per problem, unwrapped so that paths stay whole."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(stderr=True, soft_wrap=True, highlight=False)
+    if isinstance(error, InputError):
+        count = len(error.problems)
+        console.print(Text(f"{count} problem{'s' if count > 1 else ''} in the input", style="bold red"))
+        for problem in error.problems:
+            head, _, rest = str(problem).partition("\n")
+            console.print(Text.assemble("\n", (head, "bold"), "\n", rest))
+    else:
+        console.print(Text.assemble(("Error: ", "bold red"), str(error)))

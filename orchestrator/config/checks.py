@@ -1,0 +1,175 @@
+"""Rules that concern several keys at once.
+
+They read the raw data, not the validated model, so that a user sees them together with the
+errors of single keys. Each is a function ``data → problems`` that skips what has no sensible
+shape (reported elsewhere) and is listed in ``RULES``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..errors import KeyPath, Problem
+from .method import RATIO_RANGE
+from .paths import find, get
+
+# Mappings of which exactly one of some keys must be given.
+ONE_OF: dict[KeyPath, tuple[str, ...]] = {
+    ("mesh",): ("beam", "box", "polycrystal", "file", "step"),
+    ("subdomains",): ("slices", "grid", "metis", "groups"),
+    ("method", "tolerance"): ("error", "indicator"),
+    ("boundary", "*"): ("displacement", "traction", "pressure"),
+}
+ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",)}
+LAW_KEYS = {"friction": "contact", "gap": "contact", "jump": "jump"}
+
+
+def exactly_one(data: Any) -> Iterator[Problem]:
+    for pattern, keys in ONE_OF.items():
+        for path, value in find(data, pattern):
+            if not isinstance(value, dict):
+                continue
+            given = [key for key in value if key in keys and value[key] is not None]
+            if len(given) > 1:
+                yield Problem((*path, given[1]), " and ".join(given) + " together", "exactly one of " + ", ".join(keys),
+                              f"keep {given[0]} or {given[1]}, remove the other")
+            elif not given and not any(key in keys for key in value):
+                yield Problem(path, "none of " + ", ".join(keys), "exactly one of them", f"add one, such as {keys[0]}")
+
+
+def belongs_to(data: Any) -> Iterator[Problem]:
+    """Keys that mean something only beside another one."""
+    for path, key, partner in ((("mesh",), "h", "step"), (("subdomains",), "split_above", "groups")):
+        for _, value in find(data, path):
+            if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
+                yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only",
+                              f"remove {key}, or use {partner}")
+    for path, entry in find(data, ("interfaces", "*")):
+        law = entry.get("law", "perfect") if isinstance(entry, dict) else None
+        for key, partner in LAW_KEYS.items():
+            if isinstance(law, str) and entry.get(key) is not None and law != partner:
+                yield Problem((*path, key), f"{key} with law: {law}", f"{key} with law: {partner} only",
+                              f"remove {key}, or write law: {partner}")
+        if law == "jump" and entry.get("jump") is None:
+            yield Problem(path, "law: jump without a jump", "jump: three numbers", "add jump: [0, 0, 0.01]")
+
+
+def places(data: Any) -> Iterator[Problem]:
+    """A place is a plane or a box."""
+    for path, on in find(data, ("boundary", "*", "on")):
+        if not isinstance(on, dict):
+            continue
+        plane, at, box = (on.get(key) is not None for key in ("plane", "at", "box"))
+        if (plane, at, box) not in ((True, True, False), (False, False, True)):
+            given = [key for key in ("plane", "at", "box") if on.get(key) is not None]
+            yield Problem(path, " and ".join(given) or "neither plane nor box", "{plane: x, at: 0} or {box: [[..], [..]]}",
+                          "give plane and at together, or a box alone")
+        corners = on.get("box")
+        if _is_vectors(corners) and len(corners) == 2 and any(low > high for low, high in zip(*corners)):
+            yield Problem((*path, "box"), _show(corners), "the lower corner first, then the upper one",
+                          "swap the coordinates that decrease")
+
+
+def sole_ratio(data: Any) -> Iterator[Problem]:
+    ratio, low, high = get(data, "method", "sole", "modulus_ratio"), *RATIO_RANGE
+    extreme = get(data, "method", "sole", "allow_extreme") is True
+    if _is_number(ratio) and ratio > 0 and not low <= ratio <= high and not extreme:
+        yield Problem(("method", "sole", "modulus_ratio"), f"{ratio:g}", f"a number from {low:g} to {high:g}",
+                      "take 0.5; outside the range rounding spoils the result (allow_extreme: true permits it for studies)")
+
+
+def load_steps(data: Any) -> Iterator[Problem]:
+    """Histories exist, and all entries agree on the number of steps."""
+    histories = get(data, "histories") or {}
+    counts: list[tuple[KeyPath, int]] = []
+    for group, keys in ENTRIES.items():
+        for path, entry in find(data, (group, "*")):
+            if not isinstance(entry, dict) or not isinstance(histories, dict):
+                continue
+            listed = [key for key in keys if _is_per_step(entry.get(key))]
+            counts += [((*path, key), len(entry[key])) for key in listed]
+            history = entry.get("history")
+            if not isinstance(history, str):
+                continue
+            if listed:
+                yield Problem((*path, "history"), f"history beside one vector per step in {listed[0]}",
+                              "one of the two", "remove the history, or give a single vector")
+            elif isinstance(factors := histories.get(history), list):
+                counts.append(((*path, "history"), len(factors)))
+            elif history not in histories:
+                yield Problem((*path, "history"), f"history '{history}', which is not defined",
+                              "one of " + ", ".join(histories) if histories else "a name defined under histories",
+                              f"define it under histories: {{{history}: [0.5, 1.0]}}")
+    for path, count in counts[1:]:
+        if count != counts[0][1]:
+            yield Problem(path, f"{count} load steps", f"{counts[0][1]} load steps, as in {_dotted(counts[0][0])}",
+                          "give all histories and lists of vectors the same length")
+
+
+def prescribed_once(data: Any) -> Iterator[Problem]:
+    """A displacement prescribes something, and the same place is not told two different things."""
+    seen: dict[tuple[str, int], tuple[KeyPath, Any]] = {}
+    for path, entry in find(data, ("boundary", "*")):
+        vector = entry.get("displacement") if isinstance(entry, dict) else None
+        rows = vector if _is_per_step(vector) else [vector]
+        if not all(isinstance(row, list) and len(row) == 3 for row in rows):
+            continue
+        if all(value is None for row in rows for value in row):
+            yield Problem((*path, "displacement"), "no prescribed component", "at least one number",
+                          "remove the entry, or prescribe a component")
+        for component in range(3):
+            values = [row[component] for row in rows]
+            free = [value is None for value in values]
+            if any(free) and not all(free):
+                yield Problem((*path, "displacement"), f"component {'xyz'[component]} free at some steps only",
+                              "free at all load steps or at none", "give a number, or null, at every step")
+            elif not all(free):
+                # Zero stays zero whatever the history.
+                told = values, entry.get("history") if any(values) else None
+                first, other = seen.setdefault((_show(entry.get("on")), component), (path, told))
+                if other != told:
+                    yield Problem((*path, "displacement"),
+                                  f"component {'xyz'[component]} of this place prescribed again, differently",
+                                  f"one value, as in {_dotted(first)}", "remove one of the two, or free it with null")
+                    break
+
+
+def acceleration_fits(data: Any) -> Iterator[Problem]:
+    if get(data, "method", "acceleration") == "gmres" and any(
+            law != "perfect" for _, law in find(data, ("interfaces", "*", "law"))):
+        yield Problem(("method", "acceleration"), "gmres with laws other than perfect", "a linear problem for gmres",
+                      "use anderson")
+
+
+RULES = [exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits]
+
+
+def broken_rules(data: Any) -> list[Problem]:
+    """Problems of all rules."""
+    return [problem for rule in RULES for problem in rule(data)]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _is_per_step(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], list)
+
+
+def _is_vectors(value: Any) -> bool:
+    return _is_per_step(value) and all(isinstance(row, list) and all(map(_is_number, row)) for row in value)
+
+
+def _dotted(path: KeyPath) -> str:
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in path).lstrip(".")
+
+
+def _show(value: Any) -> str:
+    """Text of a value that does not depend on the order of keys nor on 1 against 1.0."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_show(value[key])}" for key in sorted(value)) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_show, value)) + "]"
+    return f"{value:.12g}" if _is_number(value) else str(value)

@@ -1,0 +1,111 @@
+"""From pydantic's errors to problems a user can act on."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from ..errors import KeyPath, Problem
+from .base import TAG
+from .model import Config
+
+KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
+         "list": "a list", "dict": "a mapping (key: value)", "model": "a mapping (key: value)"}
+BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="),
+          "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
+
+
+def explained(error: ValidationError) -> list[Problem]:
+    """One problem per error, with the path in the YAML."""
+    return [_explain(entry) for entry in error.errors(include_url=False)]
+
+
+def echo(value: Any) -> str:
+    """A value as it would stand in the YAML, shortened, with its type when that helps."""
+    text = json.dumps(value, default=str, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _explain(entry: Any) -> Problem:
+    kind, context = entry["type"], entry.get("ctx", {})
+    path: KeyPath = tuple(key for key in entry["loc"] if not str(key).startswith(TAG))
+    parent, _ = _meet(path[:-1])
+    model, field = _meet(path)
+    about = field.description or "" if field else ""
+    named = [key for key in path if not isinstance(key, int)]
+    hint = f"{named[-1]}: {about}" if about else ""
+    keys = list(parent.model_fields) if parent else []
+    if kind == "missing":
+        return Problem(path, f"no {path[-1]}", about or "a value", f"add {path[-1]}")
+    if kind == "extra_forbidden":
+        return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys), nearest(str(path[-1]), keys))
+    if kind == "literal_error" and not _tagged(entry):
+        options = [str(option).lower() if option is True else str(option) for option in _options(field)]
+        return Problem(path, echo(entry["input"]), "one of " + ", ".join(options) if len(options) > 1 else options[0],
+                       nearest(str(entry["input"]), options, otherwise=hint))
+    return Problem(path, echo(entry["input"]), _expected(entry, kind, context, model), hint)
+
+
+def _expected(entry: Any, kind: str, context: dict, model: type[BaseModel] | None) -> str:
+    if kind in BOUNDS:
+        key, sign = BOUNDS[kind]
+        return f"a number {sign} {context[key]:g}"
+    if _tagged(entry):
+        return str(entry["loc"][-1])[len(TAG) + 1:]
+    if kind in ("too_short", "too_long"):
+        bound, count = ("at least", context["min_length"]) if kind == "too_short" else ("at most", context["max_length"])
+        return f"a list of {bound} {count} " + ("entry" if count == 1 else "entries")
+    if kind == "finite_number":
+        return "a finite number"
+    if kind.endswith("_type") and (stem := kind.removesuffix("_type")) in KINDS:
+        return KINDS[stem] + (" with " + ", ".join(model.model_fields) if model and stem in ("model", "dict") else "")
+    return {"string_too_short": "a text that is not empty",
+            "string_pattern_mismatch": "letters, digits, '-', '_', '.' and spaces"}.get(kind, entry["msg"])
+
+
+def nearest(word: str, options: list[str], otherwise: str = "remove it") -> str:
+    """A cure: the known word closest to an unknown one, if any is close."""
+    close = difflib.get_close_matches(word.lower(), options, n=1, cutoff=0.5)
+    return f"did you mean '{close[0]}'?" if close else otherwise
+
+
+def _tagged(entry: Any) -> bool:
+    """Whether the error concerns a whole alternative of a union, whose tag says what is expected."""
+    return bool(entry["loc"]) and str(entry["loc"][-1]).startswith(TAG)
+
+
+def _meet(path: KeyPath) -> tuple[type[BaseModel] | None, FieldInfo | None]:
+    """The model a path leads to, if it leads to one, and the last field met on the way."""
+    model: type[BaseModel] | None = Config
+    field: FieldInfo | None = None
+    for key in path:
+        if isinstance(key, int):
+            continue  # the entries of a list share one model
+        if model is None or (next_field := model.model_fields.get(key)) is None:
+            return None, field
+        field = next_field
+        model = next(_models(field.annotation), None)
+    return model, field
+
+
+def _models(annotation: Any):
+    """The models inside an annotation such as ``list[Model] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
+def _options(field: FieldInfo | None) -> list[Any]:
+    """The words a Literal accepts."""
+    def words(annotation: Any):
+        for part in get_args(annotation):
+            if isinstance(part, (str, bool)):
+                yield part
+            else:
+                yield from words(part)
+    return list(words(field.annotation)) if field else []

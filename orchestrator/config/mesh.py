@@ -1,0 +1,79 @@
+"""``mesh``, ``subdomains`` and ``materials``: the body and how it is cut."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from .base import Count, Counts, Name, Part, Positive, Sizes, as_list, either
+
+CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
+                   "a number > 0 (a cube's side), or three of them")
+
+
+class Beam(Part):
+    """A structured beam of tetrahedra, from the origin along the axes."""
+
+    size: Sizes = Field(description="lengths along x, y and z")
+    h: Positive = Field(description="element size; each length is cut into round(length / h) cells")
+
+
+class Box(Part):
+    """A structured box of tetrahedra, from the origin along the axes."""
+
+    size: Sizes = Field(description="lengths along x, y and z")
+    cells: Counts = Field(description="hexahedral cells along x, y and z, each cut into tetrahedra")
+
+
+class Polycrystal(Part):
+    """A cube or box filled with the grains of a Voronoi tessellation."""
+
+    grains: Count = Field(description="number of grains")
+    size: CubeOrBox = Field(description="the cube's side, or lengths along x, y and z")
+    h: Positive = Field(description="element size")
+    seed: int = Field(7, ge=0, description="of the random grain centres; fixed, so that runs repeat")
+    lloyd: int = Field(0, ge=0, description="relaxation steps towards rounder grains; 0: the paper's kind of grains")
+
+
+class Mesh(Part):
+    """Exactly one source, and how to scale it."""
+
+    beam: Beam | None = Field(None, description="a structured beam: {size, h}")
+    box: Box | None = Field(None, description="a structured box: {size, cells}")
+    polycrystal: Polycrystal | None = Field(None, description="Voronoi grains: {grains, size, h, seed, lloyd}")
+    file: Name | None = Field(None, description="a mesh file with tetrahedra, relative to the YAML file")
+    step: Name | None = Field(None, description="a STEP or BREP file, relative to the YAML file")
+    h: Positive | None = Field(None, description="element size for `step`; none: the mesher derives one from the shape")
+    scale: Positive = Field(1.0, description="factor on all coordinates; 1 because files are taken as they are")
+
+
+class Slices(Part):
+    axis: Literal["x", "y", "z"] = Field(description="direction in which the slices follow one another")
+    count: Count = Field(description="number of slices of equal thickness")
+
+
+class Subdomains(Part):
+    """Exactly one way to cut. The word ``groups`` stands for ``{groups: true}``."""
+
+    slices: Slices | None = Field(None, description="slices of equal thickness: {axis, count}")
+    grid: Counts | None = Field(None, description="boxes of equal size along x, y and z")
+    metis: Count | None = Field(None, description="number of connected parts of about equal size")
+    groups: Literal[True] | None = Field(None, description="one subdomain per physical volume, solid or grain")
+    split_above: Count | None = Field(None, description="with `groups`: cells above which a group is split again")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _word(cls, value: Any) -> Any:
+        return {"groups": True} if value == "groups" else value
+
+
+class Material(Part):
+    """Isotropic linear elasticity on the volumes it names; the last match wins."""
+
+    young: Positive = Field(description="Young's modulus, above 0, in force per area of your units")
+    poisson: float = Field(gt=-1, lt=0.5, description=(
+        "Poisson's ratio, between -1 and 0.5, both excluded: displacement elements lock at 0.5; "
+        "take 0.49 at most for rubber-like matter"))
+    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
+        ["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")

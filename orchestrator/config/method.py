@@ -1,0 +1,88 @@
+"""``method``, ``blackbox`` and ``output``: how the problem is solved, by what, and what is kept."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from .base import Count, Name, Part, Positive, auto_or
+
+RATIO_RANGE = (1e-3, 1e2)
+
+AutoPositive = auto_or(Positive, "a number > 0")
+AutoCount = auto_or(Count, "a whole number >= 1")
+AutoPoisson = auto_or(Annotated[float, Field(gt=-1, lt=0.5)], "a number > -1 and < 0.5")
+AutoRelaxation = auto_or(Annotated[float, Field(gt=0, le=1)], "a number > 0 and <= 1")
+Fraction = Annotated[float, Field(gt=0, lt=1)]
+
+
+class Sole(Part):
+    """The layer of plain matter glued to each interface: the search direction in mechanical form."""
+
+    kind: Literal["layer", "symmetric", "springs"] = Field("symmetric", description=(
+        "symmetric: half the layer on each side of the interface, so both neighbours get the same "
+        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer"))
+    modulus_ratio: Positive = Field(0.5, description=(
+        "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum (0.35-0.8)"))
+    thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
+    poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.45 so the sole does not lock")
+    allow_extreme: bool = Field(False, description=(
+        f"permits a modulus_ratio outside [{RATIO_RANGE[0]:g}, {RATIO_RANGE[1]:g}], where rounding spoils the "
+        "result; false because only studies want that"))
+
+
+class Macro(Part):
+    """The coarse problem that carries resultants through the whole structure at once."""
+
+    strategy: Literal["none", "equilibrium", "continuity"] = Field("equilibrium", description=(
+        "equilibrium: the number of iterations then hardly grows with the number of subdomains"))
+    basis: Literal["translations", "rigid", "affine", "quadratic"] = Field("affine", description=(
+        "affine: rotations are needed in bending, extensions and shears save iterations; "
+        "quadratic pays for slabs and nearly incompressible matter"))
+
+
+class SearchDirection(Part):
+    """k⁺, from the linear stage to the local stage; for studies."""
+
+    kplus: Literal["exchange", "full", "diagonal"] = Field("exchange", description=(
+        "exchange: the neighbour's own sole, which needs no interface factorisation"))
+
+
+class Tolerance(Part):
+    """Exactly one criterion."""
+
+    error: Fraction | None = Field(None, description="guaranteed bound on the relative energy error, between 0 and 1")
+    indicator: Positive | None = Field(None, description="the paper's indicator, a squared ratio; for studies")
+
+
+class Method(Part):
+    sole: Sole = Field(Sole(), description="the search direction k⁻ as a layer of matter")
+    macro: Macro = Field(Macro(), description="the coarse problem")
+    search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
+    acceleration: Literal["none", "anderson", "gmres"] = Field("anderson", description=(
+        "anderson: within one or two iterations of gmres, and right for contact too"))
+    memory: AutoCount = Field("auto", description="depth of anderson; auto: 10 for perfect interfaces")
+    relaxation: AutoRelaxation = Field("auto", description=(
+        "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
+    tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
+        "error 1e-6: well below the discretisation error of any practical mesh"))
+    max_iterations: Count = Field(500, description="far above what a healthy run needs, so it only stops sick ones")
+
+
+class BlackBox(Part):
+    """The finite element code that solves the subdomains."""
+
+    code: Literal["freefem"] = Field("freefem", description="the code for which an adapter exists")
+    element: Literal["P1", "P2"] = Field("P1", description="P1: linear tetrahedra, the paper's element")
+    transport: Literal["pipe", "file"] = Field("pipe", description=(
+        "pipe: persistent processes that keep their factors; file: one run per request, for closed codes"))
+    workers: AutoCount = Field("auto", description="processes; auto: one per core")
+    timeout: Positive = Field(600.0, description=(
+        "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
+
+
+class Output(Part):
+    directory: Name | None = Field(None, description="results folder; none: results/<name>")
+    fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
+    figures: bool = Field(True, description="draw the figures; they are what most people look at first")

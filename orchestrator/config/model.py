@@ -1,0 +1,50 @@
+"""The whole configuration. Attribute names are the YAML's keys."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from .base import Name, Part
+from .boundary import BodyForce, BoundaryCondition, InterfaceLaw, everything_perfect
+from .mesh import Material, Mesh, Subdomains
+from .method import BlackBox, Method, Output
+
+
+class Config(Part):
+    """One problem and how to solve it: ``config.mesh.beam.size``, ``config.method.tolerance.error`` …
+
+    Built by ``load_config`` (from a file) or ``config_from`` (from a dict), which also apply
+    the rules that concern several keys.
+    """
+
+    name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
+        description="letters, digits, '-', '_', '.' and spaces, a letter or digit first: it names the results folder")
+    mesh: Mesh = Field(description="exactly one of beam, box, polycrystal, file and step")
+    subdomains: Subdomains = Field(description="one of {slices: {axis: x, count: 8}}, {grid: [2, 2, 2]}, {metis: 8}, groups")
+    materials: list[Material] = Field(min_length=1, description="at least one, such as {young: 200e3, poisson: 0.3}")
+    boundary: list[BoundaryCondition] = Field(description="where the body is held and loaded")
+    histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
+        {}, description="name: factors, one per load step; none: one load step")
+    loads: list[BodyForce] = Field([], description="body forces; none by default")
+    interfaces: list[InterfaceLaw] = Field(default_factory=everything_perfect, description=(
+        "laws between parts, the last match wins; perfect by default: the body as one piece"))
+    method: Method = Field(Method(), description="how the decomposed problem is solved")
+    blackbox: BlackBox = Field(BlackBox(), description="the finite element code")
+    output: Output = Field(Output(), description="what is written, and where")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _results_folder(cls, data: Any) -> Any:
+        """``output.directory`` defaults to results/<name>, which only the whole configuration knows."""
+        if not isinstance(data, dict) or not isinstance(data.get("name"), str):
+            return data
+        output = data.get("output", {})
+        if not isinstance(output, dict) or output.get("directory") is not None:
+            return data
+        return {**data, "output": {**output, "directory": f"results/{data['name']}"}}
+
+    def complete(self) -> dict[str, Any]:
+        """The configuration as plain data, defaults filled in; ``config_from`` takes it back."""
+        return self.model_dump(mode="json", exclude_none=True)

@@ -1,0 +1,56 @@
+"""Load steps: how many there are, and what every entry amounts to at each of them."""
+
+from __future__ import annotations
+
+from .boundary import BodyForce, BoundaryCondition
+from .model import Config
+
+Entry = BoundaryCondition | BodyForce
+
+
+def vector_of(entry: Entry) -> list:
+    """The entry's vector, or list of vectors; a pressure is the vector (p, 0, 0)."""
+    if isinstance(entry, BodyForce):
+        return entry.body_force
+    if entry.pressure is not None:
+        return [entry.pressure, 0.0, 0.0]
+    return entry.displacement if entry.displacement is not None else entry.traction
+
+
+def is_per_step(vector: list) -> bool:
+    """Whether a value lists one vector per load step."""
+    return isinstance(vector[0], list)
+
+
+def steps(config: Config) -> int:
+    """Number of load steps: the length of the histories in use and of the per-step lists; else 1."""
+    for entry in (*config.boundary, *config.loads):
+        if entry.history is not None:
+            return len(config.histories[entry.history])
+        if is_per_step(vector := vector_of(entry)):
+            return len(vector)
+    return 1
+
+
+def vectors_per_step(entry: Entry, config: Config) -> list[list[float | None]]:
+    """Values of a boundary condition or body force at every load step.
+
+    Parameters
+    ----------
+    entry : of ``config.boundary`` or ``config.loads``
+    config : gives the histories and the number of steps
+
+    Returns
+    -------
+    (steps, 3) numbers in the YAML's units, None for free components. A history multiplies the
+    vector; without one the vector is the same at every step. Pressures are in column 0.
+    """
+    vector = vector_of(entry)
+    if is_per_step(vector):
+        return [[_number(value, 1.0) for value in row] for row in vector]
+    factors = [1.0] * steps(config) if entry.history is None else config.histories[entry.history]
+    return [[_number(value, factor) for value in vector] for factor in factors]
+
+
+def _number(value: float | None, factor: float) -> float | None:
+    return None if value is None else float(value) * factor
