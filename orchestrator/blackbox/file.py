@@ -1,0 +1,127 @@
+"""Transport ``file``: stateless, one run of the code per request, the way a closed code is driven."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox import messages
+from orchestrator.blackbox.messages import BadReply, Buffers, Reply
+from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.worker import Ended, Worker
+
+
+class FileWorker(Worker):
+    """Runs one process after another; each one reads a request file and writes a reply file.
+
+    Nothing is kept between runs but the mesh files: every solve loads its model again.
+    """
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self._load_requests: dict[int, Buffers] = {}
+
+    def load(self, index: int, model: Model) -> None:
+        _, loose = self.write_mesh(index, model, clamped=True)
+        dofs = 3 * len(model.nodes)
+        self._load_requests[index] = messages.load(index, self.element, dofs, model.trace, loose, model.materials)
+        # solved once for the check only: a model that is not held is found now, as with any transport
+        self._converse(index, model.name, "loading failed", self._load_requests[index], self._read_load)
+
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        answers = {}
+        for (index, forces), name in zip(jobs, names):
+
+            def read(replies: "_Replies", index=index, forces=forces) -> np.ndarray:
+                self._read_load(replies, index)
+                reply = replies.next()
+                self.count(reply.seconds)
+                return messages.check_solve(reply, index, *forces.shape)
+
+            request = self._load_requests[index] + messages.solve(op, [(index, forces)])
+            answers[index] = self._converse(index, name, "solving failed", request, read)
+        return answers
+
+    def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        path, _ = self.write_mesh(index, model, clamped=False)
+        dofs = 3 * len(model.nodes)
+
+        def read(replies: "_Replies", index=index) -> sp.csr_array:
+            reply = replies.next()
+            self.count(reply.seconds)
+            return messages.check_stiffness(reply, index, dofs)
+
+        request = messages.stiffness(index, self.element, dofs, model.materials)
+        try:
+            return self._converse(index, model.name, "the stiffness matrix was not obtained", request, read)
+        finally:
+            path.unlink(missing_ok=True)
+
+    def _read_load(self, replies: "_Replies", index: int) -> None:
+        reply = replies.next()
+        messages.check_load(reply, index)
+        self.count(reply.seconds)
+
+    def _converse(self, index: int, name: str, purpose: str, request: Buffers, read):
+        """One run of the code: request file, process, reply file; ``read(replies, index)`` takes what it needs."""
+        asked = self.write(f"request-{self.number}.bin", [*request, *messages.quit()])
+        answered = self.folder / f"reply-{self.number}.bin"
+        try:
+            process = self.spawn(asked.name, answered.name)
+            code = self._wait(process)
+            missing = self.code.missing_plugin(code) if not answered.exists() else None
+            if missing:
+                raise missing
+            if code != 0:
+                raise Ended("the run failed")
+            replies = _Replies(answered)
+            hello = replies.next()
+            messages.check_hello(hello)
+            self.seconds["start"] += float(hello.seconds[0])
+            return read(replies, index)
+        except (Ended, BadReply) as error:
+            raise self.failure(f"{purpose}: {error}", name) from error
+        finally:
+            asked.unlink(missing_ok=True)
+            answered.unlink(missing_ok=True)
+
+    def _wait(self, process: subprocess.Popen) -> int:
+        """Exit code; raises Ended when the run takes too long."""
+        handle = os.pidfd_open(process.pid)
+        try:
+            poll = select.poll()
+            poll.register(handle, select.POLLIN)
+            if not poll.poll(self.timeout * 1000):
+                raise Ended("no answer within the time allowed (blackbox.timeout)")
+            # the process is a zombie now: its memory is in what waiting for it returns
+            with self._lock:
+                _, status, usage = os.wait4(process.pid, 0)
+                process.returncode = os.waitstatus_to_exitcode(status)
+            self.peak_mb = max(self.peak_mb, usage.ru_maxrss / 1024)
+            return process.returncode
+        finally:
+            os.close(handle)
+
+
+class _Replies:
+    """Replies of a file, one after the other."""
+
+    def __init__(self, path: Path):
+        try:
+            self._left = memoryview(path.read_bytes())
+        except OSError as error:
+            raise Ended("it wrote no answer") from error
+
+    def next(self) -> Reply:
+        return messages.read_reply(self._read_into)
+
+    def _read_into(self, target: memoryview) -> None:
+        if len(self._left) < len(target):
+            raise Ended("its answer is incomplete")
+        target[:] = self._left[: len(target)]
+        self._left = self._left[len(target) :]

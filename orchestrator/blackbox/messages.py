@@ -1,0 +1,148 @@
+"""The bytes exchanged with a subdomain server, the same through pipes and files.
+
+A request is ``op, ints[], reals[]``, a reply ``ints[], seconds[], reals[]``; an array is an int64
+count followed by its entries. ``freefem_scripts/subdomain_server.edp`` is the other end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+LOAD, TRACES, FIELDS, STIFFNESS, QUIT = 1, 2, 3, 4, 5
+ELEMENTS = {"P1": 1}
+RESIDUAL_LIMIT = 1e-6
+_LARGEST = 2**36  # bytes of one array; a larger count is not a count
+
+Buffers = list[bytes | memoryview]
+ReadInto = Callable[[memoryview], None]
+
+
+class BadReply(Exception):
+    """The bytes received are no sound reply. ``cause``, if any, is a probable one."""
+
+    def __init__(self, what: str, cause: str = ""):
+        super().__init__(what + (f" (probable cause: {cause})" if cause else ""))
+
+
+@dataclass
+class Reply:
+    """One reply. ``seconds`` are the server's own: assemble, factorise, solve."""
+
+    ints: np.ndarray
+    seconds: np.ndarray
+    reals: np.ndarray
+
+
+def _ints(values) -> bytes:
+    values = np.ascontiguousarray(values, np.int64)
+    return np.int64(values.size).tobytes() + values.tobytes()
+
+
+def _reals(arrays: Sequence[np.ndarray]) -> Buffers:
+    arrays = [np.ascontiguousarray(a, np.float64).ravel() for a in arrays]
+    head = np.int64(sum(a.size for a in arrays)).tobytes()
+    return [head] + [a.data.cast("B") for a in arrays if a.size]
+
+
+def _op(op: int) -> bytes:
+    return np.int64(op).tobytes()
+
+
+def lame(materials: np.ndarray) -> list[np.ndarray]:
+    """Lamé's constants [λ (r,), μ (r,)] of (r, 2) Young's moduli and Poisson's ratios."""
+    young, poisson = np.asarray(materials, float).T
+    return [young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))]
+
+
+def load(index: int, element: str, dofs: int, trace: np.ndarray, loose: np.ndarray, materials: np.ndarray) -> Buffers:
+    """Assemble and factorise ``mesh-<index>.meshb``; ``dofs`` are those the caller knows of."""
+    head = [index, ELEMENTS[element], dofs, len(trace), len(loose)]
+    return [_op(LOAD), _ints(np.concatenate([head, trace, loose])), *_reals(lame(materials))]
+
+
+def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
+    """Back-substitutions of (model, (rhs, m) forces) pairs; ``op`` is TRACES or FIELDS."""
+    head = [len(jobs)] + [value for index, forces in jobs for value in (index, len(forces))]
+    return [_op(op), _ints(head), *_reals([forces for _, forces in jobs])]
+
+
+def stiffness(index: int, element: str, dofs: int, materials: np.ndarray) -> Buffers:
+    """Assemble ``mesh-<index>.meshb`` with nothing clamped and send the matrix."""
+    return [_op(STIFFNESS), _ints([index, ELEMENTS[element], dofs]), *_reals(lame(materials))]
+
+
+def quit() -> Buffers:
+    """End of the conversation."""
+    return [_op(QUIT)]
+
+
+def read_reply(read_into: ReadInto) -> Reply:
+    """Raises BadReply on counts that cannot be, and whatever ``read_into`` raises."""
+    return Reply(_array(read_into, np.int64), _array(read_into, np.float64), _array(read_into, np.float64))
+
+
+def _array(read_into: ReadInto, dtype) -> np.ndarray:
+    count = np.zeros(1, np.int64)
+    read_into(count.data.cast("B"))
+    if not 0 <= count[0] <= _LARGEST // 8:
+        raise BadReply(f"an array of {count[0]} entries was announced")
+    values = np.empty(count[0], dtype)
+    if values.size:
+        read_into(values.data.cast("B"))
+    return values
+
+
+def _check(reply: Reply, index: int, ints: int) -> None:
+    if len(reply.ints) < ints or len(reply.seconds) != 3 or reply.ints[0] != index:
+        raise BadReply(f"the reply does not belong to the request (head {reply.ints[:4].tolist()})")
+    if reply.ints[1] != 0:
+        raise BadReply(f"the server refused: status {reply.ints[1]}")
+
+
+def check_hello(reply: Reply) -> None:
+    """Raises BadReply unless the server introduced itself."""
+    _check(reply, 0, 2)
+
+
+def check_load(reply: Reply, index: int) -> None:
+    """Raises BadReply when the factorisation cannot be trusted."""
+    _check(reply, index, 4)
+    if reply.ints[3] != 1 or len(reply.reals) != 1:
+        raise BadReply("the matrix is not stored as a symmetric half: CHOLMOD would give wrong numbers")
+    residual = reply.reals[0]
+    if not residual <= RESIDUAL_LIMIT:  # NaN included
+        raise BadReply(
+            f"the factorised matrix is singular: a probe solve left a relative residual of {residual:.1e}, "
+            f"expected at most {RESIDUAL_LIMIT:.0e}",
+            "a part is not held, or has a zero or absurd modulus",
+        )
+
+
+def check_solve(reply: Reply, index: int, rhs: int, size: int) -> np.ndarray:
+    """The (rhs, size) displacements; raises BadReply on wrong sizes or numbers that are not finite."""
+    _check(reply, index, 2)
+    if reply.reals.size != rhs * size:
+        raise BadReply(f"{reply.reals.size} displacements received, {rhs} x {size} expected")
+    if not np.isfinite(reply.reals).all():
+        raise BadReply("displacements are not finite", "the forces are not, or the matrix is close to singular")
+    return reply.reals.reshape(rhs, size)
+
+
+def check_stiffness(reply: Reply, index: int, dofs: int) -> sp.csr_array:
+    """The symmetric (dofs, dofs) matrix, padding dropped; raises BadReply."""
+    _check(reply, index, 4)
+    entries = int(reply.ints[3])
+    if len(reply.ints) != 4 + 2 * entries or len(reply.reals) != entries:
+        raise BadReply(f"a matrix of {entries} entries came with {len(reply.reals)} values")
+    if not np.isfinite(reply.reals).all():
+        raise BadReply("the stiffness matrix has entries that are not finite", "a degenerate tet or an absurd modulus")
+    rows, columns = reply.ints[4 : 4 + entries], reply.ints[4 + entries :]
+    keep = (rows < dofs) & (columns < dofs) & (reply.reals != 0)
+    rows, columns, values = rows[keep], columns[keep], reply.reals[keep]
+    half = sp.csr_array((values, (rows, columns)), shape=(dofs, dofs))
+    matrix = half + sp.tril(half, -1, format="csr").T + sp.triu(half, 1, format="csr").T
+    return sp.csr_array(matrix)

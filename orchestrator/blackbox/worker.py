@@ -1,0 +1,162 @@
+"""What the workers of all transports share: their processes, their log, and how failures are told."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.protocol import Model
+from orchestrator.errors import BlackBoxError, InputError, Problem
+
+LOG_TAIL = 2000  # bytes
+
+
+class Code(Protocol):
+    """A finite element code that speaks the bytes of ``messages``."""
+
+    name: str
+    elements: tuple[str, ...]
+
+    def command(self, requests: str, replies: str) -> list[str]: ...
+    def environment(self) -> dict[str, str]: ...
+    def mesh(self, model: Model, clamped: bool) -> tuple[bytes, np.ndarray]: ...
+    def meaning(self, exit_code: int) -> str: ...
+    def missing_plugin(self, exit_code: int) -> Exception | None: ...
+
+
+class Ended(Exception):
+    """The conversation broke off: end of stream, broken pipe or silence. ``what`` in one sentence."""
+
+
+class Worker:
+    """One place where a process of the code runs; all methods but ``kill`` belong to one thread.
+
+    Parameters
+    ----------
+    code, element : what to run
+    folder : where meshes and messages are written
+    number : for file names
+    timeout : seconds one answer may take
+    """
+
+    def __init__(self, code: Code, element: str, folder: Path, number: int, timeout: float):
+        self.code, self.element, self.folder, self.number, self.timeout = code, element, folder, number, timeout
+        self.seconds = {"start": 0.0, "assemble": 0.0, "factorise": 0.0, "solve": 0.0}
+        self.peak_mb = 0.0
+        self.process: subprocess.Popen | None = None
+        self._lock = threading.Lock()
+        self._killed = False
+        # without a name: nothing is left behind whatever happens
+        self.log = tempfile.TemporaryFile(dir=folder)
+
+    # What a transport provides; ``names`` tell the subdomain when something fails.
+    def open(self) -> None:
+        """Start what can be started before there is work."""
+
+    def load(self, index: int, model: Model) -> None:
+        raise NotImplementedError
+
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        raise NotImplementedError
+
+    def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        raise NotImplementedError
+
+    def spawn(self, requests: str, replies: str, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
+        """Start a process. The kernel kills it with the calling thread, which must live as long as the pool."""
+        command = self.code.command(requests, replies)
+        setpriv = shutil.which("setpriv")
+        if setpriv:
+            command = [setpriv, "--pdeathsig", "KILL", *command]
+        with self._lock:
+            if self._killed:
+                raise Ended("the black box was closed")
+            self.process = subprocess.Popen(
+                command, cwd=self.folder, env=self.code.environment(), pass_fds=pass_fds,
+                stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
+            )
+        return self.process
+
+    def kill(self) -> None:
+        """End the process for good; from any thread, more than once."""
+        with self._lock:
+            self._killed = True
+            if self.process is not None and self.process.returncode is None:
+                self.note_memory()
+                self.process.kill()
+
+    def release(self) -> None:
+        """Reap the process and close what is open; after ``kill``, when the thread is done."""
+        if self.process is not None:
+            self.process.wait()
+        self.log.close()
+
+    def note_memory(self) -> float:
+        """Largest resident memory of the process so far, MB."""
+        try:
+            with open(f"/proc/{self.process.pid}/status") as status:
+                for row in status:
+                    if row.startswith("VmHWM"):
+                        self.peak_mb = max(self.peak_mb, int(row.split()[1]) / 1024)
+        except (OSError, AttributeError):
+            pass  # not running
+        return self.peak_mb
+
+    def write(self, name: str, parts: list) -> Path:
+        """Write a file into the work folder; raises InputError when the disk is full."""
+        path = self.folder / name
+        try:
+            with open(path, "wb", buffering=0) as file:
+                for part in parts:
+                    view = memoryview(part).cast("B")
+                    while len(view):
+                        view = view[file.write(view) :]
+        except OSError as error:
+            path.unlink(missing_ok=True)
+            needed = sum(memoryview(part).nbytes for part in parts)
+            raise InputError(Problem(
+                (), f"writing {name} of {needed / 1e6:.1f} MB in {self.folder} failed: {error.strerror}",
+                "a temporary folder with room enough", "free some room, or set TMPDIR to a folder on another disk",
+            )) from error
+        return path
+
+    def write_mesh(self, index: int, model: Model, clamped: bool) -> tuple[Path, np.ndarray]:
+        """Mesh file of a model; returns its path and the loose dofs."""
+        content, loose = self.code.mesh(model, clamped)
+        return self.write(f"mesh-{index}.meshb", [content]), loose
+
+    def failure(self, what: str, subdomain: str) -> BlackBoxError:
+        """The error to raise: waits a moment for the process's own last words and exit code."""
+        code = None
+        if self.process is not None:
+            try:
+                code = self.process.wait(timeout=1.0)
+            except subprocess.TimeoutExpired:
+                pass
+        meaning = "still running (ended now)" if code is None else self.code.meaning(code)
+        return BlackBoxError(f"{self.code.name}: {what}", subdomain, meaning, self.log_tail())
+
+    def log_tail(self) -> str:
+        """Last lines of what the process printed."""
+        size = os.fstat(self.log.fileno()).st_size
+        # pread: the offset is shared with the process that writes
+        tail = os.pread(self.log.fileno(), LOG_TAIL, max(0, size - LOG_TAIL))
+        return tail.decode(errors="replace").strip()
+
+    def count(self, seconds: np.ndarray) -> None:
+        """Add a reply's own seconds to the clock."""
+        for stage, value in zip(("assemble", "factorise", "solve"), seconds):
+            self.seconds[stage] += float(value)
+
+    def deadline(self) -> float:
+        """When the answer to what is asked now must be there."""
+        return time.monotonic() + self.timeout
