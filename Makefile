@@ -1,0 +1,22 @@
+# make: the targets. Everything else sets up first what is missing; a second call sets up nothing.
+
+.PHONY: help setup run test clean
+.DEFAULT_GOAL := help
+
+CONFIG ?= configs/traction_beam.yaml
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup:  ## FreeFEM, OpenBLAS, X libraries (Debian packages) and a virtual environment in .venv
+	@./setup.sh
+
+run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and where the figures are
+	@.venv/bin/orchestrator run $(CONFIG)
+
+test: setup  ## run the tests
+	@.venv/bin/python -m pytest -q
+
+clean:  ## remove results, caches and the virtual environment
+	@rm -rf .venv results *.egg-info .pytest_cache
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,63 @@
+#!/bin/bash
+# Sets up what is missing and nothing else: Debian packages, then a virtual environment in .venv.
+# Exit code 2 when packages are missing and cannot be installed from here.
+set -euo pipefail
+cd "$(dirname "$0")"
+
+python=${PYTHON:-python3}
+packages=(
+    freefem++ libfreefem++ libfreefem++-dev    # the solver, its plugins, its .idp files
+    libopenblas0-serial                        # CHOLMOD factorises about 6 times faster than with the default BLAS
+    libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxi6 libxext6   # loaded by the gmsh wheel
+    libgl1 libegl1 libgl1-mesa-dri             # figures are rendered off screen through EGL
+)
+
+missing_packages() {
+    local package
+    for package in "${packages[@]}"; do
+        [[ $(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) == installed ]] || echo "$package"
+    done
+    command -v "$python" >/dev/null || echo python3
+    "$python" -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
+}
+
+install_packages() {
+    local as_root=()
+    if [[ $(id -u) -ne 0 ]]; then
+        # sudo may ask for a password only where someone can type it.
+        if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; then
+            as_root=(sudo)
+        else
+            echo "Missing Debian packages: $*" >&2
+            echo "Neither root nor sudo here. Ask an administrator to run:" >&2
+            echo "    apt-get update && apt-get install --no-install-recommends $*" >&2
+            exit 2
+        fi
+    fi
+    echo "Installing Debian packages: $*"
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
+}
+
+if command -v dpkg-query >/dev/null; then
+    mapfile -t missing < <(missing_packages)
+    [[ ${#missing[@]} -eq 0 ]] || install_packages "${missing[@]}"
+elif ! command -v FreeFem++ >/dev/null; then
+    echo "Not a Debian system: install the equivalents of ${packages[*]}, then call this again." >&2
+    exit 2
+fi
+
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || {
+    echo "$("$python" --version) found, 3.11 or later needed: PYTHON=/path/to/python3 make ..." >&2
+    exit 2
+}
+
+# The stamp holds what the environment was made from; any difference makes it anew.
+wanted=$({ "$python" --version; pwd; cat pyproject.toml constraints.txt; } | sha256sum)
+if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
+    echo "Setting up the virtual environment .venv"
+    "$python" -m venv --clear .venv
+    .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
+        --constraint constraints.txt --editable '.[test]'
+    echo "$wanted" > .venv/stamp
+fi
