@@ -1,0 +1,132 @@
+"""The faces of a tetrahedral mesh: who shares them, which lie on the outside, what they connect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+# The four faces of a positively oriented tet, each oriented outward.
+LOCAL_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+
+# Three node ids are packed in one 64-bit key.
+MAX_NODES = 2_097_151
+
+
+@dataclass(frozen=True)
+class Faces:
+    """All faces of a mesh, each once, in the order of their keys.
+
+    Parameters
+    ----------
+    nodes : number of nodes of the mesh
+    triangles : (f, 3) int, oriented outward of the owner
+    keys : (f,) int, ascending; equal keys mean the same three nodes
+    owner, neighbour : (f,) int, the tets on both sides; the neighbour is -1 on the outer boundary
+    crowded : indices of faces that three or more tets claim
+    folded : indices of inner faces that have both tets on the same side (overlap)
+    """
+
+    nodes: int
+    triangles: np.ndarray
+    keys: np.ndarray
+    owner: np.ndarray
+    neighbour: np.ndarray
+    crowded: np.ndarray
+    folded: np.ndarray
+
+    @property
+    def outer(self) -> np.ndarray:
+        """Indices of the faces on the outer boundary."""
+        return np.flatnonzero(self.neighbour < 0)
+
+    @property
+    def inner(self) -> np.ndarray:
+        """Indices of the faces between two tets."""
+        return np.flatnonzero(self.neighbour >= 0)
+
+    def find(self, triangles: np.ndarray) -> np.ndarray:
+        """Indices (k,) of the faces with these nodes, whatever their orientation; -1 where there is none."""
+        keys = pack(triangles, self.nodes)
+        at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
+        return np.where(self.keys[at] == keys, at, -1)
+
+
+def pack(triangles: np.ndarray, nodes: int) -> np.ndarray:
+    """One integer per triangle (k, 3) that does not depend on the order of its nodes."""
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    middle = triangles.sum(axis=1) - low - high
+    return (low * nodes + middle) * nodes + high
+
+
+def faces_of(cells: np.ndarray, nodes: int) -> Faces:
+    """Pairs the faces of tets.
+
+    Parameters
+    ----------
+    cells : (m, 4) int, positively oriented
+    nodes : number of nodes
+
+    Raises
+    ------
+    ValueError : more than ``MAX_NODES`` nodes
+    """
+    if nodes > MAX_NODES:
+        raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
+    triangles = cells[:, LOCAL_FACES].reshape(-1, 3)
+    keys = pack(triangles, nodes)
+    # A stable order makes the tet with the lower index the owner.
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    start = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
+    count = np.diff(np.r_[start, len(keys)])
+    owner, paired = order[start], count > 1
+    second = order[np.minimum(start + 1, len(order) - 1)]
+    neighbour = np.where(paired, second // 4, -1)
+    same_way = _even(triangles[owner]) == _even(triangles[second])
+    return Faces(nodes, triangles[owner], keys[start], owner // 4, neighbour,
+                 np.flatnonzero(count > 2), np.flatnonzero(paired & same_way))
+
+
+def _even(triangles: np.ndarray) -> np.ndarray:
+    """(k,) bool, whether the nodes are an even permutation of their ascending order."""
+    a, b, c = triangles.T
+    return (a < b) ^ (b < c) ^ (a < c)
+
+
+def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
+    """Parts of the mesh held together by faces between tets of equal label.
+
+    Parameters
+    ----------
+    labels : (m,) int, one per tet
+
+    Returns
+    -------
+    count : number of pieces
+    piece : (m,) int, the piece of each tet
+    """
+    inner = faces.inner
+    a, b = faces.owner[inner], faces.neighbour[inner]
+    keep = labels[a] == labels[b]
+    return components(a[keep], b[keep], len(labels))
+
+
+def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray]:
+    """Connected components of the graph with edges a[i]–b[i] on ``size`` vertices: count, (size,) labels."""
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(size, size)).tocsr()
+    return connected_components(graph, directed=False)
+
+
+def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(k, 3) normals of triangles, each as long as the triangle's area."""
+    p, q, r = (nodes[triangles[:, i]] for i in range(3))
+    return np.cross(q - p, r - p) / 2
+
+
+def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) signed volumes."""
+    p, q, r, s = (nodes[cells[:, i]] for i in range(4))
+    return np.einsum("ij,ij->i", np.cross(q - p, r - p), s - p) / 6

@@ -1,0 +1,126 @@
+"""Mesh files: any format meshio reads, as long as it holds four-node tets; groups are kept by name."""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.scene.model import Mesh
+
+# Where the formats keep the number of each cell's group, the most telling first.
+TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "flac3d:group", "tetgen:ref",
+        "netgen:index")
+FLAT_CELLS = {"vertex", "line", "triangle", "quad"}
+
+
+def file(mesh: Any) -> Mesh:
+    """The mesh file named by ``mesh.file``."""
+    return read(Path(mesh.file))
+
+
+def read(path: Path) -> Mesh:
+    """Reads tets and named groups; nodes that no tet uses are dropped.
+
+    Volumes are named by gmsh's physical names or the format's cell sets, else ``volume_<tag>``;
+    surfaces likewise, else ``surface_<tag>``.
+
+    Raises
+    ------
+    InputError : no such file, unreadable, no tets, quadratic tets, other solid elements
+    """
+    raw = _load(path)
+    solid = sorted({block.type for block in raw.cells} - FLAT_CELLS - {"line3", "triangle6", "quad8", "quad9"})
+    problem = None
+    if any(kind.startswith("tetra") and kind != "tetra" for kind in solid):
+        problem = Problem(("mesh", "file"), f"{path}: tetrahedra of higher order ({', '.join(solid)})",
+                          "four-node tetrahedra", "save the mesh with linear elements (gmsh: -order 1)")
+    elif "tetra" not in solid:
+        kinds = ", ".join(sorted({block.type for block in raw.cells})) or "no cells at all"
+        problem = Problem(("mesh", "file"), f"{path}: no tetrahedra (it has {kinds})", "four-node tetrahedra",
+                          "mesh the volume, not only its surface, and save the volume elements")
+    elif len(solid) > 1:
+        problem = Problem(("mesh", "file"), f"{path}: solid elements {', '.join(solid)}", "tetrahedra alone",
+                          "split the other elements in tetrahedra")
+    if problem:
+        raise InputError(problem)
+    cells, groups, rest = _cells(raw, "tetra", 3, "volume")
+    volumes, volume = _volumes(groups, len(cells), rest)
+    triangles, surfaces, _ = _cells(raw, "triangle", 2, "surface")
+    used, inverse = np.unique(cells, return_inverse=True)
+    renumber = np.full(len(raw.points), -1)
+    renumber[used] = np.arange(len(used))
+    named = {}
+    for name, index in surfaces.items():
+        rows = renumber[triangles[index]]
+        # Triangles away from the tets (shells, helper geometry) are no faces of theirs.
+        rows = rows[(rows >= 0).all(axis=1)]
+        if len(rows):
+            named[name] = rows
+    points = np.asarray(raw.points, dtype=float)[used]
+    return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path))
+
+
+def _load(path: Path) -> meshio.Mesh:
+    if not path.is_file():
+        raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file",
+                                 "check the path"))
+    heard = io.StringIO()
+    try:
+        # meshio prints its complaint and ends the program.
+        with redirect_stderr(heard), redirect_stdout(heard):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        reason = str(error) if not isinstance(error, SystemExit) else " ".join(heard.getvalue().split())
+        raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: {reason or type(error).__name__}",
+                                 "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
+                                 "check that the ending fits the content, or convert it with gmsh")) from None
+
+
+def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.ndarray, dict, str]:
+    """All cells of a kind, their groups (name → indices), and a name for those in no group."""
+    blocks = [i for i, block in enumerate(raw.cells) if block.type == kind]
+    if not blocks:
+        return np.empty((0, 3), dtype=int), {}, ""
+    sizes = [len(raw.cells[i].data) for i in blocks]
+    offsets = np.r_[0, np.cumsum(sizes)]
+    cells = np.concatenate([np.asarray(raw.cells[i].data, dtype=np.int64) for i in blocks])
+    groups: dict[str, list[np.ndarray]] = {}
+    for name, sets in raw.cell_sets.items():
+        if name.startswith("gmsh:"):
+            continue
+        index = [offset + np.asarray(sets[i], dtype=np.int64)
+                 for i, offset in zip(blocks, offsets) if sets[i] is not None and len(sets[i])]
+        if index:
+            groups.setdefault(name, []).extend(index)
+    known = {(int(tag), int(dim)): name for name, (tag, dim) in
+             ((n, np.ravel(v)[:2]) for n, v in raw.field_data.items() if np.size(v) >= 2)}
+    for key in TAGS:
+        if key not in raw.cell_data:
+            continue
+        tags = np.concatenate([np.ravel(raw.cell_data[key][i]).astype(np.int64) for i in blocks])
+        for tag in np.unique(tags[tags != 0]):
+            name = known.get((int(tag), dimension), f"{word}_{tag}") if key == "gmsh:physical" else f"{word}_{tag}"
+            groups.setdefault(name, []).append(np.flatnonzero(tags == tag))
+        if tags.any():
+            break
+    return cells, {name: np.unique(np.concatenate(index)) for name, index in groups.items()}, \
+        f"{word}_0" if groups else f"{word}_1"
+
+
+def _volumes(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[list[str], np.ndarray]:
+    """One volume per cell: the smallest of the groups that hold it, so that sets of sets do not hide parts."""
+    volume = np.full(size, -1)
+    names = list(groups)
+    for i in sorted(range(len(names)), key=lambda i: -len(groups[names[i]])):
+        volume[groups[names[i]]] = i
+    if (volume < 0).any():
+        volume[volume < 0] = len(names)
+        names.append(rest)
+    used, volume = np.unique(volume, return_inverse=True)
+    return [names[i] for i in used], volume

@@ -1,0 +1,37 @@
+"""Which material each volume is made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import Problems
+from orchestrator.scene.model import Material, Mesh
+from orchestrator.scene.names import matching, patterns_of, suggestion
+
+
+def assign_materials(mesh: Mesh, entries: list[Any], problems: Problems) -> tuple[list[Material], np.ndarray]:
+    """The materials and, per tet, (m,) int which one; of several that match, the last wins."""
+    chosen = np.full(len(mesh.volumes), -1)
+    for i, entry in enumerate(entries):
+        chosen[volumes_named(mesh, entry.on, ("materials", i, "on"), problems)] = i
+    without = [name for name, material in zip(mesh.volumes, chosen) if material < 0]
+    if without:
+        problems.add(("materials",), f"no material for {', '.join(without[:8])}"
+                     + (f" and {len(without) - 8} more" if len(without) > 8 else ""),
+                     "a material for each volume", 'name these volumes under on:, or begin the list with a material '
+                     'without on:, which holds for all')
+    return [Material(float(e.young), float(e.poisson)) for e in entries], chosen[mesh.volume]
+
+
+def volumes_named(mesh: Mesh, on: Any, path: tuple[str | int, ...], problems: Problems) -> list[int]:
+    """Indices of the volumes an ``on`` entry names; a name that matches none is a problem."""
+    found: dict[int, None] = {}
+    for pattern in patterns_of(on):
+        names = matching(pattern, mesh.volumes)
+        if not names:
+            problems.add(path, f"no volume is called {pattern!r}", "names of volumes, shell wildcards allowed",
+                         suggestion(pattern, mesh.volumes, "volume"))
+        found.update(dict.fromkeys(mesh.volumes.index(name) for name in names))
+    return list(found)

@@ -1,0 +1,48 @@
+"""Finding things by name: shell wildcards and suggestions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+
+
+def matching(pattern: str, names: Iterable[str]) -> list[str]:
+    """The names that equal the pattern or match it as a shell wildcard, in their order."""
+    return [name for name in names if name == pattern or fnmatchcase(name, pattern)]
+
+
+def patterns_of(on: str | Iterable[str] | None) -> list[str]:
+    """A name, a list of names, or nothing (everything) as a list of patterns."""
+    if on is None:
+        return ["*"]
+    return [on] if isinstance(on, str) else list(on)
+
+
+def suggestion(pattern: str, names: Iterable[str], what: str) -> str:
+    """A sentence naming the nearest of the known names.
+
+    Parameters
+    ----------
+    what : of what these are the names, in the singular ("surface")
+    """
+    names = list(dict.fromkeys(names))
+    if not names:
+        return f"the mesh has no named {what}"
+    near = get_close_matches(pattern.strip("*?"), names, n=3, cutoff=0.5)
+    shown = ", ".join(names[:12]) + (f", … ({len(names)} in all)" if len(names) > 12 else "")
+    return (f"did you mean {' or '.join(near)}? " if near else "") + f"Known: {shown}"
+
+
+def unique_names(names: list[str]) -> list[str]:
+    """Repeated names numbered from 1: nut, bolt, nut → nut_1, bolt, nut_2."""
+    taken, result = {name for name in names if names.count(name) == 1}, []
+    for name in names:
+        if names.count(name) > 1:
+            number = 1
+            while f"{name}_{number}" in taken:
+                number += 1
+            name = f"{name}_{number}"
+            taken.add(name)
+        result.append(name)
+    return result

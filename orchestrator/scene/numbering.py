@@ -1,0 +1,46 @@
+"""The nodes of all subdomains, numbered one subdomain after another (shared nodes once per side)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class SplitNumbering:
+    """Split node s is node ``nodes[s]`` of the mesh as seen by one subdomain.
+
+    Parameters
+    ----------
+    total : number of nodes of the mesh
+    nodes : (N,) int, global node ids; within a subdomain ascending
+    offsets : (parts + 1,) int, subdomain E has the split nodes offsets[E] … offsets[E + 1]
+    keys : (N,) int, ascending, subdomain · total + node
+    corners : (m, 4) int, split nodes of each tet
+    """
+
+    total: int
+    nodes: np.ndarray
+    offsets: np.ndarray
+    keys: np.ndarray
+    corners: np.ndarray
+
+    def find(self, subdomain: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+        """Split nodes of global nodes that belong to these subdomains."""
+        return np.searchsorted(self.keys, subdomain * self.total + nodes)
+
+
+def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -> SplitNumbering:
+    """Numbers the nodes of every subdomain.
+
+    Parameters
+    ----------
+    cells : (m, 4) int
+    cell_subdomain : (m,) int, every subdomain has a cell
+    total : number of nodes of the mesh
+    """
+    keys, corners = np.unique(cell_subdomain[:, None] * np.int64(total) + cells, return_inverse=True)
+    parts = int(cell_subdomain.max()) + 1
+    offsets = np.searchsorted(keys, np.arange(parts + 1) * np.int64(total))
+    return SplitNumbering(total, keys % total, offsets, keys, corners.reshape(-1, 4))
