@@ -29,8 +29,8 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     """
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  registers the renderer
     from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkLookupTable, vtkUnsignedCharArray
-    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+    from vtkmodules.vtkCommonCore import vtkLookupTable
+    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
 
     columns, rows = (int(p) for p in job["pixels"])
     table = vtkLookupTable()
@@ -48,8 +48,8 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     mapper.SetScalarRange(0.0, 1.0)
     mapper.InterpolateScalarsBeforeMappingOn()
     surface.GetProperty().SetInterpolationToFlat()
-    surface.GetProperty().SetAmbient(0.45)
-    surface.GetProperty().SetDiffuse(0.6)
+    surface.GetProperty().SetAmbient(0.65)
+    surface.GetProperty().SetDiffuse(0.38)
     renderer.AddActor(surface)
     scale = max(1.0, columns / 1000)
     for name, colour, width, opacity in (("lines", 0.0, 1.1, 0.45), ("outline", 0.35, 1.3, 1.0)):
@@ -79,9 +79,12 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     window.SetSize(columns, rows)
     window.AddRenderer(renderer)
     window.Render()
-    pixels = vtkUnsignedCharArray()
-    window.GetPixelData(0, 0, columns - 1, rows - 1, 1, pixels)
-    return vtk_to_numpy(pixels).reshape(rows, columns, 3)[::-1].copy()
+    grab = vtkWindowToImageFilter()
+    grab.SetInput(window)
+    grab.ReadFrontBufferOff()
+    grab.Update()
+    pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())
+    return pixels.reshape(rows, columns, 3)[::-1].copy()
 
 
 def _actor(points: np.ndarray, cells: np.ndarray, lines: bool) -> tuple[object, object]:

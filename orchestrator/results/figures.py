@@ -1,0 +1,141 @@
+"""figures/: convergence.png, time.png and deformed.png of one run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.results import deformed
+from orchestrator.results.fields import Fields
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, png, tidy
+from orchestrator.results.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
+
+# column, label, colour, marker
+_CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
+           ("residual", "residual ‖Δs‖", PURPLE, "v"),
+           ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
+           ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
+           ("indicator", "indicator η (a squared ratio)", ORANGE, "D")]
+
+
+def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
+                  fields: Fields | None = None, step: int | None = None) -> list[Path]:
+    """Draws the figures of a run.
+
+    Parameters
+    ----------
+    summary : as in summary.json; history : as from ``read_history``
+    fields : for deformed.png, which is left out without them
+    step : load step of deformed.png, zero-based; default: the one with the largest displacement
+
+    Returns
+    -------
+    paths of the figures written
+
+    Raises
+    ------
+    InputError : disk full or folder not writable
+    """
+    written, drawing, view = [], None, None
+    try:
+        if fields is not None and fields.steps and len(fields.cells):
+            view = deformed.view(fields, step)
+            drawing = deformed.Drawing(view)  # VTK is busy while matplotlib draws the others
+        if len(history.get("iteration", ())):
+            written.append(folder.write("figures/convergence.png", convergence(summary, history)))
+        if (summary.get("timing") or {}).get("total"):
+            written.append(folder.write("figures/time.png", time_per_stage(summary)))
+        if drawing is not None:
+            picture = deformed.compose(view, drawing.finish(), str(summary.get("name") or ""))
+            written.append(folder.write("figures/deformed.png", picture))
+    finally:
+        if drawing is not None:
+            drawing.close()
+    return written
+
+
+def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> bytes:
+    """PNG of the history's relative quantities over the iterations, with the tolerance."""
+    figure = new_figure(7.2, 4.6)
+    axes = figure.add_axes((0.1, 0.12, 0.86, 0.78))
+    x = np.asarray(history["iteration"])
+    every = max(1, len(x) // 12)
+    for column, label, colour, marker in _CURVES:
+        y = np.array(history.get(column, np.full(len(x), np.nan)), float)
+        known = np.isfinite(y) & (y > 0)
+        if known.any():
+            main = column == "error_bound"
+            axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker, markevery=every,
+                          markersize=5 if main else 4, linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
+    true = summary.get("true_error")
+    if true and math.isfinite(true):
+        axes.semilogy(x[-1], true, color=RED, marker="*", markersize=13, linestyle="none", zorder=5,
+                      label=f"true error {true:.1e}")
+    target = tolerance(summary)
+    if target is not None:
+        name, value = target
+        axes.axhline(value, color=GREY, linestyle="--", linewidth=1)
+        axes.annotate(f"tolerance on the {name}: {value:g}", (0, value), xycoords=("axes fraction", "data"),
+                      xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY)
+    axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity")
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
+    axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
+    tidy(axes)
+    axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", loc="best")
+    return png(figure)
+
+
+def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
+    """Name and value of the configured tolerance, e.g. ("error bound", 1e-6); None if not in the summary."""
+    config = summary.get("config") or {}
+    method = config.get("method") if isinstance(config, Mapping) else None
+    given = (method or {}).get("tolerance")
+    for key, value in (given.items() if isinstance(given, Mapping) else ()):
+        if value:
+            return {"error": "error bound", "indicator": "indicator η"}.get(key, key), float(value)
+    return None
+
+
+def time_per_stage(summary: Mapping[str, object]) -> bytes:
+    """PNG of bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
+    timing = summary["timing"]
+    total = float(timing["total"])
+    wall = [(stage.replace("_", " "), float(timing.get(stage) or 0.0)) for stage in STAGES]
+    rest = total - sum(seconds for _, seconds in wall)
+    if rest > 0.005 * total:
+        wall.append(("everything else", rest))
+    own = timing.get("blackbox") or {}
+    inside = [(stage, float(own.get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
+    code = ((summary.get("config") or {}).get("blackbox") or {}).get("code") or "the black box"
+    sections = [(f"wall clock: {total:.2f} s", wall, BLUE)]
+    if blackbox_seconds(timing):
+        sections.append((f"{code}, on its own clock: {blackbox_seconds(timing):.2f} s, summed over its workers",
+                         inside, ORANGE))
+
+    rows = sum(len(bars) + 1 for _, bars, _ in sections)
+    height = 0.27 * rows + 0.9
+    figure = new_figure(7.2, height)
+    axes = figure.add_axes((0.17, 0.5 / height, 0.79, 1 - 0.95 / height))
+    longest = max(seconds for _, bars, _ in sections for _, seconds in bars)
+    y, ticks, labels = 0.0, [], []
+    for heading, bars, colour in sections:
+        axes.text(0, y, heading, fontsize=9, fontweight="bold", va="center")
+        for label, seconds in bars:
+            y += 1
+            axes.barh(y, seconds, height=0.72, color=colour)
+            axes.text(seconds + 0.008 * longest, y, f"{seconds:.2f}", fontsize=8, va="center", color=GREY)
+            ticks.append(y)
+            labels.append(label)
+        y += 1.2
+    axes.set_yticks(ticks, labels, fontsize=8.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set(ylim=(y - 0.5, -0.7), xlim=(0, 1.1 * longest), xlabel="seconds")
+    axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)
+    tidy(axes)
+    axes.grid(False, axis="y")
+    return png(figure)
