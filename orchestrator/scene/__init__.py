@@ -1,0 +1,1 @@
+"""Meshes, partition, interfaces and boundary conditions: one scene of subdomains and interfaces."""

@@ -16,6 +16,9 @@ from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import unique_names
 
 HXT, DELAUNAY = 10, 1
+# 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
+# on coarse curved surfaces; there finer circles help, where Delaunay does not.
+ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
 TRIANGLE, TET = 2, 4
 
 
@@ -75,22 +78,26 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
     ------
     InputError : unreadable, no solids, or gmsh cannot mesh it
     """
-    complaints = []
-    # HXT is three times faster and leaves far fewer slivers, but gives up on coarse curved surfaces.
-    for algorithm in (HXT, DELAUNAY):
+    complaint = ""
+    for algorithm, per_circle in ATTEMPTS:
         with _session():
             names, owner = _import(path, source)
             if h is not None:
                 gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
             gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
             try:
                 gmsh.model.mesh.generate(3)
-                if len(gmsh.model.mesh.getElementsByType(TET)[0]):
-                    return _arrays(source, names, owner)
-                complaints.append("no tetrahedra came out")
             except Exception as error:
-                complaints.append(_last(error))
-    raise InputError(Problem(("mesh", "step"), f"{source}: gmsh cannot mesh it with h = {h}: {complaints[-1]}",
+                complaint = _last(error)
+                continue
+            # gmsh passes over solids it cannot fill without raising an error.
+            empty = {names[solid] for tag, solid in owner.items()
+                     if not len(gmsh.model.mesh.getElementsByType(TET, tag)[0])}
+            if not empty:
+                return _arrays(source, names, owner)
+            complaint = "no tetrahedra in " + ", ".join(sorted(empty))
+    raise InputError(Problem(("mesh", "step"), f"{source}: gmsh cannot mesh it with h = {h}: {complaint}",
                              "solids that can be meshed", "try a smaller h, or repair the model"))
 
 

@@ -1,0 +1,75 @@
+"""From the configuration to the scene: mesh, materials, boundary conditions, subdomains, interfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.config import Config, steps, vectors_per_step
+from orchestrator.errors import InputError, Problems
+from orchestrator.scene.boundary import prescribe, resolve_boundary
+from orchestrator.scene.interfaces import make_interfaces
+from orchestrator.scene.loads import body_loads, surface_loads
+from orchestrator.scene.materials import assign_materials
+from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.numbering import SplitNumbering, split_numbering
+from orchestrator.scene.partition import Partition, make_partition
+from orchestrator.scene.rigid import check_held
+from orchestrator.scene.sources import make_mesh
+
+
+def build_scene(config: Config) -> Scene:
+    """Everything the method needs to know of the problem.
+
+    Raises
+    ------
+    InputError : with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
+        a bad mesh is reported alone, since nothing else can be judged without it
+    """
+    mesh, faces = make_mesh(config.mesh)
+    problems, count = Problems(), steps(config)
+    materials, cell_material = assign_materials(mesh, config.materials, problems)
+    vectors = [vectors_per_step(entry, config) for entry in config.boundary]
+    boundary = resolve_boundary(mesh, faces, config.boundary, vectors, problems)
+    unresolved = any(path[0] == "boundary" for path in (p.path for p in problems.found))
+    fixed, prescribed = prescribe(mesh, boundary, count, problems)
+    if not unresolved:
+        # A selection that failed holds nothing: a second complaint would only distract.
+        check_held(mesh, faces, fixed, problems)
+    try:
+        partition = make_partition(mesh, faces, config.subdomains)
+    except InputError as error:
+        problems.found.extend(error.problems)
+        # Body forces name volumes: they can be judged on the undivided mesh.
+        partition = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name])
+        whole = True
+    else:
+        whole = False
+    numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
+    split = np.zeros((count, len(numbering.nodes), 3))
+    surface_loads(mesh, boundary, partition.subdomain, numbering, split)
+    body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
+               problems)
+    interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, fixed, config.interfaces, problems)
+    problems.raise_if_any()
+    subdomains = _subdomains(partition, numbering, cell_material, fixed, prescribed, split)
+    return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
+                 fixed, prescribed, _joined(split, numbering), count)
+
+
+def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, fixed: np.ndarray,
+                prescribed: np.ndarray, split: np.ndarray) -> list[Subdomain]:
+    order = np.argsort(partition.subdomain, kind="stable")
+    bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
+    made = []
+    for i, name in enumerate(partition.names):
+        cells, start, end = order[bounds[i]:bounds[i + 1]], numbering.offsets[i], numbering.offsets[i + 1]
+        nodes = numbering.nodes[start:end]
+        made.append(Subdomain(i, name, cells, nodes, numbering.corners[cells] - start, cell_material[cells],
+                              fixed[nodes], prescribed[:, nodes], np.ascontiguousarray(split[:, start:end])))
+    return made
+
+
+def _joined(split: np.ndarray, numbering: SplitNumbering) -> np.ndarray:
+    """Loads (steps, n, 3) on the mesh's nodes from those on split nodes (steps, N, 3)."""
+    return np.stack([[np.bincount(numbering.nodes, weights=step[:, c], minlength=numbering.total) for c in range(3)]
+                     for step in split]).transpose(0, 2, 1).copy()

@@ -1,0 +1,73 @@
+"""Which law holds on an interface: the entries of ``interfaces:`` matched against names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any
+
+from orchestrator.errors import Problems
+from orchestrator.scene.names import matching, suggestion
+
+DEFAULT = "perfect"
+
+
+class Laws:
+    """Finds the entry that governs a pair and remembers which entries were of use.
+
+    Parameters
+    ----------
+    entries : of the YAML, each with ``between`` (two patterns) and ``law``; the last match wins
+    """
+
+    def __init__(self, entries: list[Any]):
+        self.entries = list(entries)
+        self.used = [list(entry.between) == ["*", "*"] for entry in self.entries]
+        self._hits = lru_cache(maxsize=None)(lambda pattern, name: bool(matching(pattern, [name])))
+
+    def between(self, first: Iterable[str], second: Iterable[str]) -> int:
+        """Index of the governing entry, -1 for none.
+
+        Parameters
+        ----------
+        first, second : the names each side goes by (its subdomain's, its volume's)
+        """
+        chosen = -1
+        for i, entry in enumerate(self.entries):
+            a, b = entry.between
+            if (self._any(a, first) and self._any(b, second)) or (self._any(b, first) and self._any(a, second)):
+                self.used[i] = True
+                chosen = i
+        return chosen
+
+    def law(self, index: int) -> str:
+        """Name of the law of an entry; perfect when none matched."""
+        return DEFAULT if index < 0 else self.entries[index].law
+
+    def report_unused(self, names: list[str], pairs: list[tuple[str, str]], problems: Problems) -> None:
+        """Adds a problem for each entry that matched no interface.
+
+        Parameters
+        ----------
+        names : everything an entry could have named
+        pairs : names of the two sides of existing interfaces, for the cure
+        """
+        for i, (entry, used) in enumerate(zip(self.entries, self.used)):
+            if used:
+                continue
+            unknown = [p for p in entry.between if not matching(p, names)]
+            if unknown:
+                found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
+                cure = "; ".join(suggestion(p, names, "part") for p in unknown)
+            else:
+                found = f"no interface between {entry.between[0]!r} and {entry.between[1]!r}: they share no face"
+                beside = [f"{a} | {b}" for a, b in pairs
+                          if any(matching(p, [a, b]) for p in entry.between if p != "*")] or \
+                         [f"{a} | {b}" for a, b in pairs]
+                cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
+                    if pairs else "there are no interfaces at all"
+            problems.add(("interfaces", i, "between"), found,
+                         "names of two parts that share faces, shell wildcards allowed", cure)
+
+    def _any(self, pattern: str, names: Iterable[str]) -> bool:
+        return any(self._hits(pattern, name) for name in names)
