@@ -1,0 +1,129 @@
+"""The command line: exit codes, messages on stderr, and what it hands to the rooms."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+from orchestrator.errors import BlackBoxError, InputError, Problem
+
+ROOT = Path(__file__).parents[1]
+BEAM = str(ROOT / "configs" / "traction_beam.yaml")
+
+
+def call(*arguments: str):
+    return CliRunner().invoke(app, arguments)
+
+
+@pytest.fixture
+def room(monkeypatch):
+    """A function that puts a stand-in with the given contents in the place of a module."""
+    def stand_in(name: str, **contents) -> None:
+        module = ModuleType(name)
+        vars(module).update(contents)
+        monkeypatch.setitem(sys.modules, name, module)
+    return stand_in
+
+
+def test_bad_configuration_from_the_shell():
+    done = subprocess.run([sys.executable, "-m", "orchestrator", "check", BEAM, "--set", "materials.0.poisson=0.5",
+                           "--set", "method.relaxtion=1"], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 2 and done.stdout == "" and "Traceback" not in done.stderr
+    assert done.stderr.startswith("2 problems in the input")
+    assert "--set materials.0.poisson=0.5: materials[0].poisson" in done.stderr
+    assert "did you mean 'relaxation'?" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_file_and_line_are_shown(tmp_path, command):
+    path = tmp_path / "bad.yaml"
+    path.write_text(Path(BEAM).read_text().replace("young: 200e3", "young: -1"))
+    line = next(i for i, text in enumerate(path.read_text().splitlines(), 1) if "young" in text)
+    done = call(command, str(path))
+    assert done.exit_code == 2
+    assert f"{path}:{line}: materials[0].young\n  found:    -1\n  expected: a number > 0\n" in done.stderr
+
+
+def test_missing_configuration():
+    done = call("run", "nowhere.yaml")
+    assert done.exit_code == 2 and "nowhere.yaml\n  found:    no such file" in done.stderr
+
+
+def test_check_syntax_only():
+    done = call("check", BEAM, "--syntax-only")
+    assert (done.exit_code, done.stdout) == (0, "OK\n")
+
+
+def test_check_shows_the_scene_or_its_problems(room):
+    room("orchestrator.scene.build", build_scene=lambda config: f"Scene({config.name})")
+    done = call("check", BEAM)
+    assert done.exit_code == 0 and done.stdout.startswith("OK") and "Scene(traction_beam)" in done.stdout
+
+    def fails(config):
+        raise InputError(Problem(("boundary", 1, "on"), "no face", "some faces", "move the plane"))
+
+    room("orchestrator.scene.build", build_scene=fails)
+    done = call("check", BEAM)
+    line = next(i for i, text in enumerate(Path(BEAM).read_text().splitlines(), 1) if "at: 160" in text)
+    assert done.exit_code == 2 and f"{BEAM}:{line}: boundary[1].on\n  found:    no face" in done.stderr
+
+
+def test_run_hands_over_its_options_and_exit_code(room):
+    seen = {}
+
+    def run(loaded, **options) -> int:
+        seen.update(options, error=loaded.config.method.tolerance.error)
+        return 1
+
+    room("orchestrator.run", run=run)
+    assert call("run", BEAM, "--set", "method.tolerance.error=1e-8", "--output", "there", "--resume", "--quiet").exit_code == 1
+    assert seen == {"error": 1e-8, "output": Path("there"), "resume": True, "reference": False, "quiet": True}
+
+
+@pytest.mark.parametrize("error, code, words", [
+    (BlackBoxError("FreeFEM died", "slice 3", "8: runtime error", "last words"), 3, "subdomain: slice 3"),
+    (KeyboardInterrupt(), 130, "Interrupted"),
+    (InputError(Problem(("output", "directory"), "read only", "a writable folder")), 2, f"{BEAM}:"),
+])
+def test_errors_of_a_run_become_exit_codes(room, error, code, words):
+    def run(loaded, **options):
+        raise error
+
+    room("orchestrator.run", run=run)
+    done = call("run", BEAM)
+    assert done.exit_code == code and words in done.stderr and "Traceback" not in done.stderr
+
+
+def test_sigterm_interrupts_in_order(room):
+    room("orchestrator.run", run=lambda loaded, **options: os.kill(os.getpid(), signal.SIGTERM) or 0)
+    before = signal.getsignal(signal.SIGTERM)
+    assert call("run", BEAM).exit_code == 130
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_report_and_doctor(room):
+    seen = []
+    room("orchestrator.results.report", report=seen.append)
+    room("orchestrator.blackbox.freefem", doctor=lambda: ["FreeFEM 4.11", "plugins found"])
+    assert call("report", "results/a").exit_code == 0 and seen == [Path("results/a")]
+    assert call("doctor").stdout == "FreeFEM 4.11\nplugins found\n"
+
+
+def test_studies_are_listed_and_run(room):
+    seen = []
+    room("orchestrator.studies", STUDIES={"fig7": "convergence", "fig10": "soles"}, run_study=seen.append)
+    assert "fig7" in call("study").stdout and call("study").exit_code == 0
+    assert call("study", "fig7").exit_code == 0 and seen == ["fig7"]
+    unknown = call("study", "fig77")
+    assert unknown.exit_code == 2 and "did you mean 'fig7'?" in unknown.stderr
+
+
+def test_unknown_option_and_help():
+    assert call("run", BEAM, "--sett", "a=1").exit_code == 2
+    assert all(name in call("--help").stdout for name in ("run", "check", "report", "study", "doctor"))

@@ -1,0 +1,294 @@
+"""The configuration: what is accepted, what it becomes, and every way to get it wrong."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from orchestrator.config import Loaded, config_from, load_config, place, steps, vectors_per_step
+from orchestrator.errors import BAD_INPUT, InputError, Problem
+
+# Each block is one line of the file, so that tests can name the line by the key.
+GOOD = {
+    "name": "name: bar",
+    "mesh": "mesh: {box: {size: [4, 1, 1], cells: [8, 2, 2]}}",
+    "subdomains": "subdomains: {slices: {axis: x, count: 4}}",
+    "materials": "materials: [{young: 200e3, poisson: 0.3}]",
+    "boundary": "boundary: [{on: {plane: x, at: 0}, displacement: [0, 0, 0]}, {on: {plane: x, at: 4}, traction: [1, 0, 0]}]",
+    "histories": "histories: {ramp: [0.5, 1.0]}",
+    "loads": "loads: []",
+    "interfaces": "interfaces: [{between: ['*', '*'], law: perfect}]",
+    "method": "method: {relaxation: auto}",
+    "blackbox": "blackbox: {workers: 2}",
+    "output": "output: {fields: false}",
+}
+LINE = {key: line for line, key in enumerate(GOOD, start=1)}
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A function that writes the good configuration with some lines replaced and returns its path."""
+    def writer(**changes: str) -> Path:
+        path = tmp_path / "bar.yaml"
+        path.write_text("\n".join({**GOOD, **changes}.values()) + "\n")
+        return path
+    return writer
+
+
+def problems_of(path, overrides=()) -> list[Problem]:
+    with pytest.raises(InputError) as caught:
+        load_config(path, overrides)
+    assert caught.value.exit_code == BAD_INPUT == 2
+    return caught.value.problems
+
+
+def materials(text: str) -> dict:
+    return {"materials": f"materials: [{{{text}}}]"}
+
+
+def boundary(text: str) -> dict:
+    return {"boundary": f"boundary: [{text}]"}
+
+
+HELD = "{on: {plane: x, at: 0}, displacement: [0, 0, 0]}"
+WRONG = {  # what: (changed lines, key path, words of the message)
+    "unknown key": (materials("yuong: 1, young: 1, poisson: 0.3"), ("materials", 0, "yuong"), "did you mean 'young'?"),
+    "unknown top key": ({"method": "methods: {}"}, ("methods",), "did you mean 'method'?"),
+    "unknown deep key": ({"method": "method: {sole: {modulus-ratio: 1}}"}, ("method", "sole", "modulus-ratio"), "did you mean 'modulus_ratio'?"),
+    "wrong type": (materials("young: stiff, poisson: 0.3"), ("materials", 0, "young"), "a number"),
+    "text for number": ({"blackbox": "blackbox: {timeout: '600'}"}, ("blackbox", "timeout"), "a number"),
+    "number for mapping": ({"method": "method: {sole: 3}"}, ("method", "sole"), "a mapping"),
+    "list for mapping": ({"method": "method: [anderson]"}, ("method",), "a mapping"),
+    "fraction for count": ({"subdomains": "subdomains: {metis: 2.5}"}, ("subdomains", "metis"), "a whole number"),
+    "true for number": (materials("young: true, poisson: 0.3"), ("materials", 0, "young"), "a number"),
+    "poisson 0.5": (materials("young: 1, poisson: 0.5"), ("materials", 0, "poisson"), "< 0.5"),
+    "poisson -1": (materials("young: 1, poisson: -1"), ("materials", 0, "poisson"), "> -1"),
+    "young 0": (materials("young: 0, poisson: 0.3"), ("materials", 0, "young"), "> 0"),
+    "young negative": (materials("young: -2e5, poisson: 0.3"), ("materials", 0, "young"), "> 0"),
+    "nan": (materials("young: .nan, poisson: 0.3"), ("materials", 0, "young"), "a finite number"),
+    "infinity": (materials("young: .inf, poisson: 0.3"), ("materials", 0, "young"), "a finite number"),
+    "overflow": (materials("young: 1e400, poisson: 0.3"), ("materials", 0, "young"), "a finite number"),
+    "no materials": ({"materials": "materials: []"}, ("materials",), "at least 1 entry"),
+    "missing key": (materials("young: 1"), ("materials", 0, "poisson"), "add poisson"),
+    "friction negative": ({"interfaces": "interfaces: [{law: contact, friction: -0.1}]"}, ("interfaces", 0, "friction"), ">= 0"),
+    "friction without contact": ({"interfaces": "interfaces: [{friction: 0.1}]"}, ("interfaces", 0, "friction"), "law: contact"),
+    "jump without a jump": ({"interfaces": "interfaces: [{law: jump}]"}, ("interfaces", 0), "jump: three numbers"),
+    "between three": ({"interfaces": "interfaces: [{between: [a, b, c]}]"}, ("interfaces", 0, "between"), "at most 2"),
+    "relaxation 0": ({"method": "method: {relaxation: 0}"}, ("method", "relaxation"), "> 0"),
+    "relaxation above 1": ({"method": "method: {relaxation: 1.2}"}, ("method", "relaxation"), "<= 1"),
+    "auto misspelt": ({"method": "method: {relaxation: atuo}"}, ("method", "relaxation"), "auto, or a number > 0 and <= 1"),
+    "unknown word": ({"method": "method: {acceleration: andersen}"}, ("method", "acceleration"), "did you mean 'anderson'?"),
+    "no iterations": ({"method": "method: {max_iterations: 0}"}, ("method", "max_iterations"), ">= 1"),
+    "tolerance 0": ({"method": "method: {tolerance: {error: 0}}"}, ("method", "tolerance", "error"), "> 0"),
+    "two tolerances": ({"method": "method: {tolerance: {error: 1e-3, indicator: 1e-5}}"}, ("method", "tolerance", "indicator"), "exactly one"),
+    "no tolerance": ({"method": "method: {tolerance: {}}"}, ("method", "tolerance"), "exactly one"),
+    "ratio too small": ({"method": "method: {sole: {modulus_ratio: 1e-4}}"}, ("method", "sole", "modulus_ratio"), "0.001 to 100"),
+    "ratio too large": ({"method": "method: {sole: {modulus_ratio: 101}}"}, ("method", "sole", "modulus_ratio"), "0.001 to 100"),
+    "ratio 0": ({"method": "method: {sole: {modulus_ratio: 0}}"}, ("method", "sole", "modulus_ratio"), "> 0"),
+    "two sources": ({"mesh": "mesh: {beam: {size: [1, 1, 1], h: 1}, box: {size: [1, 1, 1], cells: [1, 1, 1]}}"}, ("mesh", "box"), "beam and box together"),
+    "no source": ({"mesh": "mesh: {scale: 2}"}, ("mesh",), "exactly one of them"),
+    "no such mesh": ({"mesh": "mesh: {file: part.msh}"}, ("mesh", "file"), "part.msh"),
+    "no such step": ({"mesh": "mesh: {step: part.stp, h: 1}"}, ("mesh", "step"), "part.stp"),
+    "h without step": ({"mesh": "mesh: {box: {size: [1, 1, 1], cells: [1, 1, 1]}, h: 1}"}, ("mesh", "h"), "h beside step only"),
+    "scale 0": ({"mesh": "mesh: {scale: 0, box: {size: [1, 1, 1], cells: [1, 1, 1]}}"}, ("mesh", "scale"), "> 0"),
+    "cells 0": ({"mesh": "mesh: {box: {size: [1, 1, 1], cells: [1, 0, 1]}}"}, ("mesh", "box", "cells", 1), ">= 1"),
+    "two numbers": ({"mesh": "mesh: {box: {size: [1, 1], cells: [1, 1, 1]}}"}, ("mesh", "box", "size"), "at least 3 entries"),
+    "count 0": ({"subdomains": "subdomains: {slices: {axis: x, count: 0}}"}, ("subdomains", "slices", "count"), ">= 1"),
+    "grid 0": ({"subdomains": "subdomains: {grid: [2, 0, 2]}"}, ("subdomains", "grid", 1), ">= 1"),
+    "metis 0": ({"subdomains": "subdomains: {metis: 0}"}, ("subdomains", "metis"), ">= 1"),
+    "two cuts": ({"subdomains": "subdomains: {metis: 4, grid: [2, 2, 2]}"}, ("subdomains", "grid"), "exactly one"),
+    "unknown cut": ({"subdomains": "subdomains: grupos"}, ("subdomains",), "a mapping"),
+    "axis": ({"subdomains": "subdomains: {slices: {axis: r, count: 2}}"}, ("subdomains", "slices", "axis"), "one of x, y, z"),
+    "two conditions": (boundary("{on: a, displacement: [0, 0, 0], traction: [0, 0, 1]}"), ("boundary", 0, "traction"), "exactly one"),
+    "no condition": (boundary("{on: a}"), ("boundary", 0), "exactly one"),
+    "plane without at": (boundary("{on: {plane: x}, pressure: 1}"), ("boundary", 0, "on"), "plane and at together"),
+    "plane and box": (boundary("{on: {plane: x, at: 0, box: [[0, 0, 0], [1, 1, 1]]}, pressure: 1}"), ("boundary", 0, "on"), "or a box alone"),
+    "box upside down": (boundary("{on: {box: [[0, 0, 2], [1, 1, 1]]}, pressure: 1}"), ("boundary", 0, "on", "box"), "lower corner first"),
+    "on a number": (boundary("{on: 3, pressure: 1}"), ("boundary", 0, "on"), "surface group"),
+    "two components": (boundary("{on: a, traction: [0, 1]}"), ("boundary", 0, "traction"), "three numbers"),
+    "free traction": (boundary("{on: a, traction: [0, 1, null]}"), ("boundary", 0, "traction", 2), "a number"),
+    "nothing prescribed": (boundary("{on: a, displacement: [null, null, null]}"), ("boundary", 0, "displacement"), "at least one number"),
+    "sometimes free": (boundary("{on: a, displacement: [[0, 0, null], [0, 0, 1]]}"), ("boundary", 0, "displacement"), "component z"),
+    "contradiction": (boundary(f"{HELD}, {{on: {{at: 0.0, plane: x}}, displacement: [null, 1, null]}}"), ("boundary", 1, "displacement"), "boundary[0]"),
+    "undefined history": (boundary("{on: a, pressure: 1, history: rmap}"), ("boundary", 0, "history"), "one of ramp"),
+    "history and list": (boundary("{on: a, traction: [[0, 0, 1], [0, 0, 2]], history: ramp}"), ("boundary", 0, "history"), "one of the two"),
+    "lengths differ": (boundary("{on: a, pressure: 1, history: ramp}, {on: b, traction: [[0, 0, 1], [0, 0, 2], [0, 0, 3]]}"), ("boundary", 1, "traction"), "2 load steps"),
+    "empty history": ({"histories": "histories: {ramp: []}"}, ("histories", "ramp"), "at least 1 entry"),
+    "history of a load": ({"loads": "loads: [{body_force: [0, 0, -1], history: up}]"}, ("loads", 0, "history"), "not defined"),
+    "polycrystal": ({"mesh": "mesh: {polycrystal: {grains: 9, size: 1, h: 0.1}}"}, ("mesh", "polycrystal"), "not yet available"),
+    "contact": ({"interfaces": "interfaces: [{law: contact, friction: 0.1, gap: geometry}]"}, ("interfaces", 0, "law"), "not yet available"),
+    "imposed jump": ({"interfaces": "interfaces: [{law: jump, jump: [0, 0, 1]}]"}, ("interfaces", 0, "law"), "not yet available"),
+    "springs": ({"method": "method: {sole: {kind: springs}}"}, ("method", "sole", "kind"), "not yet available"),
+    "P2": ({"blackbox": "blackbox: {element: P2}"}, ("blackbox", "element"), "not yet available"),
+    "split_above": ({"subdomains": "subdomains: {groups: true, split_above: 20000}"}, ("subdomains", "split_above"), "not yet available"),
+    "split_above alone": ({"subdomains": "subdomains: {metis: 2, split_above: 20}"}, ("subdomains", "split_above"), "beside groups only"),
+    "gmres and contact": ({"method": "method: {acceleration: gmres}", "interfaces": "interfaces: [{law: contact}]"}, ("method", "acceleration"), "use anderson"),
+    "other code": ({"blackbox": "blackbox: {code: aster}"}, ("blackbox", "code"), "freefem"),
+    "name of a folder": ({"name": "name: ../bar"}, ("name",), "letters, digits"),
+    "empty entry": ({"histories": "histories:"}, ("histories",), "a mapping"),
+}
+
+
+@pytest.mark.parametrize("changes, key, words", WRONG.values(), ids=WRONG)
+def test_wrong_entry_names_key_line_and_cure(write, changes, key, words):
+    path = write(**changes)
+    problems = [p for p in problems_of(path) if p.path == key and words in str(p)]
+    line = next(LINE[k] for k in LINE if changes.get(k, "").startswith(f"{key[0]}:"))
+    assert [(p.file, p.line) for p in problems] == [(str(path), line)]
+    assert problems[0].found and problems[0].expected and problems[0].cure
+
+
+@pytest.mark.parametrize("text, line, words", [
+    ("name: a\nname: b\n", 2, 'duplicate key "name"'),
+    ("name: a\nmesh: {box: [1, 2\nmethod: 1\n", 3, "correct YAML"),
+    ("name: a\n\tmesh: 1\n", 2, "correct YAML"),
+    ("", 1, "nothing"),
+    ("# only a comment\n", 1, "nothing"),
+    ("- a\n- b\n", 1, "a mapping"),
+])
+def test_file_that_is_no_configuration(tmp_path, text, line, words):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    [problem] = problems_of(path)
+    assert (problem.file, problem.line) == (str(path), line) and words in str(problem)
+
+
+def test_missing_file_folder_and_binary_file(tmp_path):
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
+    for path, words in ((tmp_path / "none.yaml", "no such file"), (tmp_path, "a folder"), (tmp_path / "binary.yaml", "UTF-8")):
+        [problem] = problems_of(path)
+        assert words in str(problem) and problem.file == str(path)
+
+
+def test_missing_top_level_keys_are_all_reported(tmp_path):
+    path = tmp_path / "short.yaml"
+    path.write_text("name: a\n")
+    assert {p.path for p in problems_of(path)} == {("mesh",), ("subdomains",), ("materials",), ("boundary",)}
+
+
+def test_lines_are_those_of_nested_keys(tmp_path):
+    path = tmp_path / "block.yaml"
+    path.write_text("name: bar\nmesh:\n  box:\n    size: [4, 1, 1]\n    cells:\n      - 8\n      - 0\n      - 2\n"
+                    "subdomains: groups\nmaterials:\n  - young: 1\n    poisson: 0.3\n  - young: -1\n    poisson: 0.7\n"
+                    "    colour: red\nboundary: []\n")
+    found = {p.path: p.line for p in problems_of(path)}
+    assert found == {("mesh", "box", "cells", 1): 7, ("materials", 1, "young"): 13,
+                     ("materials", 1, "poisson"): 14, ("materials", 1, "colour"): 15}
+
+
+def test_several_problems_at_once_in_the_order_of_the_file(write):
+    path = write(**materials("young: 0, poisson: 0.5"), mesh="mesh: {scale: 1}", method="method: {relaxation: 0}",
+                 histories="histories: {}", loads="loads: [{body_force: [0, 0, 1], history: up}]")
+    assert [p.line for p in problems_of(path)] == [2, 4, 4, 7, 9]
+
+
+@pytest.mark.parametrize("text, value", [("1e-6", 1e-6), ("1.0e-6", 1e-6), (".5", 0.5), ("1E-3", 1e-3)])
+def test_numbers_as_people_write_them(write, text, value):
+    assert load_config(write(method=f"method: {{tolerance: {{error: {text}}}}}")).config.method.tolerance.error == value
+
+
+def test_defaults_and_attribute_names(write):
+    config = load_config(write()).config
+    assert config.mesh.box.cells == [8, 2, 2] and config.mesh.beam is None and config.mesh.scale == 1
+    assert config.materials[0].young == 200e3 and config.materials[0].on == ["*"]
+    assert config.boundary[0].on.plane == "x" and config.subdomains.slices.count == 4
+    assert (config.method.sole.kind, config.method.sole.modulus_ratio, config.method.sole.thickness) == ("symmetric", 0.5, "auto")
+    assert (config.method.macro.strategy, config.method.macro.basis) == ("equilibrium", "affine")
+    assert (config.method.acceleration, config.method.relaxation, config.method.memory) == ("anderson", "auto", "auto")
+    assert config.method.search_direction.kplus == "exchange"
+    assert config.method.tolerance.error == 1e-6 and config.method.tolerance.indicator is None
+    assert config.method.max_iterations == 500
+    assert (config.blackbox.code, config.blackbox.element, config.blackbox.transport) == ("freefem", "P1", "pipe")
+    assert config.blackbox.workers == 2 and config.blackbox.timeout == 600
+    assert config.output.directory == "results/bar" and config.output.figures
+
+
+def test_round_trip_through_plain_data(write, configs_dir):
+    several = write(**boundary("{on: bottom, displacement: [0, null, 0]}, {on: {box: [[0, 0, 0], [1, 1, 1]]}, "
+                               "traction: [[0, 0, 1], [0, 0, 2]]}, {on: top, pressure: 5, history: ramp}"),
+                    subdomains="subdomains: groups", materials="materials: [{young: 1, poisson: 0, on: bolt*}]")
+    for path in (several, *sorted(configs_dir.glob("*.yaml"))):
+        config = load_config(path).config
+        assert config_from(config.complete()) == config
+        assert config_from(config.model_dump(mode="json")) == config
+    assert load_config(several).config.complete()["boundary"][0]["displacement"] == [0, None, 0]
+
+
+def test_every_default_has_a_reason():
+    from orchestrator.config.method import BlackBox, Macro, Method, Output, SearchDirection, Sole
+    for model in (BlackBox, Macro, Method, Output, SearchDirection, Sole):
+        assert all(field.description for field in model.model_fields.values())
+
+
+def test_overrides(write):
+    path = write(method="method: {tolerance: {error: 1e-6}}")
+    config = load_config(path, ["method.tolerance.indicator=1e-5", "materials.0.young=1", "subdomains.metis=3",
+                                "boundary.1.pressure=2", "boundary.1.on=top", "output.directory=there",
+                                "method.sole.allow_extreme=true", "method.sole.modulus_ratio=1e-6"]).config
+    assert config.method.tolerance.indicator == 1e-5 and config.method.tolerance.error is None
+    assert config.materials[0].young == 1 and config.subdomains.metis == 3 and config.subdomains.slices is None
+    assert config.boundary[1].pressure == 2 and config.boundary[1].on == "top" and config.output.directory == "there"
+    assert config.method.sole.modulus_ratio == 1e-6
+    assert load_config(path, ["subdomains=groups", "subdomains.metis=2"]).config.subdomains.metis == 2
+
+
+@pytest.mark.parametrize("override, key, words", [
+    ("method.relaxation=0", ("method", "relaxation"), "> 0"),
+    ("mesh.beam={size: [1, 1, 1], h: 1}", ("mesh", "beam"), "exactly one of"),
+    ("materials.5.young=1", ("materials", 5), "an index from 0 to 0"),
+    ("materials.first.young=1", ("materials", "first"), "an index from 0 to 0"),
+    ("method.sole.stiff=1", ("method", "sole", "stiff"), "unknown key"),
+    ("method.relaxation", (), "key=value"),
+    ("=3", (), "key=value"),
+    ("name=[1", (), "correct YAML"),
+])
+def test_problems_of_overrides_show_the_override(write, override, key, words):
+    [problem] = problems_of(write(), [override])
+    assert problem.path == key and problem.file == f"--set {override}" and words in str(problem)
+
+
+def test_mesh_file_beside_the_yaml_or_in_the_current_folder(write, tmp_path, monkeypatch):
+    path = write(mesh="mesh: {file: meshes/part.msh}")
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "part.msh").touch()
+    assert load_config(path).config.mesh.file == str(tmp_path / "meshes" / "part.msh")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    moved = path.rename(tmp_path / "sub" / "bar.yaml")
+    assert load_config(moved).config.mesh.file == os.path.join("meshes", "part.msh")
+
+
+def test_load_steps(write):
+    assert steps(load_config(write()).config) == 1  # a history nobody uses does not count
+    config = load_config(write(**boundary(
+        "{on: a, displacement: [0, null, 0]}, {on: b, traction: [2, 0, 0], history: ramp}, "
+        "{on: c, displacement: [[0, 0, -1], [1, 0, null]]}, {on: d, pressure: 5, history: ramp}".replace("null]]", "-1]]")),
+        loads="loads: [{body_force: [0, 0, -3], history: ramp}]")).config
+    assert steps(config) == 2
+    assert [vectors_per_step(entry, config) for entry in (*config.boundary, *config.loads)] == [
+        [[0, None, 0], [0, None, 0]], [[1, 0, 0], [2, 0, 0]], [[0, 0, -1], [1, 0, -1]],
+        [[2.5, 0, 0], [5, 0, 0]], [[0, 0, -1.5], [0, 0, -3]]]
+
+
+def test_same_place_may_be_told_compatible_things(write):
+    load_config(write(**boundary(f"{HELD}, {{on: {{plane: x, at: 0}}, displacement: [0, null, 0], history: ramp}}, "
+                                 "{on: a, displacement: [0, null, null]}, {on: a, displacement: [null, 1, null]}")))
+
+
+def test_place_fills_in_lines_of_later_problems(write):
+    loaded = load_config(write(), ["materials.0.young=3"])
+    late = InputError([Problem(("boundary", 1, "on"), "nothing there", "faces"),
+                       Problem(("materials", 0, "young"), "odd", "even"), Problem((), "x", "y", file="kept")])
+    places = {(p.file, p.line) for p in place(late, loaded).problems}
+    assert places == {(loaded.source.file, LINE["boundary"]), ("--set materials.0.young=3", None), ("kept", None)}
+    assert loaded.locate(("method", "tolerance", "error")) == (loaded.source.file, LINE["method"])
+    assert Loaded(loaded.config).locate(("mesh",)) == ("", None)
+
+
+def test_loading_stays_light(write):
+    code = ("import sys; from orchestrator.config import load_config; import orchestrator.cli; "
+            f"load_config({str(write())!r}); print(sorted({{'numpy', 'scipy', 'gmsh', 'matplotlib'}} & set(sys.modules)))")
+    root = Path(__file__).parents[1]
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root).stdout == "[]\n"
