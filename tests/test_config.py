@@ -168,6 +168,12 @@ def test_missing_top_level_keys_are_all_reported(tmp_path):
     assert {p.path for p in problems_of(path)} == {("mesh",), ("subdomains",), ("materials",), ("boundary",)}
 
 
+def test_misspelt_key_is_one_problem(write):
+    for changes in ({"mesh": "mesh: {boxx: {size: [4, 1, 1], cells: [8, 2, 2]}}"},
+                    boundary("{on: {plane: x, att: 0}, pressure: 1}")):
+        assert len(problems_of(write(**changes))) == 1
+
+
 def test_lines_are_those_of_nested_keys(tmp_path):
     path = tmp_path / "block.yaml"
     path.write_text("name: bar\nmesh:\n  box:\n    size: [4, 1, 1]\n    cells:\n      - 8\n      - 0\n      - 2\n"
