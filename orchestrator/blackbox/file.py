@@ -27,9 +27,8 @@ class FileWorker(Worker):
         self._load_requests: dict[int, Buffers] = {}
 
     def load(self, index: int, model: Model) -> None:
-        _, loose = self.write_mesh(index, model, clamped=True)
-        dofs = 3 * len(model.nodes)
-        self._load_requests[index] = messages.load(index, self.element, dofs, model.trace, loose, model.materials)
+        self.write_mesh(index, model)
+        self._load_requests[index] = messages.load(index, self.element, model)
         # solved once for the check only: a model that is not held is found now, as with any transport
         self._converse(index, model.name, "loading failed", self._load_requests[index], self._read_load)
 
@@ -48,7 +47,7 @@ class FileWorker(Worker):
         return answers
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        path, _ = self.write_mesh(index, model, clamped=False)
+        path = self.write_mesh(index, model)
         dofs = 3 * len(model.nodes)
 
         def read(replies: "_Replies", index=index) -> sp.csr_array:
@@ -56,7 +55,7 @@ class FileWorker(Worker):
             self.count(reply.seconds)
             return messages.check_stiffness(reply, index, dofs)
 
-        request = messages.stiffness(index, self.element, dofs, model.materials)
+        request = messages.stiffness(index, self.element, model)
         try:
             return self._converse(index, model.name, "the stiffness matrix was not obtained", request, read)
         finally:

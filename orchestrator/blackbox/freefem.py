@@ -11,8 +11,6 @@ import shutil
 import signal
 from pathlib import Path
 
-import numpy as np
-
 from orchestrator.blackbox import meshb
 from orchestrator.blackbox.protocol import Model
 from orchestrator.errors import InputError, Problem
@@ -60,11 +58,9 @@ class FreeFem:
         return [self.executable, "-ne", "-nw", "-v", "0", str(SCRIPT), requests, replies]
 
     @staticmethod
-    def mesh(model: Model, clamped: bool) -> tuple[bytes, np.ndarray]:
-        """Bytes of the mesh file, and the clamped dofs (l,) that the file cannot say."""
-        nothing = np.zeros_like(model.fixed)
-        clamping = meshb.clamping(model.cells, model.fixed if clamped else nothing)
-        return meshb.encode(model, clamping), clamping.loose
+    def mesh(model: Model) -> bytes:
+        """Bytes of the mesh file."""
+        return meshb.encode(model)
 
     def environment(self) -> dict[str, str]:
         """Environment of the child process."""

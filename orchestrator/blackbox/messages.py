@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.blackbox.protocol import Model
+
 LOAD, TRACES, FIELDS, STIFFNESS, QUIT = 1, 2, 3, 4, 5
 ELEMENTS = {"P1": 1}
 RESIDUAL_LIMIT = 1e-6
@@ -58,10 +60,11 @@ def lame(materials: np.ndarray) -> list[np.ndarray]:
     return [young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))]
 
 
-def load(index: int, element: str, dofs: int, trace: np.ndarray, loose: np.ndarray, materials: np.ndarray) -> Buffers:
-    """Assemble and factorise ``mesh-<index>.meshb``; ``dofs`` are those the caller knows of."""
-    head = [index, ELEMENTS[element], dofs, len(trace), len(loose)]
-    return [_op(LOAD), _ints(np.concatenate([head, trace, loose])), *_reals(lame(materials))]
+def load(index: int, element: str, model: Model) -> Buffers:
+    """Assemble ``mesh-<index>.meshb``, clamp and factorise it."""
+    fixed = np.flatnonzero(model.fixed)
+    head = [index, ELEMENTS[element], model.fixed.size, len(model.trace), len(fixed)]
+    return [_op(LOAD), _ints(np.concatenate([head, model.trace, fixed])), *_reals(lame(model.materials))]
 
 
 def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
@@ -70,9 +73,9 @@ def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
     return [_op(op), _ints(head), *_reals([forces for _, forces in jobs])]
 
 
-def stiffness(index: int, element: str, dofs: int, materials: np.ndarray) -> Buffers:
+def stiffness(index: int, element: str, model: Model) -> Buffers:
     """Assemble ``mesh-<index>.meshb`` with nothing clamped and send the matrix."""
-    return [_op(STIFFNESS), _ints([index, ELEMENTS[element], dofs]), *_reals(lame(materials))]
+    return [_op(STIFFNESS), _ints([index, ELEMENTS[element], model.fixed.size]), *_reals(lame(model.materials))]
 
 
 def quit() -> Buffers:

@@ -32,8 +32,8 @@ class PipeWorker(Worker):
         self.seconds["start"] += float(reply.seconds[0])
 
     def load(self, index: int, model: Model) -> None:
-        path, loose = self.write_mesh(index, model, clamped=True)
-        request = messages.load(index, self.element, 3 * len(model.nodes), model.trace, loose, model.materials)
+        path = self.write_mesh(index, model)
+        request = messages.load(index, self.element, model)
         try:
             deadline = self.deadline()
             self.channel.write(request, deadline)
@@ -59,11 +59,11 @@ class PipeWorker(Worker):
         return answers
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        path, _ = self.write_mesh(index, model, clamped=False)
+        path = self.write_mesh(index, model)
         dofs = 3 * len(model.nodes)
         try:
             deadline = self.deadline()
-            self.channel.write(messages.stiffness(index, self.element, dofs, model.materials), deadline)
+            self.channel.write(messages.stiffness(index, self.element, model), deadline)
             reply = self._reply(deadline)
             matrix = messages.check_stiffness(reply, index, dofs)
         except (Ended, BadReply) as error:

@@ -28,7 +28,7 @@ class Code(Protocol):
 
     def command(self, requests: str, replies: str) -> list[str]: ...
     def environment(self) -> dict[str, str]: ...
-    def mesh(self, model: Model, clamped: bool) -> tuple[bytes, np.ndarray]: ...
+    def mesh(self, model: Model) -> bytes: ...
     def meaning(self, exit_code: int) -> str: ...
     def missing_plugin(self, exit_code: int) -> Exception | None: ...
 
@@ -129,10 +129,9 @@ class Worker:
             )) from error
         return path
 
-    def write_mesh(self, index: int, model: Model, clamped: bool) -> tuple[Path, np.ndarray]:
-        """Mesh file of a model; returns its path and the loose dofs."""
-        content, loose = self.code.mesh(model, clamped)
-        return self.write(f"mesh-{index}.meshb", [content]), loose
+    def write_mesh(self, index: int, model: Model) -> Path:
+        """Mesh file of a model."""
+        return self.write(f"mesh-{index}.meshb", [self.code.mesh(model)])
 
     def failure(self, what: str, subdomain: str) -> BlackBoxError:
         """The error to raise: waits a moment for the process's own last words and exit code."""

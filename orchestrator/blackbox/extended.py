@@ -1,0 +1,146 @@
+"""From scene to plain models: what is handed over to the black box.
+
+- the extended subdomains: mesh, loads' dofs and the soles of all interfaces, outer nodes clamped;
+- the soles alone, each interface apart, for the search direction k⁻;
+- the rims: the tets that touch an interface or a clamped node, whose stiffness gives the
+  energies of boundary corrections and the reactions without exporting whole matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.blackbox.protocol import Model
+from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.soles import Sole
+
+SolePair = tuple[Sole, Sole]
+
+
+def sides_of(scene: Scene, subdomain: int) -> list[tuple[int, int]]:
+    """(interface, side) pairs of a subdomain, in the order of the interfaces."""
+    return [(i.index, side) for i in scene.interfaces for side in (0, 1) if i.subdomains[side] == subdomain]
+
+
+def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]]) -> np.ndarray:
+    """(t,) ascending dofs of the subdomain that lie on an interface and are not prescribed."""
+    on = np.zeros(len(subdomain.nodes), dtype=bool)
+    for index, side in sides:
+        on[scene.interfaces[index].nodes[side]] = True
+    return np.flatnonzero(on[:, None] & ~subdomain.fixed)
+
+
+def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]],
+                   soles: Sequence[SolePair]) -> Model:
+    """The subdomain's mesh with the soles of all its interfaces."""
+    count = len(subdomain.nodes)
+    points, cells = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity]
+    matter = [np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material]]
+    for index, side in sides:
+        sole, inner = soles[index][side], scene.interfaces[index].nodes[side]
+        numbering = np.concatenate([inner, count + np.arange(len(sole.points))])
+        cells.append(numbering[sole.cells])
+        points.append(sole.points)
+        matter.append(np.column_stack([sole.young, sole.poisson]))
+        count += len(sole.points)
+    fixed = np.ones((count, 3), dtype=bool)
+    fixed[: len(subdomain.nodes)] = subdomain.fixed
+    region, materials = _regions(np.vstack(matter))
+    return Model(
+        name=subdomain.name, nodes=np.vstack(points), cells=np.vstack(cells), region=region, materials=materials,
+        fixed=fixed, trace=boundary_dofs(scene, subdomain, sides),
+    )
+
+
+def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tuple[int, int]]]:
+    """One model per different sole, with the (interface, side) it belongs to."""
+    models = []
+    for interface, pair in zip(scene.interfaces, soles):
+        inner = scene.mesh.nodes[interface.global_nodes]
+        for side in (0,) if pair[0] is pair[1] else (0, 1):
+            sole = pair[side]
+            region, materials = _regions(np.column_stack([sole.young, sole.poisson]))
+            nodes = np.vstack([inner, sole.points])
+            models.append((
+                Model(f"sole of {interface.name}", nodes, sole.cells, region, materials,
+                      np.zeros((len(nodes), 3), bool), np.empty(0, int)),
+                (interface.index, side),
+            ))
+    return models
+
+
+@dataclass
+class Rim:
+    """The part of a subdomain that touches its interfaces and clamped nodes.
+
+    Parameters
+    ----------
+    model : the tets with at least one such node, as a model
+    nodes : (r,) int, local node index in the subdomain of each of the model's nodes
+    """
+
+    model: Model
+    nodes: np.ndarray
+
+
+def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]]) -> Rim:
+    """The rim of a subdomain; its stiffness has complete rows for interface and clamped dofs."""
+    touched = subdomain.fixed.any(axis=1)
+    for index, side in sides:
+        touched[scene.interfaces[index].nodes[side]] = True
+    chosen = touched[subdomain.connectivity].any(axis=1)
+    nodes, cells = np.unique(subdomain.connectivity[chosen], return_inverse=True)
+    matter = np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material[chosen]]
+    region, materials = _regions(matter.reshape(-1, 2))
+    model = Model(
+        name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]], cells=cells.reshape(-1, 4),
+        region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
+    )
+    return Rim(model, nodes)
+
+
+def whole_model(scene: Scene) -> Model:
+    """The undecomposed problem as one model, for the reference solution."""
+    region, materials = _regions(np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material])
+    return Model("the whole structure", scene.mesh.nodes, scene.mesh.cells, region, materials, scene.fixed,
+                 np.empty(0, int))
+
+
+def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
+    """At most ``count`` models that hold all the given ones side by side, of about equal size.
+
+    Returns
+    -------
+    list of (joined model, indices of the models in it, in order)
+
+    Notes
+    -----
+    Hundreds of tiny requests cost more in messages than in arithmetic; side by side they are one.
+    """
+    sizes = np.cumsum([len(m.cells) for m in models])
+    bins = np.minimum((sizes - 1) * count // max(sizes[-1], 1), count - 1)
+    joined = []
+    for b in np.unique(bins):
+        members = [int(i) for i in np.flatnonzero(bins == b)]
+        parts = [models[i] for i in members]
+        node_shift = np.cumsum([0] + [len(m.nodes) for m in parts])
+        region_shift = np.cumsum([0] + [len(m.materials) for m in parts])
+        joined.append((Model(
+            name=f"{parts[0].name} … {parts[-1].name}",
+            nodes=np.vstack([m.nodes for m in parts]),
+            cells=np.vstack([m.cells + s for m, s in zip(parts, node_shift)]),
+            region=np.concatenate([m.region + s for m, s in zip(parts, region_shift)]),
+            materials=np.vstack([m.materials for m in parts]),
+            fixed=np.vstack([m.fixed for m in parts]),
+            trace=np.empty(0, int),
+        ), members))
+    return joined
+
+
+def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Region of each cell and the table of different (E, ν) they refer to."""
+    materials, region = np.unique(matter, axis=0, return_inverse=True)
+    return region.ravel(), materials
