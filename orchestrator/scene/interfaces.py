@@ -27,7 +27,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     entries : of ``interfaces:`` in the YAML
     """
     shared, sides, bounds = patches(faces, partition.subdomain)
-    triangles = _outward_of_first(faces, partition.subdomain, shared)
+    triangles, cells = _outward_of_first(faces, partition.subdomain, shared)
     laws = Laws(entries)
     found: list[Interface] = []
     pairs: list[tuple[str, str]] = []
@@ -41,8 +41,8 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         if not free.any():
             continue
         own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
-        found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own, local.reshape(-1, 3), free,
-                               laws.law(entry)))
+        found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own, local.reshape(-1, 3), cells[first:last],
+                               free, laws.law(entry)))
     laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems)
     _number_patches(found)
     return found
@@ -79,11 +79,13 @@ def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return shared[order], sides[order], bounds
 
 
-def _outward_of_first(faces: Faces, subdomain: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """Triangles (k, 3) of faces, seen from outside the lower subdomain."""
+def _outward_of_first(faces: Faces, subdomain: np.ndarray, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (k, 3) of faces, seen from outside the lower subdomain, and cells (k, 2), its own first."""
     triangles = faces.triangles[shared]
-    swapped = subdomain[faces.owner[shared]] > subdomain[faces.neighbour[shared]]
-    return np.where(swapped[:, None], triangles[:, [0, 2, 1]], triangles)
+    cells = np.c_[faces.owner[shared], faces.neighbour[shared]]
+    swapped = subdomain[cells[:, 0]] > subdomain[cells[:, 1]]
+    return (np.where(swapped[:, None], triangles[:, [0, 2, 1]], triangles),
+            np.where(swapped[:, None], cells[:, ::-1], cells))
 
 
 def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray,

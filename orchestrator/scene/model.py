@@ -74,6 +74,7 @@ class Interface:
     global_nodes : (n,) int, global node ids of the patch, ascending
     nodes : two (n,) int arrays, local node indices in E1 and E2, paired
     triangles : (k, 3) int, indices into the patch's nodes, oriented outward of E1
+    cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
     free : (n, 3) bool, components that no boundary condition prescribes
     law : name of the interface law ("perfect")
     """
@@ -84,6 +85,7 @@ class Interface:
     global_nodes: np.ndarray
     nodes: tuple[np.ndarray, np.ndarray]
     triangles: np.ndarray
+    cells: np.ndarray
     free: np.ndarray
     law: str = "perfect"
 

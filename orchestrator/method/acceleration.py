@@ -1,0 +1,117 @@
+"""Accelerations of the fixed point s = F(s), a column (load step) at a time.
+
+Every evaluation gives a residual r = F(s) − s. ``none`` relaxes, eq. (12). The others minimise the
+residual over affine combinations of the evaluations so far. Written with orthonormal residual
+differences this is the generalised conjugate residual method: with the whole history kept it is
+GMRES for affine F, with the last m directions it is Anderson's acceleration of type II.
+
+    Δs = s − s*,  Δr = r − r*        what the evaluation adds to the best combination (s*, r*)
+    orthonormalise Δr against the kept directions, the same steps on Δs
+    s* ← s* + Δs γ,  r* ← r* + Δr γ,  γ = −Δrᵀr*
+    next evaluation at s* + β r*
+
+References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schultz, ibid. 20 (1983).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
+
+
+class Relaxation:
+    """Plain fixed point s ← s + α (F(s) − s).
+
+    Parameters
+    ----------
+    relaxation : α in (0, 1]
+    """
+
+    def __init__(self, relaxation: float):
+        self.relaxation = relaxation
+
+    def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
+        """Residual and best known (s, *extra): the evaluation itself."""
+        self.s, self.residual = s, s_new - s
+        return self.residual, s, extra
+
+    def next(self) -> np.ndarray:
+        """State to evaluate next."""
+        return self.s + self.relaxation * self.residual
+
+
+class ResidualMinimisation:
+    """Anderson's acceleration or GMRES, by orthogonalised residual differences.
+
+    Parameters
+    ----------
+    weight : (D,) float, squared weights of the norm in which residuals are minimised
+    memory : directions kept; None keeps all
+    relaxation : β of the next evaluation
+    """
+
+    def __init__(self, weight: np.ndarray, memory: int | None, relaxation: float):
+        self.root = np.sqrt(weight)[:, None]
+        self.memory, self.relaxation = memory, relaxation
+        self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
+        self.r: np.ndarray | None = None
+        self.point: list[np.ndarray] = []
+
+    def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
+        """Take in an evaluation.
+
+        Parameters
+        ----------
+        s, s_new : (D, T) state and F(s)
+        extra : affine functions of the state, known at s, to be combined in the same way
+
+        Returns
+        -------
+        residual, s, extra at the combination of least residual
+        """
+        r, point = self.root * (s_new - s), [s, *extra]
+        if self.r is None:
+            self.r, self.point = r, point
+        else:
+            scale = np.linalg.norm(self.r, axis=0)
+            dr = r - self.r
+            dp = [a - b for a, b in zip(point, self.point)]
+            size = np.linalg.norm(dr, axis=0)
+            for _ in range(2):  # twice is enough
+                for q, p in self.directions:
+                    c = np.einsum("ij,ij->j", q, dr)
+                    dr -= q * c
+                    for a, b in zip(dp, p):
+                        a -= b * c
+            norm = np.linalg.norm(dr, axis=0)
+            good = (norm > DEPENDENT * size) & (scale > 0)
+            inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
+            dr *= inverse
+            for a in dp:
+                a *= inverse
+            self.directions.append((dr, dp))
+            if self.memory is not None and len(self.directions) > self.memory:
+                self.directions.pop(0)
+            gamma = -np.einsum("ij,ij->j", dr, self.r)
+            self.r = self.r + dr * gamma
+            self.point = [a + b * gamma for a, b in zip(self.point, dp)]
+        return self.r / self.root, self.point[0], self.point[1:]
+
+    def next(self) -> np.ndarray:
+        """State to evaluate next."""
+        return self.point[0] + self.relaxation * self.r / self.root
+
+
+def make_acceleration(kind: str, weight: np.ndarray, relaxation: float | str, memory: int | None):
+    """Acceleration by name: ``none``, ``anderson`` or ``gmres``.
+
+    Parameters
+    ----------
+    relaxation : α, or "auto": 1 where the residual is minimised, 0.8 (the paper's) where it is not
+    memory : Anderson's depth, None for the whole history
+    """
+    if kind == "none":
+        return Relaxation(0.8 if relaxation == "auto" else relaxation)
+    beta = 1.0 if relaxation == "auto" else relaxation
+    return ResidualMinimisation(weight, None if kind == "gmres" else memory, beta)

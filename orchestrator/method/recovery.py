@@ -1,0 +1,78 @@
+"""Delivered fields: the kinematically admissible displacement u_D that the bound speaks of, reactions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.method.solver import Decomposition, Outcome
+
+
+def recover(d: Decomposition, outcome: Outcome) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Displacement of the whole structure, and of each subdomain before averaging.
+
+    Returns
+    -------
+    displacement : (T, n, 3) u_D on the nodes of the input mesh, continuous over perfect interfaces
+    parts : per subdomain (T, n_E, 3), in equilibrium with their interface forces
+
+    Notes
+    -----
+    One back-substitution per subdomain and load step for the fields inside the subdomains.
+    """
+    scene, steps = d.scene, d.scene.steps
+    robin = d.space.scatter @ d.stage.robin_force(outcome.fields.s, outcome.fields.alpha)
+    requests = {}
+    for e, (trace, forces) in enumerate(zip(d.traces, d.loading.forces)):
+        full = np.zeros((steps, 3 * d.node_counts[e]))
+        full[:, : forces.shape[1]] = forces
+        full[:, trace] += robin[d.space.boundary[e]].T
+        if full.any():
+            requests[e] = full
+    answers = d.blackbox.fields(requests)
+    displacement = np.zeros((steps, len(scene.mesh.nodes), 3))
+    parts, mode = [], 0
+    for e, s in enumerate(scene.subdomains):
+        size = 3 * len(s.nodes)
+        u = d.loading.lift[e] + (answers[e][:, :size] if e in answers else 0.0)
+        count = d.modes[e].shape[1]
+        u = u + (d.modes[e] @ outcome.bound.repositioned[mode : mode + count]).T
+        mode += count
+        parts.append(u.reshape(steps, -1, 3).copy())
+        u[:, d.traces[e]] += outcome.bound.correction[d.space.boundary[e]].T
+        displacement[:, s.nodes] = u.reshape(steps, -1, 3)
+    return displacement, parts
+
+
+def reactions(d: Decomposition, parts: list[np.ndarray]) -> list[list[list[float]]]:
+    """Resultant force on each boundary entry, per load step.
+
+    Returns
+    -------
+    per entry of the YAML, per step, a 3-vector: the support's reaction for prescribed
+    displacements (a node in several entries counts for the last), the applied resultant for loads
+    """
+    scene, steps = d.scene, d.scene.steps
+    nodal = np.zeros((steps, len(scene.mesh.nodes), 3))
+    for s, rim, u in zip(scene.subdomains, d.rims, parts):
+        if s.fixed.any():
+            internal = (rim.stiffness @ u[:, rim.nodes].reshape(steps, -1).T).T.reshape(steps, -1, 3)
+            held = s.fixed[rim.nodes]
+            np.add.at(nodal, (slice(None), s.nodes[rim.nodes]),
+                      np.where(held, internal - s.loads[:, rim.nodes], 0.0))
+    owner = np.full(len(scene.mesh.nodes) * 3, -1).reshape(-1, 3)
+    for entry in scene.boundary:
+        if entry.kind == "displacement":
+            owner[np.ix_(entry.nodes, np.flatnonzero(entry.fixed))] = entry.index
+    result = []
+    for entry in scene.boundary:
+        if entry.kind == "displacement":
+            total = np.where(owner == entry.index, nodal, 0.0).sum(axis=1)
+        else:
+            a, b, c = np.moveaxis(scene.mesh.nodes[entry.triangles], 1, 0)
+            area = 0.5 * np.cross(b - a, c - a)
+            if entry.kind == "pressure":
+                total = -entry.values[:, :1] * area.sum(axis=0)
+            else:
+                total = entry.values * np.linalg.norm(area, axis=1).sum()
+        result.append(total.tolist())
+    return result

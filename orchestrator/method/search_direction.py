@@ -1,0 +1,82 @@
+"""Search directions: the soles' stiffness k⁻ of the linear stage, and its companions k⁺.
+
+k⁻ comes from the black box: it assembles the soles as plain matter, and clamping their outer
+nodes leaves the rows and columns of the interface (paper, remark 2).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from orchestrator.blackbox.extended import batch, sole_models
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.traces import TraceSpace
+from orchestrator.scene.model import Scene
+
+
+class SearchDirection:
+    """k⁻ on all trace dofs.
+
+    Parameters
+    ----------
+    k : (D, D) sparse, symmetric positive definite, one block per interface and side
+    partner : (D,) int
+    """
+
+    def __init__(self, k: sp.csr_array, partner: np.ndarray):
+        self.k, self.partner = k, partner
+        self.diagonal = k.diagonal()
+
+    @cached_property
+    def solve(self):
+        """k⁻¹ applied to (D, columns), by a factorisation made at the first call."""
+        return factorised(self.k)
+
+    @cached_property
+    def other(self) -> sp.csr_array:
+        """(D, D) the neighbour's k⁻, seen from this side."""
+        return sp.csr_array(self.k[self.partner][:, self.partner])
+
+
+def factorised(matrix: sp.csr_array):
+    """Solver of a symmetric positive definite sparse matrix, for (n, columns) right-hand sides."""
+    if matrix.shape[0] == 0:
+        return lambda x: np.array(x)
+    lu = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                  options={"SymmetricMode": True})
+    return lu.solve
+
+
+def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox,
+                              workers: int) -> SearchDirection:
+    """Have the black box assemble every sole and place the results on the trace dofs.
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    """
+    requests = sole_models(scene, soles)
+    packets = batch([model for model, _ in requests], workers) if requests else []
+    rows, columns, values = [], [], []
+    for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
+        start = 0
+        for member in members:
+            model, (index, side) = requests[member]
+            interface = scene.interfaces[index]
+            dofs = start + np.flatnonzero(interface.free.ravel())
+            block = sp.coo_array(stiffness[dofs][:, dofs])
+            both = soles[index][0] is soles[index][1]
+            for slot in space.slots[index] if both else (space.slots[index][side],):
+                rows.append(slot[block.row])
+                columns.append(slot[block.col])
+                values.append(block.data)
+            start += 3 * len(model.nodes)
+    d = space.size
+    if not rows:
+        return SearchDirection(sp.csr_array((d, d)), space.partner)
+    k = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(d, d))
+    return SearchDirection(k, space.partner)

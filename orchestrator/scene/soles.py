@@ -1,0 +1,221 @@
+"""Soles: a layer of matter on an interface, its outer face clamped (paper, section 3.2).
+
+Added to a subdomain's mesh, a sole turns a standard elasticity solve into a Robin solve: its
+stiffness, condensed on the interface, is the search direction k⁻. With one layer of linear
+elements the outer nodes are all clamped, so that the condensation is a mere restriction.
+
+Two kinds:
+
+- ``layer`` (the paper's): each side carries a layer along its own outward normal;
+- ``symmetric``: each side carries a layer along +n and one along −n, half the modulus each.
+  Both sides then see the very same stiffness, which makes the two search directions conjugate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.scene.model import Interface, Scene
+
+# Thickness is halved this often where prisms would invert; facets that stay bad get outer
+# nodes of their own, along their own normal, where inversion is impossible.
+HALVINGS = 3
+# A tet thinner than this fraction of its prism's regular share (area × thickness / 3) is bad.
+FLATNESS = 0.1
+
+
+@dataclass
+class Sole:
+    """The matter added to one side of one interface.
+
+    Parameters
+    ----------
+    points : (p, 3) float, outer vertices, all clamped
+    cells : (q, 4) int, positively oriented; values below n are nodes of the interface, the
+        others are n + index of an outer vertex
+    young, poisson : (q,) float
+    """
+
+    points: np.ndarray
+    cells: np.ndarray
+    young: np.ndarray
+    poisson: np.ndarray
+
+
+@dataclass
+class Facets:
+    """Geometry and matter of an interface's facets, seen from its first side.
+
+    Parameters
+    ----------
+    points : (n, 3) float, nodes of the interface, ascending global id
+    triangles : (k, 3) int, outward of the first side
+    young, poisson : (k,) float, moduli wanted for the sole behind each facet
+    thickness : (n,) float, thickness wanted at each node
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    young: np.ndarray
+    poisson: np.ndarray
+    thickness: np.ndarray
+
+    @property
+    def area_vectors(self) -> np.ndarray:
+        """(k, 3) float, area × unit normal."""
+        a, b, c = np.moveaxis(self.points[self.triangles], 1, 0)
+        return 0.5 * np.cross(b - a, c - a)
+
+
+def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) local mesh size at the nodes of a patch: √(2 × mean area of the adjacent facets).
+
+    On a structured patch of right triangles this is the length of their legs.
+    """
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    count = np.bincount(triangles.ravel(), minlength=len(points))
+    total = np.bincount(triangles.ravel(), weights=np.repeat(area, 3), minlength=len(points))
+    return np.sqrt(2 * total / count)
+
+
+def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n, 3) unit normals at the nodes: mean of the facets' normals weighted by their angle there."""
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    result = np.zeros_like(points)
+    for i in range(3):
+        u = corners[:, (i + 1) % 3] - corners[:, i]
+        v = corners[:, (i + 2) % 3] - corners[:, i]
+        cosine = np.einsum("ij,ij->i", u, v) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
+        angle = np.arccos(np.clip(cosine, -1, 1))
+        np.add.at(result, triangles[:, i], angle[:, None] * normal)
+    length = np.linalg.norm(result, axis=1, keepdims=True)
+    return result / np.where(length > 0, length, 1.0)
+
+
+def prisms(facets: Facets, direction: int) -> Sole:
+    """One layer of prisms, each split in three tets along diagonals fixed by the node order.
+
+    Parameters
+    ----------
+    facets : the interface
+    direction : +1 outward of the first side, −1 outward of the second
+
+    Notes
+    -----
+    Neighbouring prisms agree on the diagonal of their common face because both sort its nodes.
+    Where the thickness must shrink, the modulus shrinks with it: E/thickness is what counts.
+    """
+    n = len(facets.points)
+    order = np.argsort(facets.triangles, axis=1)
+    triangles = np.take_along_axis(facets.triangles, order, axis=1)
+    # sorting may have turned a facet over: an odd permutation has an inversion count of 1 or 3
+    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
+    turn = direction * np.where(odd == 1, -1.0, 1.0)
+
+    normals = direction * node_normals(facets.points, facets.triangles)
+    vectors = facets.area_vectors
+    area = np.linalg.norm(vectors, axis=1)
+    thickness = facets.thickness.copy()
+    for _ in range(HALVINGS + 1):
+        outer = facets.points + thickness[:, None] * normals
+        bad = _thinnest(facets.points, outer, triangles, turn) < FLATNESS * area * thickness[triangles].mean(1) / 3
+        if not bad.any():
+            break
+        thickness[np.unique(triangles[bad])] *= 0.5
+
+    outer_of = triangles + n  # outer vertex behind each corner
+    wanted = facets.thickness[triangles].mean(axis=1)
+    achieved = thickness[triangles].mean(axis=1)
+    points = outer
+    if bad.any():  # own outer nodes along the facet's normal
+        lone = np.flatnonzero(bad)
+        step = direction * wanted[lone, None] * vectors[lone] / area[lone, None]
+        own = facets.points[triangles[lone]] + step[:, None, :]
+        outer_of[lone] = 2 * n + np.arange(3 * len(lone)).reshape(-1, 3)
+        points = np.vstack([outer, own.reshape(-1, 3)])
+        achieved[lone] = wanted[lone]
+
+    a, b, c = triangles.T
+    a1, b1, c1 = outer_of.T
+    tets = np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1), np.stack([a, a1, b1, c1], 1)], 1)
+    flipped = turn < 0
+    tets[flipped] = tets[flipped][:, :, [1, 0, 2, 3]]
+    cells = tets.reshape(-1, 4)
+
+    used, inverse = np.unique(cells[cells >= n], return_inverse=True)
+    cells[cells >= n] = n + inverse
+    return Sole(
+        points=points[used - n],
+        cells=cells,
+        young=np.repeat(facets.young * achieved / wanted, 3),
+        poisson=np.repeat(facets.poisson, 3),
+    )
+
+
+def _thinnest(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """(k,) smallest signed tet volume of each prism."""
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    a1, b1, c1 = np.moveaxis(outer[triangles], 1, 0)
+    volume = [_volume(a, b, c, c1), _volume(a, b, c1, b1), _volume(a, a1, b1, c1)]
+    return turn * np.where(turn > 0, np.min(volume, axis=0), np.max(volume, axis=0))
+
+
+def _volume(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+
+
+def merge(first: Sole, second: Sole, n: int) -> Sole:
+    """Both soles on the same interface of n nodes, each with its own outer vertices."""
+    shifted = np.where(second.cells >= n, second.cells + len(first.points), second.cells)
+    return Sole(
+        np.vstack([first.points, second.points]),
+        np.vstack([first.cells, shifted]),
+        np.concatenate([first.young, second.young]),
+        np.concatenate([first.poisson, second.poisson]),
+    )
+
+
+def facets_of(scene: Scene, interface: Interface, settings) -> Facets:
+    """The facets of an interface with the moduli and the thickness their sole should have.
+
+    Parameters
+    ----------
+    settings : ``method.sole`` of the configuration: modulus_ratio, thickness, poisson
+
+    Notes
+    -----
+    E_S = ratio × the larger modulus of the two sides: with a contrast across the interface it is
+    the one simple choice that converges well from both sides. ν_S is the smaller ratio, at most
+    0.3: a nearly incompressible sole is stiff in the wrong direction.
+    """
+    young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
+    poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
+    points = scene.mesh.nodes[interface.global_nodes]
+    if settings.thickness == "auto":
+        thickness = local_size(points, interface.triangles)
+    else:
+        thickness = np.full(len(points), float(settings.thickness))
+    if settings.poisson == "auto":
+        nu = np.minimum(poisson.min(axis=1), 0.3)
+    else:
+        nu = np.full(len(young), float(settings.poisson))
+    return Facets(points, interface.triangles, settings.modulus_ratio * young.max(axis=1), nu, thickness)
+
+
+def soles_of(facets: Facets, kind: str) -> tuple[Sole, Sole]:
+    """The soles of the first and the second side; one and the same object when ``symmetric``."""
+    if kind == "layer":
+        return prisms(facets, +1), prisms(facets, -1)
+    half = Facets(facets.points, facets.triangles, facets.young / 2, facets.poisson, facets.thickness)
+    both = merge(prisms(half, +1), prisms(half, -1), len(facets.points))
+    return both, both
+
+
+def make_soles(scene: Scene, settings) -> list[tuple[Sole, Sole]]:
+    """The soles of every interface, first and second side, after ``method.sole`` of the configuration."""
+    return [soles_of(facets_of(scene, interface, settings), settings.kind) for interface in scene.interfaces]
