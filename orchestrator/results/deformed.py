@@ -111,25 +111,31 @@ class Drawing:
     def __init__(self, view: View):
         camera, (low, high) = view.camera, view.limits
         columns = int(_WIDTH * _DPI)
+        self._process: subprocess.Popen[bytes] | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="orchestrator-")
         job, self._picture = (Path(self._folder.name) / name for name in ("job.npz", "picture.npy"))
-        np.savez(job, points=view.points, triangles=view.triangles, palette=_palette(),
-                 value=np.clip((view.stress - low) / (high - low), 0, 1), lines=view.lines, outline=view.outline,
-                 focus=camera.focus, toward=camera.toward, up=camera.up, height=camera.height,
-                 pixels=np.array([columns, round(columns * camera.height / camera.width)]))
         environment = dict(os.environ)
         if not environment.get("DISPLAY"):  # otherwise VTK tries X first and complains
             environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
         program = Path(__file__).with_name("offscreen.py")
-        self._process = subprocess.Popen([sys.executable, "-P", str(program), str(job), str(self._picture)],
-                                         env=environment, stdin=subprocess.DEVNULL,
-                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            np.savez(job, points=view.points, triangles=view.triangles, palette=_palette(),
+                     value=np.clip((view.stress - low) / (high - low), 0, 1), lines=view.lines,
+                     outline=view.outline, focus=camera.focus, toward=camera.toward, up=camera.up,
+                     height=camera.height, pixels=np.array([columns, round(columns * camera.height / camera.width)]))
+            # in the temporary folder, where a core dump would go away with it
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", str(program), str(job), str(self._picture)], env=environment,
+                cwd=self._folder.name, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        except OSError:  # a full /tmp is no reason to lose the picture: matplotlib needs no room there
+            pass
 
     def finish(self) -> np.ndarray | None:
         """(rows, columns, 3) uint8, or None when VTK could not draw here."""
         try:
-            self._process.wait(_PATIENCE)
-            return np.load(self._picture) if self._process.returncode == 0 else None
+            if self._process is None or self._process.wait(_PATIENCE) != 0:
+                return None
+            return np.load(self._picture)
         except (subprocess.TimeoutExpired, OSError, ValueError):
             return None
         finally:
@@ -137,7 +143,7 @@ class Drawing:
 
     def close(self) -> None:
         """Ends the process if it still runs and removes its files."""
-        if self._process.poll() is None:
+        if self._process is not None and self._process.poll() is None:
             self._process.kill()
             self._process.wait()
         self._folder.cleanup()

@@ -61,7 +61,7 @@ def _blocks(result: Result) -> list[Block]:
     summary = result.summary
     blocks: list[Block] = [
         Heading(str(summary.get("name") or "Run"), 1), Paragraph(_in_words(result)),
-        Table(("", ""), [(label, text.replace("\n", "; ")) for label, text in summary_rows(summary)])]
+        Table(("", ""), [row for row in summary_rows(summary) if row[0] != "time"])]
     blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary)]
     for key, title in (("reactions", "Reactions"), ("energy", "Energy"), ("status_counts", "Interface status")):
         table = {"reactions": _reactions, "energy": _energy, "status_counts": _status}[key](summary.get(key))

@@ -1,0 +1,211 @@
+"""Folder, history, checkpoint: what is on disk is whole, and what goes wrong is said."""
+
+import os
+import subprocess
+
+import numpy as np
+import pytest
+import results_case as case
+
+from orchestrator.errors import BAD_INPUT, InputError
+from orchestrator.method.events import HISTORY_COLUMNS, Finished
+from orchestrator.results.checkpoint import Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.fields import write_fields
+from orchestrator.results.figures import write_figures
+from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.history import HistoryWriter, read_history, write_history
+from orchestrator.results.summary import write_summary
+
+
+def the_problem(caught):
+    assert caught.value.exit_code == BAD_INPUT
+    (problem,) = caught.value.problems
+    assert problem.path == DIRECTORY_KEY and problem.found and problem.expected and problem.cure
+    return problem
+
+
+def leftovers(path):
+    return [p for p in path.rglob("*") if p.name.endswith(".part")]
+
+
+@pytest.fixture
+def tiny_disk(tmp_path):
+    """A file system of 128 kB of its own."""
+    if os.name != "posix" or os.geteuid() != 0:
+        pytest.skip("mounting a small disk needs root")
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=128k", "tmpfs", disk], capture_output=True, text=True)
+    if mounted.returncode:
+        pytest.skip(f"no small disk can be mounted here: {mounted.stderr.strip()}")
+    try:
+        yield disk
+    finally:
+        subprocess.run(["umount", "-l", disk], check=True)
+
+
+def fill(disk):
+    size = os.statvfs(disk)
+    free = size.f_bavail * size.f_frsize
+    (disk / "ballast").write_bytes(b"x" * free)
+
+
+def test_folder_below_a_file_is_an_input_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    for place in ("file", "file/below"):
+        with pytest.raises(InputError) as caught:
+            ResultsFolder(tmp_path / place)
+        assert "cannot write" in the_problem(caught).found
+
+
+def test_read_only_folder_is_an_input_error(tiny_disk):
+    subprocess.run(["mount", "-o", "remount,ro", tiny_disk], check=True)
+    for place in (tiny_disk, tiny_disk / "new"):
+        with pytest.raises(InputError) as caught:
+            ResultsFolder(place)
+        assert "Read-only" in the_problem(caught).found
+
+
+def test_failed_writing_keeps_the_old_file(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    folder.write("summary.json", "old")
+    with pytest.raises(KeyboardInterrupt):
+        with folder.replacing("summary.json") as temporary:
+            temporary.write_text("half")
+            raise KeyboardInterrupt
+    assert (tmp_path / "summary.json").read_text() == "old"
+    assert not leftovers(tmp_path)
+
+
+def test_clear_removes_results_and_nothing_else(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    for name in ("summary.json", "fields/step_0001.vtu", "figures/time.png", "notes.txt", "figures/mine.svg"):
+        folder.write(name, "x")
+    folder.clear()
+    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["mine.svg", "notes.txt"]
+
+
+@pytest.mark.parametrize("what", ["fields", "figures", "summary", "checkpoint", "history"])
+def test_full_disk(tiny_disk, what):
+    folder = ResultsFolder(tiny_disk / "run")
+    mesh = case.box_mesh((12, 6, 6))
+    state = np.zeros((5000, 4))
+    checkpoint = Checkpoint(folder, "f")
+    checkpoint(case.iteration(1, state=state))
+    writer = HistoryWriter(folder)
+    writer(case.iteration(1))
+    (folder / "figures").mkdir()
+    folder.write("summary.json", "{}")
+    before = {p: p.read_bytes() for p in (folder / "summary.json", folder / "history.csv")}
+    if what != "fields":  # those do not fit anyway
+        fill(tiny_disk)
+
+    with pytest.raises(InputError) as caught:
+        if what == "fields":
+            write_fields(folder, mesh, case.slices(mesh), case.lame(mesh), case.bending(mesh))
+        elif what == "figures":
+            write_figures(folder, case.summary(), case.history())
+        elif what == "summary":
+            write_summary(folder, case.summary())
+        elif what == "checkpoint":
+            checkpoint.write()
+        else:
+            for i in range(2, 200):
+                before[folder / "history.csv"] = (folder / "history.csv").read_bytes()
+                writer(case.iteration(i))
+    writer.close()
+    problem = the_problem(caught)
+    assert "disk full" in problem.found and "free" in problem.found and "--output" in problem.cure
+    assert not leftovers(tiny_disk)
+    assert all(path.read_bytes() == content for path, content in before.items())
+    assert not list(tiny_disk.rglob("*.npz")) and not list(tiny_disk.rglob("*.png"))
+
+
+def test_history_round_trip_and_every_line_at_once(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    with HistoryWriter(folder) as writer:
+        for i in range(1, 8):
+            writer(case.iteration(i))
+            assert len(read_history(tmp_path)["iteration"]) == i
+        writer(Finished(True, "converged", 7))
+    read = read_history(tmp_path / "history.csv")
+    assert list(read) == HISTORY_COLUMNS
+    for name, column in case.history().items():
+        np.testing.assert_array_equal(read[name], column)
+    assert read["stick"].dtype.kind == "i"
+
+
+def test_history_of_no_iteration(tmp_path):
+    HistoryWriter(ResultsFolder(tmp_path)).close()
+    assert all(len(column) == 0 for column in read_history(tmp_path).values())
+
+
+def test_history_resumes_after_the_checkpoint(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    write_history(folder, case.history(5))
+    with open(tmp_path / "history.csv", "a") as file:
+        file.write("6,11.0,0.")  # a killed run's last line
+    with HistoryWriter(folder, resume_after=3) as writer:
+        writer(case.iteration(4, sweeps=99.0))
+    read = read_history(tmp_path)
+    assert list(read["iteration"]) == [1, 2, 3, 4] and read["sweeps"][-1] == 99.0
+
+
+@pytest.mark.parametrize("content", [None, "time,error\n1,2\n", "\x00"])
+def test_foreign_history(tmp_path, content):
+    if content is not None:
+        (tmp_path / "history.csv").write_text(content)
+    with pytest.raises(InputError) as caught:
+        read_history(tmp_path)
+    assert "history.csv" in the_problem(caught).found
+
+
+def test_checkpoint_round_trip_in_its_rhythm(tmp_path):
+    now = [0.0]
+    folder = ResultsFolder(tmp_path)
+    checkpoint = Checkpoint(folder, "abc", every=30.0, clock=lambda: now[0])
+    assert checkpoint.write() is None
+    checkpoint(case.iteration(1))
+    assert not (tmp_path / "checkpoint.npz").exists()
+    now[0] = 31.0
+    checkpoint(case.iteration(2))
+    checkpoint(case.iteration(3))
+    assert load_checkpoint(folder, "abc").iteration == 2
+    checkpoint.write()
+    saved = load_checkpoint(tmp_path, "abc")
+    assert (saved.iteration, saved.sweeps) == (3, 8.0)
+    np.testing.assert_array_equal(saved.state, np.full((4, 2), 3.0))
+
+
+def test_checkpoint_after_the_end(tmp_path):
+    checkpoint = Checkpoint(ResultsFolder(tmp_path), "abc")
+    checkpoint(case.iteration(4))
+    checkpoint(Finished(False, "max_iterations", 4))
+    assert load_checkpoint(tmp_path, "abc").iteration == 4
+    checkpoint(Finished(True, "converged", 4))
+    assert not (tmp_path / "checkpoint.npz").exists()
+
+
+def test_checkpoint_missing_foreign_damaged(tmp_path):
+    with pytest.raises(InputError) as caught:
+        load_checkpoint(tmp_path, "abc")
+    assert "--resume" in the_problem(caught).cure
+    checkpoint = Checkpoint(ResultsFolder(tmp_path), "abc")
+    checkpoint(case.iteration(1))
+    path = checkpoint.write()
+    with pytest.raises(InputError) as caught:
+        load_checkpoint(tmp_path, "other")
+    assert "another problem" in the_problem(caught).found
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(InputError) as caught:
+        load_checkpoint(tmp_path, "abc")
+    assert "damaged" in the_problem(caught).found
+
+
+def test_fingerprint_sees_the_problem_and_not_when_to_stop():
+    config = {"name": "a", "mesh": {"beam": {"h": 1.25}}, "method": {"relaxation": 0.8, "max_iterations": 5}}
+    nodes = np.zeros((3, 3))
+    same = config | {"name": "b", "method": {"relaxation": 0.8, "max_iterations": 500}, "output": {"fields": False}}
+    assert fingerprint(config, nodes) == fingerprint(same, nodes)
+    assert fingerprint(config, nodes) != fingerprint(config | {"mesh": {"beam": {"h": 1.0}}}, nodes)
+    assert fingerprint(config, nodes) != fingerprint(config, nodes + 1)

@@ -1,0 +1,196 @@
+"""Summary, figures, report and the result object; progress and what the console shows."""
+
+import io
+import json
+import math
+import os
+import re
+import shutil
+
+import numpy as np
+import pytest
+import results_case as case
+from rich.console import Console
+
+from orchestrator.errors import BAD_INPUT, InputError
+from orchestrator.method.events import Finished
+from orchestrator.results import deformed, surface
+from orchestrator.results.figures import write_figures
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.progress import Progress, fraction_done, seconds_left
+from orchestrator.results.report import report
+from orchestrator.results.result import Result
+from orchestrator.results.summary import KEYS, memory_peak_mb, print_summary, read_summary, versions, write_summary
+
+
+def pixels(path):
+    from PIL import Image
+
+    return np.asarray(Image.open(path).convert("RGB"), float)
+
+
+def test_summary_round_trip(tmp_path):
+    write_summary(ResultsFolder(tmp_path), case.summary(error_bound=np.nan, indicator=np.inf, extra=(1, 2)))
+    read = read_summary(tmp_path)
+    assert list(read)[:len(KEYS)] == KEYS
+    assert read["error_bound"] is None and read["indicator"] is None and read["extra"] == [1, 2]
+    assert read["dofs"] == 189 and read["energy"] == [0.25, 1.0]
+
+
+def test_absent_keys_are_null(tmp_path):
+    path = write_summary(ResultsFolder(tmp_path), {"name": "a"})
+    assert set(json.loads(path.read_text())) == set(KEYS)
+
+
+def test_versions_and_memory():
+    assert versions({"freefem": "4.11"})["numpy"] == np.__version__
+    assert versions({"freefem": "4.11"})["freefem"] == "4.11"
+    assert 10 < memory_peak_mb() < 1e5
+    assert math.isnan(memory_peak_mb(2**30))
+
+
+def test_printed_summary(tmp_path):
+    write_figures(ResultsFolder(tmp_path), case.summary(), case.history())
+    stream = io.StringIO()
+    print_summary(case.summary(workers=2), tmp_path, Console(file=stream, width=200))
+    text = stream.getvalue()
+    for part in ("made_up", "converged", "7, 12 sweeps", "2.00e-07", "9.00e-08", "189 dofs", "3 subdomains",
+                 "linear stage 0.90", "black box 1.30 s", "32 % of 2", "convergence.png"):
+        assert part in text, part
+    stream = io.StringIO()
+    print_summary({"name": "early", "converged": False, "stop_reason": "interrupted"}, None, Console(file=stream))
+    assert "NOT converged (interrupted)" in stream.getvalue()
+
+
+@pytest.mark.parametrize("painter", ["vtk", "matplotlib"])
+def test_figures_are_there_and_not_blank(tmp_path, monkeypatch, painter):
+    if painter == "matplotlib":  # the drawing process fails, as where VTK finds neither display nor EGL
+        monkeypatch.setattr(deformed.sys, "executable", shutil.which("false"))
+    elif deformed.Drawing(deformed.view(case.fields())).finish() is None:
+        pytest.skip("VTK can draw neither with X nor with EGL on this machine")
+    written = write_figures(ResultsFolder(tmp_path), case.summary(), case.history(), case.fields())
+    assert sorted(p.name for p in written) == ["convergence.png", "deformed.png", "time.png"]
+    for path in written:
+        picture = pixels(path)
+        assert picture.std() > 10 and picture.shape[1] > 1000
+        assert np.median(picture) == 255  # a light background
+    picture = pixels(tmp_path / "figures/deformed.png")
+    middle = picture[len(picture) // 4:-len(picture) // 3]
+    coloured = np.ptp(middle, axis=2) > 40  # the structure, not lines and text
+    assert coloured.mean() > 0.05 and len(np.unique(middle[coloured].round(-1), axis=0)) > 20
+
+
+def test_no_fields_no_history(tmp_path):
+    folder = ResultsFolder(tmp_path)
+    assert [p.name for p in write_figures(folder, case.summary(), {})] == ["time.png"]
+
+
+def test_view_of_the_step_with_the_largest_displacement():
+    fields = case.fields()
+    view = deformed.view(fields)
+    assert "load step 2 of 2" in view.caption
+    size = np.linalg.norm(np.ptp(fields.nodes, axis=0))
+    factor = float(re.search(r"× ([\d.e+]+)", view.caption)[1])
+    largest = np.linalg.norm(fields.displacement[-1], axis=1).max()
+    assert factor * largest / size == pytest.approx(0.1, rel=0.05)
+    low, high = view.camera.project(view.points).min(axis=0), view.camera.project(view.points).max(axis=0)
+    assert (2 * np.maximum(high, -low)[:2] <= [view.camera.width, view.camera.height]).all()
+
+
+def test_view_at_rest():
+    fields = case.fields()
+    at_rest = deformed.view(type(fields)(fields.nodes, fields.cells, fields.subdomain, fields.lame,
+                                         0 * fields.displacement))
+    assert np.isfinite(at_rest.limits).all() and at_rest.limits[0] < at_rest.limits[1]
+
+
+def test_surface_of_a_box():
+    mesh = case.box_mesh((6, 2, 2))
+    faces, cell, local = surface.outer_faces(mesh.cells)
+    assert len(faces) == 2 * (2 * 4 + 4 * 12)
+    np.testing.assert_array_equal(np.take_along_axis(mesh.cells[cell], local, axis=1), faces)
+    outward = mesh.nodes[faces].mean(axis=1) - mesh.nodes.mean(axis=0)
+    assert (np.einsum("ij,ij->i", outward, surface.normals(mesh.nodes, faces)) > 0).all()
+    assert len(surface.sharp_edges(mesh.nodes, faces)) == 4 * (6 + 2 + 2)
+
+
+def test_result_round_trip(tmp_path):
+    first = Result(case.summary(), case.history(), case.fields())
+    first.write(tmp_path)
+    second = Result.read(tmp_path)
+    assert second.converged and second.iterations == 7 and "converged after 7" in repr(second)
+    np.testing.assert_array_equal(second.displacement, first.displacement)
+    for name, column in first.history.items():
+        np.testing.assert_array_equal(second.history[name], column)
+    third = Result.read(second.write(tmp_path / "again"))
+    assert third.summary == second.summary
+
+
+def test_report(tmp_path):
+    Result(case.summary(), case.history(), case.fields()).write(tmp_path)
+    path = report(tmp_path)
+    text = path.read_text()
+    for part in ("# made_up", "189 dofs", "tolerance was 1e-06 on the error bound", "‖u_D − u₂‖_K", "2.00e-07",
+                 "| linear stage | 0.90 | 45 % |", "| boundary[1] | 2 | 2 | 0 | 0 |"):
+        assert part in text, part
+    for link in re.findall(r"\]\((.*?)\)", text):
+        assert (tmp_path / link).is_file()
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 3 and "src=\"figures" not in page
+
+
+def test_report_of_a_run_that_failed_early(tmp_path):
+    early = {"name": "early", "converged": False, "stop_reason": "interrupted", "iterations": 0, "timing": None}
+    Result(early, {}).write(tmp_path)
+    assert "WITHOUT" in report(tmp_path).read_text()
+
+
+@pytest.mark.parametrize("content", [None, "", "[]", '{"name": "some other tool"}'])
+def test_report_of_a_foreign_folder(tmp_path, content):
+    directory = tmp_path / "there"
+    if content is not None:
+        directory.mkdir()
+        if content:
+            (directory / "summary.json").write_text(content)
+    with pytest.raises(InputError) as caught:
+        report(directory)
+    assert caught.value.exit_code == BAD_INPUT and str(directory) in str(caught.value)
+    assert not directory.exists() or os.listdir(directory) in ([], ["summary.json"])
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def run(progress):
+    with progress:
+        progress.stage("factorising")
+        for i in range(1, 6):
+            progress(case.iteration(i))
+        progress(Finished(True, "converged", 5))
+
+
+def test_progress_on_a_terminal():
+    stream = Terminal()
+    run(Progress(stream=stream))
+    text = stream.getvalue()
+    for part in ("factorising", "iteration 4", "error bound 2.0e-04", "1e-06", "9 sweeps", "left", "converged after 5"):
+        assert part in text, part
+
+
+def test_quiet_when_asked_or_not_on_a_terminal(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    stream = Terminal()
+    run(Progress(quiet=True, stream=stream))
+    run(Progress())  # pytest has captured standard output
+    assert stream.getvalue() == "" and capsys.readouterr() == ("", "")
+
+
+def test_time_left():
+    seconds, values = [0.0, 1.0, 2.0, 3.0], [1.0, 1e-1, 1e-2, 1e-3]
+    assert seconds_left(seconds, values, 1e-6) == pytest.approx(3.0)
+    assert seconds_left(seconds, [math.nan, 1e-1, math.nan, 1e-3], 1e-6) == pytest.approx(3.0)
+    assert seconds_left(seconds, values, 1e-2) == 0.0
+    assert math.isnan(seconds_left(seconds, [1, 2, 3, 4], 1e-6)) and math.isnan(seconds_left([0], [1], 1e-6))
+    assert fraction_done(values, 1e-6) == pytest.approx(0.5) and fraction_done([math.nan], 1e-6) == 0
