@@ -82,7 +82,7 @@ def _cut(a: np.ndarray, b: np.ndarray, size: int, count: int) -> np.ndarray:
     graph = coo_array((np.ones(2 * len(a), dtype=np.int8), (np.r_[a, b], np.r_[b, a])), shape=(size, size)).tocsr()
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
     # METIS keeps parts connected only in its k-way mode.
-    found = pymetis.part_graph(count, adjacency, recursive=False, contiguous=True)
+    found = pymetis.part_graph(count, adjacency, recursive=False, options=pymetis.Options(contig=True))
     return np.asarray(found.vertex_part, dtype=np.int64)
 
 

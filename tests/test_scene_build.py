@@ -1,0 +1,420 @@
+"""Partition, interfaces, boundary conditions and loads: what a scene must hold, and what it must refuse."""
+
+from types import SimpleNamespace
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+
+from orchestrator.config import Config
+from orchestrator.errors import InputError, Problems
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.faces import area_vectors, faces_of, pieces, tet_volumes
+from orchestrator.scene.interfaces import make_interfaces
+from orchestrator.scene.metis import _gather_strays
+from orchestrator.scene.model import Mesh
+from orchestrator.scene.numbering import split_numbering
+from orchestrator.scene.partition import Partition, make_partition
+from orchestrator.scene.rigid import check_held, rigid_modes
+from orchestrator.scene.structured import bricks
+
+CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
+
+
+def config(**changes):
+    data = {"name": "test", "mesh": {"box": {"size": [4.0, 1.0, 1.0], "cells": [8, 2, 2]}},
+            "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 1.0, "poisson": 0.3}],
+            "boundary": [CLAMP]}
+    return Config.model_validate({**data, **changes})
+
+
+def scene(**changes):
+    return build_scene(config(**changes))
+
+
+def problems(**changes):
+    with pytest.raises(InputError) as caught:
+        scene(**changes)
+    return caught.value.problems
+
+
+def problem(**changes):
+    found = problems(**changes)
+    assert len(found) == 1, found
+    return found[0]
+
+
+def cubes(size, labels, names=None):
+    """A mesh of unit bricks (whole numbers ``size`` along the axes), one volume per label; -1 leaves a hole."""
+    mesh = bricks(np.array(size, dtype=float), np.array(size), "box")
+    volume = np.repeat(np.asarray(labels).reshape(-1), 6)
+    keep = volume >= 0
+    used, cells = np.unique(mesh.cells[keep], return_inverse=True)
+    return Mesh(mesh.nodes[used], cells.reshape(-1, 4), volume[keep],
+                names or [f"volume_{i}" for i in range(volume.max() + 1)], {}, "bricks")
+
+
+def saved(mesh, path):
+    """Writes a mesh with one reference number per volume, from 1."""
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)], cell_data={"medit:ref": [mesh.volume + 1]}).write(path)
+    return {"file": str(path)}
+
+
+def interfaces_of(mesh, fixed=None, entries=()):
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    found = Problems()
+    partition = Partition(mesh.volume, mesh.volumes)
+    numbering = split_numbering(mesh.cells, mesh.volume, len(mesh.nodes))
+    fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
+    return make_interfaces(mesh, faces, partition, numbering, fixed, list(entries), found), found.found
+
+
+def area(made, interface):
+    return area_vectors(made.nodes[interface.global_nodes], interface.triangles).sum(axis=0)
+
+
+# --- subdomains and interfaces ----------------------------------------------------------------------------
+
+
+def test_slices():
+    made = scene()
+    assert [s.name for s in made.subdomains] == ["slice 0", "slice 1", "slice 2", "slice 3"]
+    assert [i.name for i in made.interfaces] == ["slice 0 | slice 1", "slice 1 | slice 2", "slice 2 | slice 3"]
+    assert [len(s.cells) for s in made.subdomains] == [48] * 4
+    for sub in made.subdomains:
+        assert (np.diff(sub.nodes) > 0).all()
+        assert (sub.nodes[sub.connectivity] == made.mesh.cells[sub.cells]).all()
+        assert tet_volumes(made.mesh.nodes[sub.nodes], sub.connectivity).sum() == pytest.approx(1.0)
+    for interface in made.interfaces:
+        assert area(made.mesh, interface) == pytest.approx(np.array([1, 0, 0]))
+        assert len(interface.global_nodes) == 9 and len(interface.triangles) == 8 and interface.free.all()
+        assert (np.diff(interface.global_nodes) > 0).all() and interface.law == "perfect"
+        for side in (0, 1):
+            own = made.subdomains[interface.subdomains[side]].nodes
+            assert (own[interface.nodes[side]] == interface.global_nodes).all()
+
+
+def test_grid():
+    made = scene(mesh={"box": {"size": [3.0, 3.0, 3.0], "cells": [6, 6, 6]}}, subdomains={"grid": [3, 3, 3]})
+    assert len(made.subdomains) == 27 and len(made.interfaces) == 54
+    assert made.subdomains[5].name == "block 0-1-2"
+    assert sum(np.linalg.norm(area(made.mesh, i)) for i in made.interfaces) == pytest.approx(54)
+
+
+def test_orientation_is_outward_of_the_lower_subdomain():
+    made = scene(subdomains={"metis": 6})
+    for interface in made.interfaces:
+        low, high = interface.subdomains
+        assert low < high
+        corners = interface.global_nodes[interface.triangles]
+        normals = area_vectors(made.mesh.nodes, corners)
+        faces = faces_of(made.mesh.cells, len(made.mesh.nodes))
+        index = faces.find(corners)
+        beside = np.c_[faces.owner[index], faces.neighbour[index]]
+        inside = np.where(made.cell_subdomain[beside] == low, beside, -1).max(axis=1)
+        centres = made.mesh.nodes[made.mesh.cells[inside]].mean(axis=1)
+        outward = made.mesh.nodes[corners].mean(axis=1) - centres
+        assert (np.einsum("ij,ij->i", normals, outward) > 0).all()
+
+
+def test_two_patches_of_one_pair():
+    mesh = cubes([1, 1, 5], [0, 1, 1, 1, 0])
+    found, _ = interfaces_of(mesh)
+    assert [i.name for i in found] == ["volume_0 | volume_1 (patch 1)", "volume_0 | volume_1 (patch 2)"]
+    assert sorted(area(mesh, i)[2] for i in found) == pytest.approx([-1, 1])
+
+
+def test_touching_in_an_edge_or_a_node_is_no_interface():
+    # 0 and 3 meet in an edge only.
+    found, _ = interfaces_of(cubes([2, 2, 1], [0, 1, 2, 3]))
+    assert [i.subdomains for i in found] == [(0, 1), (0, 2), (1, 3), (2, 3)]
+    # The diagonal of a 2 × 2 × 2 block: 0 and 7 meet in a node only.
+    found, _ = interfaces_of(cubes([2, 2, 2], range(8)))
+    assert len(found) == 12 and (0, 7) not in [i.subdomains for i in found]
+
+
+def test_patches_that_meet_in_a_node_are_two():
+    # A checkerboard of part 0 on part 1's flat top: its two bricks touch along an edge; their feet in a node.
+    mesh = cubes([2, 2, 2], [[[1, 0], [1, -1]], [[1, -1], [1, 0]]])
+    found, _ = interfaces_of(mesh)
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize("count", [3, 16])
+def test_metis_parts_are_connected(count):
+    made = scene(mesh={"box": {"size": [2.0, 2.0, 2.0], "cells": [8, 8, 8]}}, subdomains={"metis": count})
+    faces = faces_of(made.mesh.cells, len(made.mesh.nodes))
+    assert pieces(faces, made.cell_subdomain)[0] == count == len(made.subdomains)
+    sizes = np.array([len(s.cells) for s in made.subdomains])
+    assert sizes.max() < 1.25 * sizes.mean()
+
+
+def test_metis_does_not_straddle_volumes(tmp_path):
+    mesh = saved(cubes([6, 3, 3], np.repeat([0, 1, 2], [9, 9, 36])), tmp_path / "a.mesh")
+    made = scene(mesh=mesh, subdomains={"metis": 9})
+    for sub in made.subdomains:
+        assert len(np.unique(made.mesh.volume[sub.cells])) == 1
+    assert [s.name for s in made.subdomains][:3] == ["part 0 of volume_1", "part 1 of volume_1", "part 2 of volume_2"]
+    assert "2 parts for 3 separate bodies" in problem(mesh=mesh, subdomains={"metis": 2}).found
+
+
+def test_stray_fragments_go_to_the_neighbour_they_share_most_with():
+    mesh = cubes([7, 1, 1], [0] * 7)
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    part = np.repeat([0, 0, 1, 0, 2, 2, 0], 6)
+    _gather_strays(faces, part, mesh.volume)
+    assert pieces(faces, part)[0] == 3
+    # The brick between parts 1 and 2 shares two faces with each: the lower takes it.
+    assert part.reshape(7, 6)[:, 0].tolist() == [0, 0, 1, 1, 2, 2, 2]
+
+
+def test_numbering_does_not_matter():
+    mesh = cubes([3, 2, 2], [0, 0, 1, 1, 0, 2, 2, 1, 3, 3, 3, 2])
+    rng = np.random.default_rng(1)
+    to, order = rng.permutation(len(mesh.nodes)), rng.permutation(len(mesh.cells))
+    nodes = np.empty_like(mesh.nodes)
+    nodes[to] = mesh.nodes
+    other = Mesh(nodes, to[mesh.cells][order][:, [1, 2, 0, 3]], mesh.volume[order], mesh.volumes, {}, "")
+
+    def described(made):
+        return sorted((i.subdomains, sorted(map(tuple, made.nodes[i.global_nodes].tolist())),
+                       tuple(np.round(area(made, i), 12) + 0.0)) for i in interfaces_of(made)[0])
+
+    assert described(mesh) == described(other)
+
+
+def test_clamped_patch_is_left_out_and_partly_free_nodes_are_marked():
+    mesh = cubes([2, 1, 1], [0, 1])
+    fixed = np.zeros((12, 3), dtype=bool)
+    fixed[mesh.nodes[:, 0] == 1, :2] = True
+    (interface,), _ = interfaces_of(mesh, fixed)
+    assert (interface.free == [False, False, True]).all()
+    fixed[mesh.nodes[:, 0] == 1] = True
+    assert interfaces_of(mesh, fixed)[0] == []
+
+
+def test_laws_the_last_match_wins_in_either_order():
+    mesh = cubes([4, 1, 1], [0, 1, 2, 3], ["plate", "bolt_1", "bolt_2", "nut"])
+    entries = [SimpleNamespace(between=["*", "*"], law="a"), SimpleNamespace(between=["bolt*", "*"], law="b"),
+               SimpleNamespace(between=["bolt*", "plate"], law="c")]
+    found, wrong = interfaces_of(mesh, entries=entries)
+    assert [(i.name, i.law) for i in found] == [("plate | bolt_1", "c"), ("bolt_1 | bolt_2", "b"), ("bolt_2 | nut", "b")]
+    assert not wrong
+
+
+def test_interface_that_matches_no_pair():
+    mesh = cubes([3, 1, 1], [0, 1, 2], ["plate", "bolt", "nut"])
+    entries = [SimpleNamespace(between=["bollt", "plate"], law="a"), SimpleNamespace(between=["plate", "nut"], law="a")]
+    _, (unknown, apart) = interfaces_of(mesh, entries=entries)
+    assert unknown.path == ("interfaces", 0, "between") and "'bollt' matches no subdomain" in unknown.found
+    assert "did you mean bolt" in unknown.cure
+    assert apart.path == ("interfaces", 1, "between") and "share no face" in apart.found
+    assert "plate | bolt" in apart.cure
+
+
+def test_the_real_assembly():
+    made = scene(mesh={"step": "gmsh:as1-tu-203.stp", "h": 8.0}, subdomains="groups",
+                 boundary=[{"on": "plate:*", "displacement": [0.0, 0.0, 0.0]}],
+                 interfaces=[{"between": ["*", "*"]}, {"between": ["bolt*", "plate"]}])
+    assert len(made.subdomains) == 18 and len(made.interfaces) == 32
+    assert not any("patch" in i.name for i in made.interfaces)
+    names = [s.name for s in made.subdomains]
+    assert {"plate", "rod", "l-bracket_1", "l-bracket_2", "bolt_6", "nut_8"} <= set(names)
+    assert "plate:1" in made.mesh.surfaces and not gmsh.isInitialized()
+
+
+# --- boundary conditions and loads ------------------------------------------------------------------------
+
+
+def test_prescribed_displacements_per_step():
+    made = scene(histories={"ramp": [0.5, 1.0]}, boundary=[
+        CLAMP, {"on": "xmax", "displacement": [None, 0.0, 2.0], "history": "ramp"}])
+    tip = np.isclose(made.mesh.nodes[:, 0], 4)
+    assert made.steps == 2 and (made.fixed[tip] == [False, True, True]).all()
+    assert (made.prescribed[:, tip, 2] == [[1.0], [2.0]]).all()
+    for sub in made.subdomains:
+        assert (sub.fixed == made.fixed[sub.nodes]).all()
+        assert (sub.prescribed == made.prescribed[:, sub.nodes]).all() and sub.loads.shape == (2, len(sub.nodes), 3)
+
+
+def test_box_selection_and_wildcard():
+    made = scene(boundary=[CLAMP, {"on": {"box": [[1.0, 0.0, 1.0], [3.0, 1.0, 1.0]]}, "traction": [0.0, 0.0, 3.0]},
+                           {"on": "y*", "pressure": 2.0}])
+    first, second = made.boundary[1:]
+    assert area_vectors(made.mesh.nodes, first.triangles).sum(axis=0) == pytest.approx(np.array([0, 0, 2]))
+    assert len(second.triangles) == 2 * 8 * 2 * 2 and first.kind == "traction" and not first.fixed.any()
+
+
+def test_loads_equal_their_resultants():
+    made = scene(histories={"ramp": [1.0, -2.0]}, loads=[{"on": "*", "body_force": [0.0, 0.0, -3.0]}], boundary=[
+        CLAMP, {"on": "xmax", "traction": [5.0, 1.0, 0.0], "history": "ramp"}, {"on": "zmax", "pressure": 7.0}])
+    wanted = np.array([[5, 1, -12 - 28], [-10, -2, -12 - 28]])
+    assert made.loads.sum(axis=1) == pytest.approx(wanted, rel=1e-13, abs=1e-12)
+    together = np.zeros_like(made.loads)
+    for sub in made.subdomains:
+        np.add.at(together, (slice(None), sub.nodes), sub.loads)
+    assert together == pytest.approx(made.loads, abs=1e-13)
+    # Each slice carries its own weight and pressure, the last also the traction.
+    assert [s.loads[0].sum(axis=0)[2] for s in made.subdomains] == pytest.approx([-10] * 4)
+    assert [s.loads[0].sum(axis=0)[0] for s in made.subdomains] == pytest.approx([0, 0, 0, 5], abs=1e-12)
+
+
+def test_pressure_moment_vanishes_on_a_closed_body():
+    made = scene(boundary=[CLAMP, {"on": "*", "pressure": 1.0}])
+    assert made.loads[0].sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert np.cross(made.mesh.nodes, made.loads[0]).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_interior_surface_may_be_prescribed_but_not_loaded(tmp_path):
+    mesh = bricks(np.array([4.0, 1.0, 1.0]), np.array([4, 1, 1]), "box")
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    middle = faces.triangles[np.isclose(mesh.nodes[faces.triangles][..., 0], 2).all(axis=1)]
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", middle)],
+                cell_data={"medit:ref": [np.ones(24, dtype=int), np.full(2, 4)]}).write(tmp_path / "a.mesh")
+    source = {"file": str(tmp_path / "a.mesh")}
+    made = scene(mesh=source, boundary=[{"on": "surface_4", "displacement": [0.0, 0.0, 0.0]}])
+    assert made.fixed.all(axis=1).sum() == 4
+    # The cut between slices 1 and 2 is fully prescribed: no interface there.
+    assert [i.subdomains for i in made.interfaces] == [(0, 1), (2, 3)]
+    wrong = problem(mesh=source, boundary=[CLAMP, {"on": "surface_4", "traction": [1.0, 0.0, 0.0]}])
+    assert wrong.path == ("boundary", 1, "on") and "2 of 2 faces lie inside the mesh" in wrong.found
+
+
+def test_materials_the_last_match_wins(tmp_path):
+    source = saved(cubes([3, 1, 1], [0, 1, 2]), tmp_path / "a.mesh")
+    made = scene(mesh=source, subdomains="groups", materials=[
+        {"young": 1.0, "poisson": 0.3}, {"young": 2.0, "poisson": 0.3, "on": ["volume_[23]"]},
+        {"young": 3.0, "poisson": 0.3, "on": "volume_3"}])
+    assert [s.material.tolist() for s in made.subdomains] == [[0] * 6, [1] * 6, [2] * 6]
+    unknown, without = problems(mesh=source, subdomains="groups", materials=[
+        {"young": 1.0, "poisson": 0.3, "on": "volume_1"}, {"young": 1.0, "poisson": 0.3, "on": "volme_2"}])
+    assert unknown.path == ("materials", 1, "on") and "did you mean volume_2" in unknown.cure
+    assert without.found == "no material for volume_2, volume_3"
+
+
+# --- rigid motions ------------------------------------------------------------------------------------------
+
+
+def test_rigid_modes():
+    nodes = np.random.default_rng(0).random((20, 3))
+    fixed = np.zeros((20, 3), dtype=bool)
+    modes = rigid_modes(nodes, fixed)
+    assert modes.shape == (60, 6) and modes.T @ modes == pytest.approx(np.eye(6), abs=1e-12)
+    fixed[3] = True
+    assert rigid_modes(nodes, fixed).shape == (60, 3) and not rigid_modes(nodes, fixed)[9:12].any()
+    fixed[[5, 8]] = True
+    assert rigid_modes(nodes, fixed).shape == (60, 0)
+
+
+@pytest.mark.parametrize("boundary, words", [
+    ([], ["box can still move as a rigid body: every translation and every rotation"]),
+    ([{"on": "xmin", "displacement": [0.0, 0.0, None]}], ["rigid body: translation along z"]),
+    ([{"on": "xmin", "displacement": [0.0, None, None]}],
+     ["translation along z, translation along y", "rotation about the x axis"]),
+    ([{"on": {"box": [[0.0, 0.0, 0.0], [0.0, 0.5, 0.5]]}, "displacement": [0.0, 0.0, 0.0]}], None),
+    ([{"on": "xmin", "displacement": [0.0, None, None]}, {"on": "zmin", "displacement": [None, None, 0.0]}],
+     ["rigid body: translation along y"]),
+])
+def test_structure_that_can_still_move(boundary, words):
+    if words is None:
+        assert scene(boundary=boundary).fixed.any()
+        return
+    wrong = problem(boundary=boundary)
+    assert wrong.path == ("boundary",)
+    assert all(word in wrong.found for word in words), wrong.found
+
+
+def test_rotation_about_a_hinge_is_named():
+    mesh = bricks(np.array([2.0, 1.0, 1.0]), np.array([2, 1, 1]), "box")
+    fixed = np.repeat(((mesh.nodes[:, 0] == 2) & (mesh.nodes[:, 2] == 1))[:, None], 3, axis=1)
+    found = Problems()
+    check_held(mesh, faces_of(mesh.cells, len(mesh.nodes)), fixed, found)
+    assert "rigid body: rotation about the y axis through (2, 0.5, 1)" in found.found[0].found
+
+
+def test_parts_numbered_separately_are_said_to_touch(tmp_path):
+    one = bricks(np.ones(3), np.array([1, 1, 1]), "box")
+    mesh = Mesh(np.r_[one.nodes, one.nodes + [1, 0, 0]], np.r_[one.cells, one.cells + 8], np.repeat([0, 1], 6),
+                ["a", "b"], {}, "")
+    wrong = problem(mesh=saved(mesh, tmp_path / "a.mesh"), subdomains="groups")
+    assert wrong.path == ("boundary",) and "volume_2 (one of 2 separate bodies" in wrong.found
+    assert "4 of its nodes coincide" in wrong.cure and "merge" in wrong.cure
+
+
+# --- what must be refused -------------------------------------------------------------------------------------
+
+
+def test_unknown_surface():
+    wrong = problem(boundary=[CLAMP, {"on": "xmaks", "traction": [1.0, 0.0, 0.0]}])
+    assert wrong.path == ("boundary", 1, "on") and "'xmaks'" in wrong.found and "did you mean xmax" in wrong.cure
+
+
+def test_plane_that_hits_nothing():
+    wrong = problem(boundary=[CLAMP, {"on": {"plane": "x", "at": 4.1}, "traction": [1.0, 0.0, 0.0]}])
+    assert wrong.path == ("boundary", 1, "on") and "0.1 away, at x = 4" in wrong.found
+    assert "spans x from 0 to 4" in wrong.expected
+
+
+def test_box_that_hits_nothing():
+    far = problem(boundary=[CLAMP, {"on": {"box": [[7.0, 0.0, 0.0], [9.0, 1.0, 1.0]]}, "pressure": 1.0}])
+    assert "3 away" in far.found and "(4, 1, 1)" in far.expected
+    thin = problem(boundary=[CLAMP, {"on": {"box": [[3.9, 0.4, 0.9], [5.0, 0.6, 2.0]]}, "pressure": 1.0}])
+    assert "faces reach into it" in thin.found and "enlarge" in thin.cure
+    upside = problem(boundary=[CLAMP, {"on": {"box": [[9.0, 0.0, 0.0], [7.0, 1.0, 1.0]]}, "pressure": 1.0}])
+    assert "above its second" in upside.found
+
+
+def test_contradictory_conditions():
+    wrong = problem(boundary=[CLAMP, {"on": "zmin", "displacement": [None, None, 1.0]}])
+    assert wrong.path == ("boundary", 1, "displacement")
+    assert "boundary[0] and boundary[1] contradict each other on 3 nodes, the first at (0, 0, 0)" in wrong.found
+    assert "uz = 0 and 1 at load step 1" in wrong.found
+    scene(boundary=[CLAMP, {"on": "zmin", "displacement": [None, None, 0.0]}])
+
+
+def test_components_free_at_some_steps_only():
+    wrong = problem(boundary=[CLAMP, {"on": "xmax", "displacement": [[None, 0.0, 0.0], [1.0, 0.0, 0.0]]}])
+    assert wrong.path == ("boundary", 1, "displacement") and "some load steps only" in wrong.found
+
+
+@pytest.mark.parametrize("cut", [{"metis": 200}, {"slices": {"axis": "x", "count": 200}}, {"grid": [10, 10, 2]}])
+def test_more_subdomains_than_tets(cut):
+    wrong = problem(subdomains=cut)
+    assert wrong.path == ("subdomains",) and "200 subdomains for a mesh of 192 tets" in wrong.found
+
+
+def test_no_subdomains():
+    mesh = bricks(np.ones(3), np.array([1, 1, 1]), "box")
+    for cut in (SimpleNamespace(metis=0), SimpleNamespace(slices=SimpleNamespace(axis="x", count=0)),
+                SimpleNamespace(grid=[0, 1, 1])):
+        with pytest.raises(InputError, match="0 subdomains for a mesh of 6 tets"):
+            make_partition(mesh, faces_of(mesh.cells, 8), cut)
+
+
+def test_empty_subdomains():
+    wrong = problem(subdomains={"slices": {"axis": "x", "count": 64}})
+    assert wrong.path == ("subdomains",) and "subdomains without any tet: slice " in wrong.found
+
+
+def test_disconnected_group(tmp_path):
+    source = saved(cubes([1, 1, 5], [0, 1, 1, 1, 0]), tmp_path / "a.mesh")
+    wrong = problem(mesh=source, subdomains="groups")
+    assert wrong.path == ("subdomains",)
+    assert "disconnected subdomain: volume_1 is in 2 pieces (the smallest has 6 tets, at (" in wrong.found
+    assert "group of its own" in wrong.cure
+    assert len(scene(mesh=source, subdomains={"metis": 4}).subdomains) == 4
+
+
+def test_disconnected_slice(tmp_path):
+    # A U: the slices of its two legs fall apart.
+    source = saved(cubes([2, 1, 3], [[0, 0, 0], [0, -1, 0]]), tmp_path / "a.mesh")
+    wrong = problem(mesh=source, subdomains={"slices": {"axis": "x", "count": 2}})
+    assert "slice 1 is in 2 pieces" in wrong.found and "metis: 2" in wrong.cure
+
+
+def test_everything_is_reported_at_once():
+    found = problems(subdomains={"metis": 1000}, materials=[{"young": 1.0, "poisson": 0.3, "on": "bix"}],
+                     boundary=[{**CLAMP, "on": "xmim"}], loads=[{"on": "bax", "body_force": [0.0, 0.0, 1.0]}])
+    assert [p.path for p in found] == [("materials", 0, "on"), ("materials",), ("boundary", 0, "on"), ("subdomains",),
+                                       ("loads", 0, "on")]

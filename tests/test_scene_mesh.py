@@ -1,0 +1,285 @@
+"""Mesh sources: counts, volumes, names, and everything a mesh file can do wrong."""
+
+from types import SimpleNamespace
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+
+from orchestrator.errors import InputError
+from orchestrator.scene.cad import locate
+from orchestrator.scene.faces import area_vectors, faces_of, tet_volumes
+from orchestrator.scene.model import Mesh
+from orchestrator.scene.quality import checked
+from orchestrator.scene.sources import make_mesh
+from orchestrator.scene.structured import bricks
+
+
+def from_file(path, **more):
+    return make_mesh(SimpleNamespace(file=str(path), **more))[0]
+
+
+def problems_of(call, *arguments, **named):
+    with pytest.raises(InputError) as caught:
+        call(*arguments, **named)
+    return caught.value.problems
+
+
+def one_problem(call, *arguments, **named):
+    problems = problems_of(call, *arguments, **named)
+    assert len(problems) == 1
+    return problems[0]
+
+
+def small():
+    return bricks(np.array([2.0, 1.0, 1.0]), np.array([2, 1, 1]), "box")
+
+
+# --- structured -----------------------------------------------------------------------------------------
+
+
+def test_beam_counts_volume_and_order():
+    mesh, faces = make_mesh(SimpleNamespace(beam=SimpleNamespace(size=[160, 10, 10], h=1.25)))
+    assert mesh.nodes.shape == (129 * 9 * 9, 3) and mesh.cells.shape == (128 * 8 * 8 * 6, 4)
+    assert tet_volumes(mesh.nodes, mesh.cells) == pytest.approx(np.full(len(mesh.cells), 1.25**3 / 6), rel=1e-12)
+    assert (np.lexsort(mesh.nodes.T[::-1]) == np.arange(len(mesh.nodes))).all()
+    assert len(faces.outer) == 4 * 128 * 8 * 2 + 2 * 8 * 8 * 2
+
+
+def test_beam_rounds_and_keeps_one_cell():
+    mesh, _ = make_mesh(SimpleNamespace(beam=SimpleNamespace(size=[5, 1, 0.1], h=2)))
+    assert len(mesh.cells) == 6 * 3 * 1 * 1
+
+
+def test_box_sides_point_outward_and_are_faces():
+    mesh, faces = make_mesh(SimpleNamespace(box=SimpleNamespace(size=[2, 3, 4], cells=[2, 3, 1])))
+    wanted = {"xmin": (-12, 0, 0), "xmax": (12, 0, 0), "ymin": (0, -8, 0), "ymax": (0, 8, 0), "zmin": (0, 0, -6),
+              "zmax": (0, 0, 6)}
+    assert list(mesh.surfaces) == list(wanted)
+    for name, resultant in wanted.items():
+        index = faces.find(mesh.surfaces[name])
+        assert (index >= 0).all() and (faces.neighbour[index] < 0).all()
+        assert area_vectors(mesh.nodes, mesh.surfaces[name]).sum(axis=0) == pytest.approx(np.array(resultant))
+
+
+def test_bricks_are_all_cut_alike():
+    mesh = bricks(np.ones(3) * 3, np.array([3, 3, 3]), "box")
+    shape = mesh.nodes[mesh.cells] - mesh.nodes[mesh.cells].reshape(-1, 24, 3).min(axis=1).repeat(6, axis=0)[:, None]
+    assert np.ptp(shape.reshape(27, 6, 4, 3), axis=0) == pytest.approx(0, abs=1e-12)
+
+
+def test_scale_multiplies_coordinates():
+    source = SimpleNamespace(size=[1, 1, 1], cells=[1, 1, 1])
+    mesh, _ = make_mesh(SimpleNamespace(box=source, scale=10.0))
+    assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(1000)
+
+
+def test_no_source_and_two_sources():
+    assert one_problem(make_mesh, SimpleNamespace()).path == ("mesh",)
+    two = one_problem(make_mesh, SimpleNamespace(file="a", step="b"))
+    assert "2 mesh sources: file, step" in two.found
+
+
+# --- faces ------------------------------------------------------------------------------------------------
+
+
+def test_faces_close_and_point_outward():
+    mesh = bricks(np.array([1.0, 2.0, 3.0]), np.array([2, 2, 2]), "box")
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    assert len(faces.keys) == (4 * len(mesh.cells) + len(faces.outer)) // 2
+    outer = faces.triangles[faces.outer]
+    normals = area_vectors(mesh.nodes, outer)
+    assert np.einsum("ij,ij->", normals, mesh.nodes[outer].mean(axis=1)) / 3 == pytest.approx(6.0)
+    assert (faces.find(faces.triangles[:, [2, 0, 1]]) == np.arange(len(faces.keys))).all()
+    assert faces.find(np.array([[0, 1, len(mesh.nodes) - 1]])) == [-1]
+
+
+# --- files ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def gmsh_files(tmp_path_factory):
+    """Two blocks side by side, with physical groups, in gmsh's two formats."""
+    folder = tmp_path_factory.mktemp("gmsh")
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ, model = gmsh.model.occ, gmsh.model
+        occ.fragment([(3, occ.addBox(0, 0, 0, 1, 1, 1))], [(3, occ.addBox(1, 0, 0, 1, 1, 1))])
+        occ.synchronize()
+        model.addPhysicalGroup(3, [1], 7, "left block")
+        model.addPhysicalGroup(3, [2], 8)
+        found = {x: model.getEntitiesInBoundingBox(x - .01, -.01, -.01, x + .01, 1.01, 1.01, 2)[0][1] for x in (0, 1, 2)}
+        model.addPhysicalGroup(2, [found[0]], 1, "clamp")
+        model.addPhysicalGroup(2, [found[1]], 2, "glue")
+        model.addPhysicalGroup(2, [found[2]], 3)
+        model.addPhysicalGroup(2, [found[0], found[2]], 4, "ends")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+        model.mesh.generate(3)
+        for version in (2.2, 4.1):
+            gmsh.option.setNumber("Mesh.MshFileVersion", version)
+            gmsh.write(str(folder / f"blocks{version}.msh"))
+    finally:
+        gmsh.finalize()
+    return folder
+
+
+def test_physical_groups_of_gmsh(gmsh_files):
+    mesh = from_file(gmsh_files / "blocks4.1.msh")
+    assert sorted(mesh.volumes) == ["left block", "volume_8"]
+    left = mesh.cells[mesh.volume == mesh.volumes.index("left block")]
+    assert tet_volumes(mesh.nodes, left).sum() == pytest.approx(1)
+    assert mesh.nodes[left][..., 0].max() == pytest.approx(1)
+    for name, x in (("clamp", 0), ("glue", 1)):
+        assert mesh.nodes[mesh.surfaces[name]][..., 0] == pytest.approx(x)
+        assert np.linalg.norm(area_vectors(mesh.nodes, mesh.surfaces[name]), axis=1).sum() == pytest.approx(1)
+    assert np.linalg.norm(area_vectors(mesh.nodes, mesh.surfaces["ends"]), axis=1).sum() == pytest.approx(2)
+
+
+def test_old_gmsh_format(gmsh_files):
+    mesh = from_file(gmsh_files / "blocks2.2.msh")
+    assert sorted(mesh.volumes) == ["left block", "volume_8"] and {"clamp", "glue", "ends"} <= set(mesh.surfaces)
+    assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(2)
+
+
+@pytest.mark.parametrize("ending", [".mesh", ".meshb"])
+def test_medit_references(tmp_path, ending):
+    mesh = small()
+    raw = meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", mesh.surfaces["xmin"])],
+                      cell_data={"medit:ref": [np.repeat([3, 5], 6), np.full(2, 9)]})
+    raw.write(tmp_path / f"a{ending}")
+    again = from_file(tmp_path / f"a{ending}")
+    assert again.volumes == ["volume_3", "volume_5"] and (again.volume == np.repeat([0, 1], 6)).all()
+    assert (again.surfaces["surface_9"] == mesh.surfaces["xmin"]).all()
+
+
+def test_physical_tags_written_by_meshio(tmp_path):
+    mesh = small()
+    tags = [np.repeat([1, 2], 6), np.full(2, 5)]
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", mesh.surfaces["xmax"])],
+                cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
+                field_data={"bolt": np.array([1, 3]), "plate": np.array([2, 3]), "load": np.array([5, 2])}
+                ).write(tmp_path / "a.msh", file_format="gmsh22", binary=False)
+    again = from_file(tmp_path / "a.msh")
+    assert again.volumes == ["bolt", "plate"] and list(again.surfaces) == ["load"]
+
+
+def test_cell_sets_of_abaqus(tmp_path):
+    mesh = small()
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)], cell_sets={"foot": [np.arange(6)]}).write(tmp_path / "a.inp")
+    again = from_file(tmp_path / "a.inp")
+    assert sorted(v.lower() for v in again.volumes) == ["foot", "volume_0"]
+    assert np.bincount(again.volume).tolist() == [6, 6]
+
+
+def test_unreferenced_nodes_are_dropped_and_files_without_groups_are_one_volume(tmp_path):
+    mesh = small()
+    meshio.Mesh(np.r_[[[9.0, 9, 9]], mesh.nodes], [("tetra", mesh.cells + 1)]).write(tmp_path / "a.vtu")
+    again = from_file(tmp_path / "a.vtu")
+    assert again.volumes == ["volume_1"] and len(again.nodes) == len(mesh.nodes)
+    assert (again.cells == mesh.cells).all()
+
+
+def test_missing_file(tmp_path):
+    problem = one_problem(from_file, tmp_path / "none.msh")
+    assert problem.path == ("mesh", "file") and "no such file" in problem.found
+
+
+@pytest.mark.parametrize("name, content", [("a.msh", b"$MeshFormat\nnonsense"), ("a.xyz", b"1 2 3"), ("a.vtu", b"<a/>"),
+                                           ("a.mesh", b""), ("a.inp", b"\x00\xff\x00")])
+def test_unreadable_file(tmp_path, capfd, name, content):
+    (tmp_path / name).write_bytes(content)
+    problem = one_problem(from_file, tmp_path / name)
+    assert problem.path == ("mesh", "file") and name in problem.found
+    assert "cannot be read" in problem.found or "no tetrahedra" in problem.found
+    assert capfd.readouterr() == ("", "")
+
+
+def test_file_without_tets(tmp_path):
+    meshio.Mesh(small().nodes, [("triangle", small().surfaces["xmin"])]).write(tmp_path / "a.vtu")
+    problem = one_problem(from_file, tmp_path / "a.vtu")
+    assert "no tetrahedra (it has triangle)" in problem.found and "mesh the volume" in problem.cure
+
+
+def test_quadratic_tets(tmp_path):
+    meshio.Mesh(np.random.default_rng(0).random((10, 3)), [("tetra10", np.arange(10)[None])]).write(tmp_path / "a.vtu")
+    problem = one_problem(from_file, tmp_path / "a.vtu")
+    assert "higher order (tetra10)" in problem.found and "linear" in problem.cure
+
+
+def test_other_solid_elements(tmp_path):
+    mesh = small()
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("hexahedron", np.arange(8)[None])]).write(tmp_path / "a.vtu")
+    assert "hexahedron" in one_problem(from_file, tmp_path / "a.vtu").found
+
+
+# --- validity -------------------------------------------------------------------------------------------
+
+
+def altered(cells=None, nodes=None):
+    mesh = small()
+    return Mesh(mesh.nodes if nodes is None else nodes, mesh.cells if cells is None else cells, mesh.volume,
+                mesh.volumes, {}, "a.msh")
+
+
+def test_mesh_of_the_other_orientation_is_turned():
+    mesh, _ = checked(altered(small().cells[:, [1, 0, 2, 3]]))
+    assert (tet_volumes(mesh.nodes, mesh.cells) > 0).all()
+
+
+def test_inverted_tets():
+    cells = small().cells.copy()
+    cells[[4, 7]] = cells[[4, 7]][:, [1, 0, 2, 3]]
+    problem = problems_of(checked, altered(cells))[0]
+    assert problem.path == ("mesh",) and "a.msh: 2 inverted of 12 tets; the first is cell 4 at (" in problem.found
+    assert problem.cure
+
+
+def test_zero_volume_tets():
+    cells = np.r_[small().cells, [[0, 1, 4, 5]]]
+    mesh = altered(cells)
+    mesh.volume = np.zeros(13, dtype=int)
+    found = [p.found for p in problems_of(checked, mesh)]
+    assert "a.msh: 1 zero-volume of 13 tets; the first is cell 12 at (0.5, 0, 0.5)" in found
+
+
+def test_duplicated_tets():
+    cells = small().cells
+    found = [p.found for p in problems_of(checked, altered(np.r_[cells, cells[:1]]))]
+    assert any("same side" in text or "three or more" in text for text in found)
+
+
+def test_coordinates_that_are_no_numbers():
+    nodes = small().nodes.copy()
+    nodes[3, 1] = np.nan
+    assert "node 3" in one_problem(checked, altered(nodes=nodes)).found
+
+
+# --- CAD ------------------------------------------------------------------------------------------------
+
+
+def test_unknown_example_and_missing_model(tmp_path):
+    assert "gmsh:as1-tu-203.stp" in one_problem(locate, "gmsh:nothing.stp").expected
+    assert "no such file" in one_problem(locate, str(tmp_path / "a.stp")).found
+
+
+def test_unreadable_model(tmp_path):
+    (tmp_path / "a.stp").write_text("nonsense")
+    problem = one_problem(make_mesh, SimpleNamespace(step=str(tmp_path / "a.stp"), h=1.0))
+    assert problem.path == ("mesh", "step") and "a.stp" in problem.found
+    assert not gmsh.isInitialized()
+
+
+def test_one_solid_from_brep(tmp_path):
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 1, 2, 3)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "a.brep"))
+    finally:
+        gmsh.finalize()
+    mesh, _ = make_mesh(SimpleNamespace(step=str(tmp_path / "a.brep"), h=1.0))
+    assert mesh.volumes == ["solid"] and list(mesh.surfaces) == [f"solid:{k}" for k in range(1, 7)]
+    assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(6)
