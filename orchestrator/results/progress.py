@@ -60,7 +60,7 @@ class Progress:
         self._values.append(value)
         left = seconds_left(self._seconds, self._values, target)
         shown = f"{_label(name)} {value:.1e} → {target:.0e}"
-        if math.isnan(value):
+        if not math.isfinite(value):
             shown = f"indicator {event.indicator:.1e}, {_label(name)} → {target:.0e}"
         time = f" · {_duration(left)} left" if math.isfinite(left) else ""
         self._show(f"iteration {event.iteration}", f"{shown} · {event.sweeps:g} sweeps{time}",

@@ -15,14 +15,15 @@ from orchestrator.results.summary import BLACKBOX_STAGES, STAGES, blackbox_secon
 
 # quantity, its formula, what it tells
 _QUANTITIES = [
-    ("error_bound", "a + b, relative to the energy norm of the solution; a = ‖u_D − u₂‖_K, b = ‖K⁺ Nᵀ ½Aᵀ(A f)‖_K",
-     "guaranteed upper bound of the error in the energy norm"),
+    ("error_bound", "√(a² + b² − 2 δᵀNᵀδf), relative to the energy norm of the solution; "
+                    "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge)",
+     "guaranteed upper bound of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
-    ("indicator", "η = Σ(‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / Σ(‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
+    ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
      "eq. (16): distance of the linear from the local stage; a squared ratio, no measure of accuracy"),
-    ("displacement_jump", "‖B w‖_k, relative", "gap between the two sides of the interfaces"),
-    ("force_imbalance", "‖A f‖_k⁻¹, relative", "forces the two sides do not balance"),
-    ("residual", "‖s_new − s‖, relative", "change of the state in one iteration"),
+    ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
+    ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
+    ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
 ]
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: borders of the "
                               "subdomains; grey: the undeformed outline."),
