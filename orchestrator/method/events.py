@@ -5,6 +5,7 @@ A subscriber is any callable taking one event; it must not change the event's ar
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Iteration:
-    """One finished iteration. The fields up to ``slip`` are the columns of history.csv.
+    """One finished iteration. ``HISTORY_COLUMNS`` of it go to history.csv.
 
     Parameters
     ----------
@@ -26,6 +27,8 @@ class Iteration:
     error_bound : guaranteed bound on the relative energy error; nan when not evaluated
     open, stick, slip : node counts, summed over the steps (contact interfaces)
     target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
+    macro_imbalance : largest |Cᵀf| over the interfaces, relative; 0 to rounding, eq. (17)
+    true_error : against the undecomposed solution, relative energy norm; nan without one
     state : (dofs, steps) the state s to resume from
     """
 
@@ -42,11 +45,14 @@ class Iteration:
     slip: int
     target: tuple[str, float]
     state: np.ndarray
+    macro_imbalance: float = math.nan
+    true_error: float = math.nan
 
 
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", "open", "stick", "slip",
+    "macro_imbalance", "true_error",
 ]
 
 

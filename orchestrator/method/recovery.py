@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.solver import Decomposition, Outcome
+from orchestrator.method.bound import Bound
+from orchestrator.method.linear_stage import Admissible
+from orchestrator.method.solver import Decomposition
 
 
-def recover(d: Decomposition, outcome: Outcome) -> tuple[np.ndarray, list[np.ndarray]]:
+def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndarray, list[np.ndarray]]:
     """Displacement of the whole structure, and of each subdomain before averaging.
 
     Returns
@@ -20,7 +22,7 @@ def recover(d: Decomposition, outcome: Outcome) -> tuple[np.ndarray, list[np.nda
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
     scene, steps = d.scene, d.scene.steps
-    robin = d.space.scatter @ d.stage.robin_force(outcome.fields.s, outcome.fields.alpha)
+    robin = d.space.scatter @ d.stage.robin_force(fields.s, fields.alpha)
     requests = {}
     for e, (trace, forces) in enumerate(zip(d.traces, d.loading.forces)):
         full = np.zeros((steps, 3 * d.node_counts[e]))
@@ -35,10 +37,10 @@ def recover(d: Decomposition, outcome: Outcome) -> tuple[np.ndarray, list[np.nda
         size = 3 * len(s.nodes)
         u = d.loading.lift[e] + (answers[e][:, :size] if e in answers else 0.0)
         count = d.modes[e].shape[1]
-        u = u + (d.modes[e] @ outcome.bound.repositioned[mode : mode + count]).T
+        u = u + (d.modes[e] @ bound.repositioned[mode : mode + count]).T
         mode += count
         parts.append(u.reshape(steps, -1, 3).copy())
-        u[:, d.traces[e]] += outcome.bound.correction[d.space.boundary[e]].T
+        u[:, d.traces[e]] += bound.correction[d.space.boundary[e]].T
         displacement[:, s.nodes] = u.reshape(steps, -1, 3)
     return displacement, parts
 

@@ -6,6 +6,7 @@ behind the black box.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -16,7 +17,13 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.acceleration import make_acceleration
 from orchestrator.method.bound import Bound, ErrorBound
 from orchestrator.method.events import Finished, Iteration
-from orchestrator.method.indicator import displacement_jump, force_imbalance, latin_indicator, residual_size
+from orchestrator.method.indicator import (
+    displacement_jump,
+    force_imbalance,
+    latin_indicator,
+    macro_imbalance,
+    residual_size,
+)
 from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.local_stage import PerfectInterfaces
@@ -124,7 +131,7 @@ class Outcome:
 
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
-            start: np.ndarray | None = None, first: int = 0) -> Outcome:
+            start: np.ndarray | None = None, first: int = 0, true_error: Callable | None = None) -> Outcome:
     """Alternate linear and local stages until the stopping criterion holds.
 
     Parameters
@@ -132,6 +139,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
     method : ``method`` of the configuration: acceleration, relaxation, tolerance, max_iterations
     subscribers : called with every ``Iteration`` and with ``Finished``
     start, first : state (D, T) and iteration number to resume from
+    true_error : (fields, bound) → relative energy error, where the exact solution is known
     """
     direction = d.stage.direction
     memory = None if method.memory == "auto" else method.memory
@@ -157,6 +165,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
                 iteration, d.setup_sweeps + sweeps, watch.total, latin_indicator(direction, d.local, fields),
                 displacement_jump(direction, fields), force_imbalance(direction, fields),
                 residual_size(direction, residual, best), bound.relative, 0, 0, 0, criterion.target, best,
+                macro_imbalance(d.stage.macro.C, fields) if d.stage.macro else math.nan,
+                true_error(fields, bound) if true_error else math.nan,
             )
         history.append(event)
         for subscriber in subscribers:

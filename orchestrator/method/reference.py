@@ -1,0 +1,56 @@
+"""The undecomposed solution by the same black box, and the true error against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.extended import whole_model
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.scene.model import Scene
+
+
+@dataclass
+class Reference:
+    """Solution of the whole structure in one piece.
+
+    Parameters
+    ----------
+    displacement : (T, n, 3)
+    stiffness : (3n, 3n) sparse
+    energy : (T,) ‖u‖²_K
+    """
+
+    displacement: np.ndarray
+    stiffness: sp.csr_array
+    energy: np.ndarray
+
+    def relative_error(self, displacement: np.ndarray) -> float:
+        """max_t ‖u − u_ref‖_K / max_t ‖u_ref‖_K for u (T, n, 3), the measure that the bound bounds."""
+        gap = _energies(self.stiffness, displacement - self.displacement)
+        size = self.energy.max(initial=0.0)
+        return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(gap.max(initial=0.0)))
+
+
+def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
+    """Solve all load steps without decomposition.
+
+    Raises
+    ------
+    BlackBoxError : from the code, also when memory runs out
+    """
+    model = whole_model(scene)
+    stiffness = blackbox.stiffness([model])[0]
+    blackbox.load([model])
+    lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
+    forces = scene.loads.reshape(scene.steps, -1) - (stiffness @ lift.T).T
+    forces[:, scene.fixed.ravel()] = 0.0
+    displacement = (lift + blackbox.fields({0: forces})[0]).reshape(scene.steps, -1, 3)
+    return Reference(displacement, stiffness, _energies(stiffness, displacement))
+
+
+def _energies(stiffness: sp.csr_array, displacement: np.ndarray) -> np.ndarray:
+    flat = displacement.reshape(len(displacement), -1).T
+    return np.maximum(np.sum(flat * (stiffness @ flat), axis=0), 0.0)

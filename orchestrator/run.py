@@ -1,0 +1,205 @@
+"""One run from configuration to results: the only place where all rooms meet."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.blackbox.pool import default_workers
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.config import Config, Loaded
+from orchestrator.errors import CONVERGED, NOT_CONVERGED, OrchestratorError
+from orchestrator.method.events import Iteration
+from orchestrator.method.recovery import reactions, recover
+from orchestrator.method.reference import Reference, solve_reference
+from orchestrator.method.solver import Outcome, iterate, prepare
+from orchestrator.results.checkpoint import Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.fields import Fields, write_fields
+from orchestrator.results.figures import write_figures
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.history import HistoryWriter, read_history
+from orchestrator.results.progress import Progress
+from orchestrator.results.summary import memory_peak_mb, print_summary, versions, write_summary
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.model import Scene
+from orchestrator.scene.soles import make_soles
+from orchestrator.timing import Stopwatch, seconds_since_launch
+
+
+@dataclass
+class Solved:
+    """A finished solution, before anything is written.
+
+    Parameters
+    ----------
+    scene : what was solved
+    outcome : how the iterations ended, with their history
+    displacement : (T, n, 3) u_D, the field that the error bound speaks of
+    parts : per subdomain (T, n_E, 3)
+    summary : the content of summary.json
+    reference : the undecomposed solution, if asked for
+    """
+
+    scene: Scene
+    outcome: Outcome
+    displacement: np.ndarray
+    parts: list[np.ndarray]
+    summary: dict
+    reference: Reference | None
+
+
+def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *, reference: bool = False,
+          start: np.ndarray | None = None, first: int = 0, watch: Stopwatch | None = None,
+          stage: Callable[[str], None] = lambda name: None) -> Solved:
+    """Solve a scene; nothing is written.
+
+    Parameters
+    ----------
+    subscribers : called with the loop's events
+    reference : also solve undecomposed, and follow the true error
+    start, first : state and iteration to resume from
+    stage : told what goes on before the first iteration
+
+    Raises
+    ------
+    InputError, BlackBoxError : see the rooms
+    """
+    watch = watch or Stopwatch()
+    workers = default_workers() if config.blackbox.workers == "auto" else config.blackbox.workers
+    exact = None
+    if reference:
+        stage("solving undecomposed")
+        with watch("reference"), make_blackbox(config.blackbox) as whole:
+            exact = solve_reference(scene, whole)
+    with watch("soles"):
+        soles = make_soles(scene, config.method.sole)
+    stage("assembling and factorising")
+    with watch("start"):
+        blackbox = make_blackbox(config.blackbox)
+    with blackbox:
+        decomposition = prepare(scene, soles, config.method, blackbox, workers, watch)
+
+        def true_error(fields, bound) -> float:
+            with watch("reference"):
+                return exact.relative_error(recover(decomposition, fields, bound)[0])
+
+        outcome = iterate(decomposition, config.method, subscribers, watch, start, first,
+                          true_error if exact else None)
+        with watch("linear_stage"):
+            displacement, parts = recover(decomposition, outcome.fields, outcome.bound)
+        forces = reactions(decomposition, parts)
+        clock, memory = blackbox.clock(), blackbox.memory_peak_mb()
+    setup = decomposition.setup_sweeps
+    last = outcome.last
+    summary = {
+        "name": config.name, "converged": outcome.converged, "stop_reason": outcome.stop_reason,
+        "iterations": outcome.iterations,
+        "sweeps": {"setup": setup, "iterations": outcome.sweeps, "total": setup + outcome.sweeps},
+        "indicator": last.indicator, "error_bound": outcome.bound.relative,
+        "true_error": exact.relative_error(displacement) if exact else None,
+        "residuals": {name: getattr(last, name) for name in
+                      ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")},
+        **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
+        "timing": {"blackbox": clock}, "versions": versions(),
+        "memory_peak_mb": memory_peak_mb() + memory, "config": config.complete(),
+    }
+    return Solved(scene, outcome, displacement, parts, summary, exact)
+
+
+def size_of(scene: Scene) -> dict:
+    """The part of the summary that says how large the problem is."""
+    return {
+        "dofs": 3 * len(scene.mesh.nodes), "dofs_decomposed": 3 * sum(len(s.nodes) for s in scene.subdomains),
+        "subdomains": len(scene.subdomains), "interfaces": len(scene.interfaces),
+        "interface_nodes": sum(len(i.global_nodes) for i in scene.interfaces), "load_steps": scene.steps,
+    }
+
+
+def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
+        quiet: bool = False) -> int:
+    """Solve a configuration and write its results folder.
+
+    Returns
+    -------
+    exit code: 0 converged, 1 stopped without converging
+
+    Raises
+    ------
+    InputError, BlackBoxError, KeyboardInterrupt : after history, summary and checkpoint have been saved
+    """
+    config, watch = loaded.config, Stopwatch()
+    watch.start -= (launch := seconds_since_launch())
+    watch.seconds["startup"] = launch
+    folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
+    progress = Progress(quiet)
+    try:
+        progress.stage("meshing")
+        with watch("mesh"):
+            scene = build_scene(config)
+        key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
+        saved = load_checkpoint(folder, key) if resume else None
+        checkpoint, last = Checkpoint(folder, key), LastEvent()
+        with HistoryWriter(folder, saved.iteration if saved else None) as history:
+            try:
+                solved = solve(config, scene, (history, checkpoint, progress, last), reference=reference,
+                               start=saved.state if saved else None, first=saved.iteration if saved else 0,
+                               watch=watch, stage=progress.stage)
+            except (OrchestratorError, KeyboardInterrupt) as error:
+                _write_remains(folder, config, scene, watch, checkpoint, last, error)
+                raise
+    finally:
+        progress.close()
+    _write(folder, solved, watch, config)
+    if not quiet:
+        print_summary(solved.summary, folder.path)
+    return CONVERGED if solved.outcome.converged else NOT_CONVERGED
+
+
+class LastEvent:
+    """Subscriber that remembers the last iteration, for the summary of a run that dies."""
+
+    def __init__(self) -> None:
+        self.iteration: Iteration | None = None
+
+    def __call__(self, event) -> None:
+        if isinstance(event, Iteration):
+            self.iteration = event
+
+
+def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Config) -> None:
+    """Fields, figures and summary of a finished run."""
+    scene, summary = solved.scene, solved.summary
+    fields = None
+    with watch("output"):
+        lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
+        if config.output.fields:
+            fields = write_fields(folder, scene.mesh, scene.cell_subdomain, lame, solved.displacement)
+        elif config.output.figures:
+            fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement)
+        if config.output.figures:
+            _time(summary, watch)
+            write_figures(folder, summary, read_history(folder / "history.csv"), fields)
+    _time(summary, watch)
+    write_summary(folder, summary)
+
+
+def _time(summary: dict, watch: Stopwatch) -> None:
+    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {})}
+
+
+def _write_remains(folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, checkpoint: Checkpoint,
+                   last: LastEvent, error: BaseException) -> None:
+    """What a run that dies leaves behind: a checkpoint, and a summary that says where it stood."""
+    checkpoint.write()
+    event = last.iteration
+    reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"failed: {str(error).splitlines()[0]}"
+    write_summary(folder, {
+        "name": config.name, "converged": False, "stop_reason": reason,
+        "iterations": event.iteration if event else 0, "indicator": event.indicator if event else None,
+        "error_bound": event.error_bound if event else None, **size_of(scene),
+        "timing": {"total": watch.total, **watch.seconds}, "versions": versions(), "config": config.complete(),
+    })
