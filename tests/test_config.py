@@ -266,6 +266,11 @@ def test_mesh_file_beside_the_yaml_or_in_the_current_folder(write, tmp_path, mon
     assert load_config(moved).config.mesh.file == os.path.join("meshes", "part.msh")
 
 
+def test_model_that_comes_with_gmsh_is_left_to_the_scene(write):
+    assert load_config(write(mesh="mesh: {step: gmsh:part.stp}")).config.mesh.step == "gmsh:part.stp"
+    assert problems_of(write(mesh="mesh: {file: gmsh:part.msh}"))[0].path == ("mesh", "file")
+
+
 def test_load_steps(write):
     assert steps(load_config(write()).config) == 1  # a history nobody uses does not count
     config = load_config(write(**boundary(

@@ -21,6 +21,9 @@ from .model import Config
 from .overrides import BadOverride, apply, parse
 from .paths import get
 
+# Models that come with gmsh; the scene knows where they are.
+SHIPPED = "gmsh:"
+
 
 @dataclass(frozen=True)
 class Source:
@@ -192,6 +195,8 @@ def _find_meshes(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
     for key in ("file", "step"):
         name = get(data, "mesh", key)
         if not isinstance(name, str) or not name:
+            continue
+        if key == "step" and name.startswith(SHIPPED):
             continue
         places = [os.path.normpath(folder / name), os.path.normpath(name)]
         found = next((place for place in places if os.path.isfile(place)), None)
