@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox import messages
 from orchestrator.blackbox.messages import BadReply, Buffers, Reply
 from orchestrator.blackbox.protocol import Model
-from orchestrator.blackbox.worker import Ended, Worker
+from orchestrator.blackbox.worker import Ended, Silence, Worker
 
 
 class FileWorker(Worker):
@@ -68,7 +68,7 @@ class FileWorker(Worker):
 
     def _converse(self, index: int, name: str, purpose: str, request: Buffers, read):
         """One run of the code: request file, process, reply file; ``read(replies, index)`` takes what it needs."""
-        asked = self.write(f"request-{self.number}.bin", [*request, *messages.quit()])
+        asked = self.write(f"request-{self.number}.bin", [*request, *messages.farewell()])
         answered = self.folder / f"reply-{self.number}.bin"
         try:
             process = self.spawn(asked.name, answered.name)
@@ -84,7 +84,7 @@ class FileWorker(Worker):
             self.seconds["start"] += float(hello.seconds[0])
             return read(replies, index)
         except (Ended, BadReply) as error:
-            raise self.failure(f"{purpose}: {error}", name) from error
+            raise self.failure(purpose, error, name) from error
         finally:
             asked.unlink(missing_ok=True)
             answered.unlink(missing_ok=True)
@@ -96,7 +96,7 @@ class FileWorker(Worker):
             poll = select.poll()
             poll.register(handle, select.POLLIN)
             if not poll.poll(self.timeout * 1000):
-                raise Ended("no answer within the time allowed (blackbox.timeout)")
+                raise Silence()
             # the process is a zombie now: its memory is in what waiting for it returns
             with self._lock:
                 _, status, usage = os.wait4(process.pid, 0)

@@ -26,7 +26,7 @@ class PipeWorker(Worker):
             reply = self._reply(self.deadline())
             messages.check_hello(reply)
         except (Ended, BadReply) as error:
-            failure = self.failure(f"it did not start: {error}", "")
+            failure = self.failure("it did not start", error, "")
             missing = self.code.missing_plugin(self.process.returncode)
             raise missing or failure from error
         self.seconds["start"] += float(reply.seconds[0])
@@ -40,7 +40,7 @@ class PipeWorker(Worker):
             reply = self._reply(deadline)
             messages.check_load(reply, index)
         except (Ended, BadReply) as error:
-            raise self.failure(f"loading failed: {error}", model.name) from error
+            raise self.failure("loading failed", error, model.name) from error
         finally:
             path.unlink(missing_ok=True)
         self.count(reply.seconds)
@@ -55,7 +55,7 @@ class PipeWorker(Worker):
                 answers[index] = messages.check_solve(reply, index, *forces.shape)
                 self.count(reply.seconds)
         except (Ended, BadReply) as error:
-            raise self.failure(f"solving failed: {error}", names[len(answers)]) from error
+            raise self.failure("solving failed", error, names[len(answers)]) from error
         return answers
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
@@ -67,7 +67,7 @@ class PipeWorker(Worker):
             reply = self._reply(deadline)
             matrix = messages.check_stiffness(reply, index, dofs)
         except (Ended, BadReply) as error:
-            raise self.failure(f"the stiffness matrix was not obtained: {error}", model.name) from error
+            raise self.failure("the stiffness matrix was not obtained", error, model.name) from error
         finally:
             path.unlink(missing_ok=True)
         self.count(reply.seconds)

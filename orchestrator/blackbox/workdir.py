@@ -41,7 +41,10 @@ def sweep() -> None:
 
 def remove(path: Path) -> None:
     """Remove a folder and all in it; may be called twice."""
-    shutil.rmtree(path, ignore_errors=True)
+    for _ in range(3):  # a thread may just be writing into it
+        shutil.rmtree(path, ignore_errors=True)
+        if not path.exists():
+            return
 
 
 def _alive(pid: int) -> bool:

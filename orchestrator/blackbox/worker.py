@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
 import threading
@@ -37,6 +39,13 @@ class Ended(Exception):
     """The conversation broke off: end of stream, broken pipe or silence. ``what`` in one sentence."""
 
 
+class Silence(Ended):
+    """The process lives but does not answer."""
+
+    def __init__(self) -> None:
+        super().__init__("no answer within the time allowed (blackbox.timeout)")
+
+
 class Worker:
     """One place where a process of the code runs; all methods but ``kill`` belong to one thread.
 
@@ -53,7 +62,7 @@ class Worker:
         self.seconds = {"start": 0.0, "assemble": 0.0, "factorise": 0.0, "solve": 0.0}
         self.peak_mb = 0.0
         self.process: subprocess.Popen | None = None
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # reentrant: a signal may interrupt its holder
         self._killed = False
         # without a name: nothing is left behind whatever happens
         self.log = tempfile.TemporaryFile(dir=folder)
@@ -83,6 +92,7 @@ class Worker:
             self.process = subprocess.Popen(
                 command, cwd=self.folder, env=self.code.environment(), pass_fds=pass_fds,
                 stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
+                process_group=0,  # Ctrl-C is for the orchestrator, which then ends its processes itself
             )
         return self.process
 
@@ -92,7 +102,9 @@ class Worker:
             self._killed = True
             if self.process is not None and self.process.returncode is None:
                 self.note_memory()
-                self.process.kill()
+                # the whole group: the executable may be a script around the real one
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(self.process.pid, signal.SIGKILL)
 
     def release(self) -> None:
         """Reap the process and close what is open; after ``kill``, when the thread is done."""
@@ -133,16 +145,17 @@ class Worker:
         """Mesh file of a model."""
         return self.write(f"mesh-{index}.meshb", [self.code.mesh(model)])
 
-    def failure(self, what: str, subdomain: str) -> BlackBoxError:
-        """The error to raise: waits a moment for the process's own last words and exit code."""
-        code = None
+    def failure(self, purpose: str, error: Exception, subdomain: str) -> BlackBoxError:
+        """The error to raise, with the exit code of a process that ended and the log's tail."""
+        meaning = ""
         if self.process is not None:
+            # a stream that ends is a process about to end: its exit code comes a moment later
+            ended = isinstance(error, Ended) and not isinstance(error, Silence)
             try:
-                code = self.process.wait(timeout=1.0)
+                meaning = self.code.meaning(self.process.wait(timeout=1.0 if ended else 0.0))
             except subprocess.TimeoutExpired:
                 pass
-        meaning = "still running (ended now)" if code is None else self.code.meaning(code)
-        return BlackBoxError(f"{self.code.name}: {what}", subdomain, meaning, self.log_tail())
+        return BlackBoxError(f"{self.code.name}: {purpose}: {error}", subdomain, meaning, self.log_tail())
 
     def log_tail(self) -> str:
         """Last lines of what the process printed."""

@@ -1,0 +1,134 @@
+"""What FreeFEM answers: stiffness, traces, fields, through both transports."""
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spla
+from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
+
+from orchestrator.blackbox.freefem import blas_of, doctor
+from orchestrator.blackbox.pool import place
+from orchestrator.blackbox.registry import make_blackbox
+
+
+@pytest.fixture(scope="module")
+def models():
+    return [box((3, 2, 2), "a"), box((2, 2, 3), "b", seed=1), box((4, 3, 2), "c", seed=2)]
+
+
+@pytest.fixture(scope="module")
+def pool(models):
+    with make_blackbox(settings(workers=2)) as blackbox:
+        blackbox.load(models)
+        yield blackbox
+
+
+def test_stiffness_is_the_textbooks(pool, models):
+    for model, k in zip(models, pool.stiffness(models)):
+        assert abs(k - k.T).max() == 0
+        assert difference(k, assemble(model)) < 1e-12
+
+
+def test_rigid_motions_cost_nothing(pool, models):
+    (k,) = pool.stiffness(models[:1])
+    x = models[0].nodes
+    rigid = [np.tile(axis, (len(x), 1)) for axis in np.eye(3)] + [np.cross(axis, x) for axis in np.eye(3)]
+    for motion in rigid:
+        assert abs(k @ motion.ravel()).max() < 1e-12 * abs(k).max() * abs(motion).max() * 10
+
+
+def test_fields_solve_the_clamped_system(pool, models):
+    f = {i: np.random.default_rng(i).standard_normal((2, m.fixed.size)) for i, m in enumerate(models)}
+    u = pool.fields(f)
+    for i, model in enumerate(models):
+        free = np.flatnonzero(~model.fixed)
+        assert (u[i][:, model.fixed.ravel()] == 0).all()
+        exact = spla.spsolve(assemble(model)[free][:, free].tocsc(), f[i][:, free].T).T
+        assert difference(u[i][:, free], exact) < 1e-9
+
+
+def test_traces_are_the_fields_at_trace_dofs(pool, models):
+    f = {i: forces(m) for i, m in enumerate(models)}
+    traces = pool.traces(f)
+    fields = pool.fields({i: on_all(m, f[i]) for i, m in enumerate(models)})
+    for i, model in enumerate(models):
+        assert difference(traces[i], fields[i][:, model.trace]) < 1e-13
+
+
+def test_answers_are_linear_in_forces(pool, models):
+    f = forces(models[1], 2)
+    u = pool.traces({1: f})[1]
+    combined = pool.traces({1: (2 * f[:1] - 3 * f[1:])})[1]
+    assert difference(combined, 2 * u[:1] - 3 * u[1:]) < 1e-12
+
+
+def test_some_models_and_uneven_right_hand_sides(pool, models):
+    both = pool.traces({2: forces(models[2], 4), 0: forces(models[0], 1)})
+    assert list(both) == [2, 0]
+    assert [u.shape for u in both.values()] == [(4, len(models[2].trace)), (1, len(models[0].trace))]
+    assert pool.traces({1: np.zeros((0, len(models[1].trace)))})[1].shape == (0, len(models[1].trace))
+    assert pool.traces({}) == {}
+
+
+def test_forces_of_the_wrong_size_are_refused(pool):
+    with pytest.raises(ValueError, match="expected \\(rhs, "):
+        pool.traces({0: np.zeros((1, 3))})
+
+
+@pytest.mark.parametrize("changes", [{"workers": 1}, {"transport": "file", "workers": 2}])
+def test_workers_and_transports_agree(pool, models, changes):
+    f = {i: forces(m) for i, m in enumerate(models)}
+    whole = {i: np.random.default_rng(9).standard_normal((2, m.fixed.size)) for i, m in enumerate(models)}
+    with make_blackbox(settings(**changes)) as other:
+        other.load(models)
+        for mine, theirs in [
+            (pool.traces(f), other.traces(f)),
+            (pool.fields(whole), other.fields(whole)),
+            (dict(enumerate(pool.stiffness(models))), dict(enumerate(other.stiffness(models)))),
+        ]:
+            for i in range(len(models)):
+                assert difference(theirs[i], mine[i]) < 1e-12
+
+
+def test_loading_again_forgets_what_was_loaded(models):
+    with make_blackbox(settings()) as blackbox:
+        blackbox.load(models)
+        blackbox.load(models[1:])
+        f = forces(models[1])
+        again = blackbox.traces({0: f})[0]
+        blackbox.load([models[1]])
+        assert difference(again, blackbox.traces({0: f})[0]) == 0
+
+
+@pytest.mark.parametrize("nodes", [64, 512, 1024])
+def test_vertex_counts_that_stall_freefem(nodes):
+    model = chain(nodes)
+    assert len(model.nodes) == nodes
+    with make_blackbox(settings(timeout=20.0)) as blackbox:
+        blackbox.load([model])
+        (k,) = blackbox.stiffness([model])
+        assert difference(k, assemble(model)) < 1e-12
+        f = np.random.default_rng(0).standard_normal((1, 3 * nodes))
+        u = blackbox.fields({0: f})[0]
+        residual = (k @ u[0] - f[0])[~model.fixed.ravel()]
+        assert abs(residual).max() < 1e-6 * abs(k).max() * abs(u).max()
+
+
+def test_the_processes_use_openblas(pool):
+    assert len(pool.pids()) == 2
+    for pid in pool.pids():
+        assert "openblas" in blas_of(pid)
+
+
+def test_doctor_finds_everything_here():
+    assert not [line for line in doctor() if line.startswith("missing")]
+
+
+def test_the_clock_and_memory(pool):
+    clock = pool.clock()
+    assert set(clock) == {"start", "assemble", "factorise", "solve"}
+    assert all(seconds > 0 for seconds in clock.values())
+    assert 40 < pool.memory_peak_mb() < 500
+
+
+def test_placing_puts_the_longest_first():
+    assert place([1, 5, 3, 3], 2) == [[1, 0], [2, 3]]
