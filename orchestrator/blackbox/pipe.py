@@ -47,11 +47,10 @@ class PipeWorker(Worker):
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         answers: dict[int, np.ndarray] = {}
-        deadline = self.deadline()
         try:
-            self.channel.write(messages.solve(op, jobs), deadline)
+            self.channel.write(messages.solve(op, jobs), self.deadline())
             for index, forces in jobs:
-                reply = self._reply(deadline)
+                reply = self._reply(self.deadline())
                 answers[index] = messages.check_solve(reply, index, *forces.shape)
                 self.count(reply.seconds)
         except (Ended, BadReply) as error:

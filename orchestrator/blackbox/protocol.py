@@ -59,7 +59,7 @@ class BlackBox(Protocol):
         """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
 
     def clock(self) -> dict[str, float]:
-        """The code's own seconds, summed over workers: start, assemble, factorise, solve."""
+        """The code's own CPU seconds, summed over workers: start, assemble, factorise, solve."""
 
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""
