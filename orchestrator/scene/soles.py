@@ -24,6 +24,8 @@ from orchestrator.scene.model import Interface, Scene
 HALVINGS = 3
 # A tet thinner than this fraction of its prism's regular share (area × thickness / 3) is bad.
 FLATNESS = 0.1
+# Coordinates that differ by less than this fraction of the interface's size count as equal.
+SAME_PLACE = 1e-9
 
 
 @dataclass
@@ -107,11 +109,11 @@ def prisms(facets: Facets, direction: int) -> Sole:
 
     Notes
     -----
-    Neighbouring prisms agree on the diagonal of their common face because both sort its nodes.
-    Where the thickness must shrink, the modulus shrinks with it: E/thickness is what counts.
+    Neighbouring prisms agree on the diagonal of their common face because both sort its nodes, by
+    place rather than by number: renumbering the mesh then changes nothing. Where the thickness must shrink, the modulus shrinks with it: E/thickness is what counts.
     """
     n = len(facets.points)
-    order = np.argsort(facets.triangles, axis=1)
+    order = np.argsort(_place_rank(facets.points)[facets.triangles], axis=1)
     triangles = np.take_along_axis(facets.triangles, order, axis=1)
     # sorting may have turned a facet over: an odd permutation has an inversion count of 1 or 3
     odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
@@ -121,10 +123,10 @@ def prisms(facets: Facets, direction: int) -> Sole:
     vectors = facets.area_vectors
     area = np.linalg.norm(vectors, axis=1)
     thickness = facets.thickness.copy()
-    for _ in range(HALVINGS + 1):
+    for attempt in range(HALVINGS + 1):
         outer = facets.points + thickness[:, None] * normals
         bad = _thinnest(facets.points, outer, triangles, turn) < FLATNESS * area * thickness[triangles].mean(1) / 3
-        if not bad.any():
+        if not bad.any() or attempt == HALVINGS:
             break
         thickness[np.unique(triangles[bad])] *= 0.5
 
@@ -155,6 +157,15 @@ def prisms(facets: Facets, direction: int) -> Sole:
         young=np.repeat(facets.young * achieved / wanted, 3),
         poisson=np.repeat(facets.poisson, 3),
     )
+
+
+def _place_rank(points: np.ndarray) -> np.ndarray:
+    """(n,) position of each point in the order of x, then y, then z, blind to rounding and to units."""
+    low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
+    z, y, x = np.rint((points - low).T[::-1] / extent / SAME_PLACE)
+    rank = np.empty(len(points), dtype=int)
+    rank[np.lexsort((z, y, x))] = np.arange(len(points))
+    return rank
 
 
 def _thinnest(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray) -> np.ndarray:
