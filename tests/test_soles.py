@@ -1,0 +1,259 @@
+"""Soles: the matter glued to interfaces, its shape and the stiffness FreeFEM gives it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from method_case import CUBES, METIS, box_of, config, irregular, layered, method, prepared
+
+from orchestrator.blackbox.extended import extended_model, rim_model, sides_of, sole_models
+from orchestrator.blackbox.protocol import Model
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.faces import tet_volumes
+from orchestrator.scene.soles import Facets, facets_of, make_soles, merge, prisms, soles_of
+
+YOUNG, POISSON = 200e3, 0.3
+OEDOMETRIC = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
+SHEAR = YOUNG / (2 * (1 + POISSON))
+KINDS = ["layer", "symmetric"]
+
+
+def settings(**changes):
+    """The ``method.sole`` section of a configuration."""
+    return SimpleNamespace(**{"kind": "layer", "modulus_ratio": 1.0, "thickness": "auto", "poisson": "auto", **changes})
+
+
+def patch(cells=(3, 2), h=1.0, fold=180.0, thickness=1.0, seed=None):
+    """Facets of a rectangle folded along its middle line x = 0, open by ``fold`` degrees on the side of +1."""
+    nx, ny = cells
+    x, y = np.meshgrid(np.arange(-nx, nx + 1) * h, np.arange(ny + 1) * h, indexing="ij")
+    half = np.radians(fold) / 2
+    points = np.stack([x * np.sin(half), y, np.abs(x) * np.cos(half)], -1).reshape(-1, 3)
+    if seed is not None:
+        points[:, :2] += np.random.default_rng(seed).uniform(-0.2, 0.2, (len(points), 2)) * h
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(2 * nx), np.arange(ny), indexing="ij"))
+    a = i * (ny + 1) + j
+    b = a + ny + 1
+    triangles = np.r_[np.c_[a, b, b + 1], np.c_[a, b + 1, a + 1]]
+    count = len(triangles)
+    return Facets(points, triangles, np.full(count, YOUNG), np.full(count, POISSON), np.full(len(points), thickness))
+
+
+def model(facets, sole):
+    """A sole as a model of its own."""
+    nodes = np.vstack([facets.points, sole.points])
+    matter, region = np.unique(np.c_[sole.young, sole.poisson], axis=0, return_inverse=True)
+    return Model("sole", nodes, sole.cells, region.ravel(), matter, np.zeros(nodes.shape, bool), np.empty(0, int))
+
+
+def volumes(facets, sole):
+    return tet_volumes(np.vstack([facets.points, sole.points]), sole.cells)
+
+
+def inner_stiffness(facets, soles):
+    """(3n, 3n) dense stiffness on the interface's nodes, outer nodes clamped, of each sole."""
+    with box_of(config()) as blackbox:
+        matrices = blackbox.stiffness([model(facets, sole) for sole in soles])
+    size = 3 * len(facets.points)
+    return [m[:size, :size].toarray() for m in matrices]
+
+
+def triangles_of(cells):
+    """Faces of tets and how many tets have each."""
+    faces = np.sort(cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
+    return np.unique(faces, axis=0, return_counts=True)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("mesh", ["slices", "cubes", "irregular"])
+def test_extended_stiffness_is_the_sum(tmp_path, mesh, kind):
+    """K of the extended mesh = K_E + Σ NᵀkN on all free dofs of a subdomain (paper, section 3.2)."""
+    changes = {"slices": {}, "cubes": CUBES,
+               "irregular": {**METIS, "mesh": irregular(tmp_path / "box.meshb")} if mesh == "irregular" else {}}[mesh]
+    made = config(**changes, **method(sole={"kind": kind}))
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        soles = make_soles(scene, made.method.sole)
+        sides = [sides_of(scene, s.index) for s in scene.subdomains]
+        extended = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
+        naked = [extended_model(scene, s, [], soles) for s in scene.subdomains]
+        with_soles, without = blackbox.stiffness(extended), blackbox.stiffness(naked)
+    k = sp.csr_array(d.space.scatter @ d.stage.direction.k @ d.space.scatter.T)
+    for s, part, trace, whole, own in zip(scene.subdomains, d.space.boundary, d.traces, with_soles, without):
+        free = np.flatnonzero(~s.fixed.ravel())
+        spread = sp.csr_array((np.ones(len(trace)), (np.searchsorted(free, trace), np.arange(len(trace)))),
+                              shape=(len(free), len(trace)))
+        expected = own[free][:, free] + spread @ k[part][:, part] @ spread.T
+        assert abs(whole[free][:, free] - expected).max() <= 1e-12 * abs(expected).max()
+        assert abs(expected - own[free][:, free]).max() > 0.01 * abs(expected).max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("thickness", [0.3, 2.0])
+def test_rigid_translations_have_exact_values(kind, thickness):
+    """A unit translation of a flat sole: E_oed/e · area along the normal, G/e · area across it."""
+    facets = patch(thickness=thickness, seed=1)
+    area = np.linalg.norm(facets.area_vectors, axis=1).sum()
+    for k in inner_stiffness(facets, soles_of(facets, kind)):
+        resultants = k.reshape(len(facets.points), 3, -1, 3).sum(axis=(0, 2))
+        expected = np.diag([SHEAR, SHEAR, OEDOMETRIC]) * area / thickness
+        assert np.abs(resultants - expected).max() <= 1e-12 * expected.max()
+
+
+def test_symmetric_soles_are_the_same_from_both_sides():
+    """k_E = k_E' bit for bit on all trace dofs; a layer is not the same from the two sides, by more than 5 %."""
+    for kind in KINDS:
+        made = config(**METIS, **method(sole={"kind": kind}))
+        scene = build_scene(made)
+        with box_of(made) as blackbox:
+            direction = prepared(made, scene, blackbox).stage.direction
+        difference = abs(direction.k - direction.other)
+        if kind == "symmetric":
+            assert difference.max() == 0
+        else:
+            assert difference.max() > 0.05 * abs(direction.k).max()
+
+
+def test_stiffness_is_positive_definite_and_symmetric():
+    """A sole with its outer face clamped holds every motion of the interface."""
+    facets = patch(fold=100, thickness=1.5)
+    for k in inner_stiffness(facets, soles_of(facets, "layer")):
+        assert np.abs(k - k.T).max() <= 1e-12 * np.abs(k).max()
+        assert np.linalg.eigvalsh(k).min() > 1e-3 * np.abs(k).max()
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_neighbouring_prisms_agree_on_diagonals(direction):
+    """The layer is a conforming mesh: its boundary is the two faces and the rim, two triangles per rim edge."""
+    facets = patch(seed=2)
+    sole = prisms(facets, direction)
+    faces, count = triangles_of(sole.cells)
+    edges = np.sort(facets.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    rim = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
+    assert count.max() == 2
+    assert int((count == 1).sum()) == 2 * len(facets.triangles) + 2 * rim
+    area = np.linalg.norm(facets.area_vectors, axis=1).sum()
+    assert volumes(facets, sole).min() > 0
+    assert volumes(facets, sole).sum() == pytest.approx(area * 1.0, rel=1e-14)
+    outer = sole.points[:, 2]
+    assert np.allclose(outer, direction, rtol=0, atol=1e-14), "outer face one thickness away, on the right side"
+
+
+def test_merged_soles_share_the_interface_alone():
+    """Two layers on one interface keep outer nodes of their own."""
+    facets = patch()
+    one, two = prisms(facets, 1), prisms(facets, -1)
+    both, n = merge(one, two, len(facets.points)), len(facets.points)
+    assert len(both.points) == len(one.points) + len(two.points)
+    first, second = both.cells[: len(one.cells)], both.cells[len(one.cells):]
+    shared = np.intersect1d(first, second)
+    assert np.array_equal(shared, np.arange(n))
+    assert volumes(facets, both).sum() == pytest.approx(volumes(facets, one).sum() + volumes(facets, two).sum())
+
+
+@pytest.mark.parametrize("fold, thickness", [(120, 2.0), (90, 1.0), (60, 0.5), (60, 5.0), (30, 1.0), (10, 5.0)])
+def test_concave_creases_do_not_invert(fold, thickness):
+    """Where prisms would invert the layer shrinks, or gets outer nodes of its own, but never turns over."""
+    facets = patch(cells=(4, 4), fold=fold, thickness=thickness)
+    for direction in (1, -1):
+        sole = prisms(facets, direction)
+        assert volumes(facets, sole).min() > 1e-4 * 0.5 * thickness / 3
+        assert set(sole.cells[sole.cells >= len(facets.points)]) == {
+            len(facets.points) + i for i in range(len(sole.points))}, "no outer vertex is an orphan"
+
+
+def test_too_sharp_creases_get_outer_nodes_of_their_own():
+    """Facets no shrinking can save stand on their own prism, at the wanted thickness and modulus."""
+    facets = patch(cells=(4, 4), fold=10, thickness=5.0)
+    sole = prisms(facets, 1)
+    assert len(sole.points) > len(facets.points)
+    prism_volume = volumes(facets, sole).reshape(-1, 3).sum(axis=1)
+    area = np.linalg.norm(facets.area_vectors, axis=1)
+    full = np.isclose(prism_volume, area * 5.0, rtol=1e-12)
+    assert full.any() and np.all(sole.young.reshape(-1, 3)[full & (sole.young[::3] == YOUNG)] == YOUNG)
+
+
+@pytest.mark.parametrize("fold, thickness", [(120, 5.0), (60, 1.0), (60, 5.0), (30, 1.0)])
+def test_modulus_shrinks_with_the_thickness(fold, thickness):
+    """E/thickness is the wanted one on every prism, shrunk or not: it sets the stiffness."""
+    facets = patch(cells=(4, 4), fold=fold, thickness=thickness)
+    sole = prisms(facets, 1)
+    points, n = np.vstack([facets.points, sole.points]), len(facets.points)
+    for (first, second, third), young in zip(sole.cells.reshape(-1, 3, 4), sole.young[::3]):
+        # the split (a, b, c, c'), (a, b, c', b'), (a, a', b', c'); a, b and a, a' may have changed places
+        a, a_outer = sorted(third[:2])
+        (b,) = set(first[:2]) - {a}
+        assert a < n <= a_outer
+        legs = points[[a_outer, second[3], first[3]]] - points[[a, b, first[2]]]
+        assert young == pytest.approx(YOUNG * np.linalg.norm(legs, axis=1).mean() / thickness, rel=1e-12)
+    assert sole.young.min() < 0.6 * YOUNG
+
+
+def test_automatic_thickness_is_the_mesh_size():
+    """√(2 × mean facet area) is h on a structured patch; a number is taken as it is."""
+    scene = build_scene(config(mesh={"box": {"size": [4.0, 1.0, 1.0], "cells": [16, 4, 4]}}))
+    for interface in scene.interfaces:
+        assert np.allclose(facets_of(scene, interface, settings()).thickness, 0.25, rtol=1e-14, atol=0)
+        assert np.all(facets_of(scene, interface, settings(thickness=0.1)).thickness == 0.1)
+
+
+def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
+    """E_S = ratio · max(E_E, E_E'), ν_S = min(ν, ν', 0.3), on both sides (method.sole's reasons)."""
+    scene = build_scene(config(mesh=layered(tmp_path / "two.meshb", [0, 1]), subdomains="groups", materials=[
+        {"young": 1.0, "poisson": 0.45}, {"young": 1000.0, "poisson": 0.25, "on": "*2"}]))
+    facets = facets_of(scene, scene.interfaces[0], settings(modulus_ratio=0.5))
+    assert np.all(facets.young == 500) and np.all(facets.poisson == 0.25)
+    assert np.all(facets_of(scene, scene.interfaces[0], settings(poisson=0.1)).poisson == 0.1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_numbering_does_not_matter(kind):
+    """Another numbering of the nodes and another order of the facets give the same stiffness, reordered."""
+    facets = patch(fold=110, seed=4)
+    rng = np.random.default_rng(0)
+    new, shuffle = rng.permutation(len(facets.points)), rng.permutation(len(facets.triangles))
+    points = np.empty_like(facets.points)
+    points[new] = facets.points
+    turned = np.roll(new[facets.triangles[shuffle]], 1, axis=1)
+    other = Facets(points, turned, facets.young, facets.poisson, facets.thickness)
+    dofs = (3 * new[:, None] + np.arange(3)).ravel()
+    for k, theirs in zip(inner_stiffness(facets, soles_of(facets, kind)), inner_stiffness(other, soles_of(other, kind))):
+        assert np.abs(theirs[np.ix_(dofs, dofs)] - k).max() <= 1e-12 * np.abs(k).max()
+
+
+def test_units_do_not_matter():
+    """Lengths / 1000 and moduli × 1e6: the stiffness of a sole is multiplied by 1000."""
+    facets = patch(fold=110, seed=4)
+    metres = Facets(facets.points / 1000, facets.triangles, facets.young * 1e6, facets.poisson, facets.thickness / 1000)
+    for k, theirs in zip(inner_stiffness(facets, soles_of(facets, "symmetric")),
+                         inner_stiffness(metres, soles_of(metres, "symmetric"))):
+        assert np.abs(theirs - 1000 * k).max() <= 1e-12 * np.abs(theirs).max()
+
+
+def test_rims_have_complete_rows():
+    """The rim's stiffness equals the subdomain's on rows of interface and clamped dofs."""
+    made = config(**CUBES)
+    scene = build_scene(made)
+    subdomain = scene.subdomains[0]
+    sides = sides_of(scene, 0)
+    rim = rim_model(scene, subdomain, sides)
+    with box_of(made) as blackbox:
+        whole, part = blackbox.stiffness([extended_model(scene, subdomain, [], []), rim.model])
+    on = subdomain.fixed.any(axis=1)
+    for index, side in sides:
+        on[scene.interfaces[index].nodes[side]] = True
+    dofs = (3 * rim.nodes[:, None] + np.arange(3)).ravel()
+    rows = np.flatnonzero(np.repeat(on[rim.nodes], 3))
+    expected = whole[dofs[rows]]
+    spread = sp.csr_array((np.ones(len(dofs)), (np.arange(len(dofs)), dofs)), shape=(len(dofs), whole.shape[1]))
+    assert abs(part[rows] @ spread - expected).max() <= 1e-12 * abs(expected).max()
+
+
+def test_symmetric_soles_are_assembled_once():
+    """One model per interface when both sides share their sole, two for layers."""
+    scene = build_scene(config())
+    for kind, count in (("symmetric", 1), ("layer", 2)):
+        soles = make_soles(scene, settings(kind=kind))
+        assert len(sole_models(scene, soles)) == count * len(scene.interfaces)
