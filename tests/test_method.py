@@ -1,0 +1,453 @@
+"""The method on real FreeFEM: macro problems, fixed point, accelerations, error bound, loads, recovery."""
+
+import itertools
+
+import numpy as np
+import pytest
+from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, prepared, solved
+
+from orchestrator.blackbox.extended import extended_model
+from orchestrator.method.acceleration import ResidualMinimisation
+from orchestrator.method.macro_basis import interface_basis
+from orchestrator.method.reference import solve_reference
+from orchestrator.method.solver import iterate
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.timing import Stopwatch
+
+BENT = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, -2.0]}]}
+
+
+def strained(**changes):
+    """A solved problem whose stop is judged: the guaranteed bound holds and is not lax."""
+    result = solved(**changes)
+    error, bound = result.summary["true_error"], result.summary["error_bound"]
+    assert result.summary["converged"] and error <= bound <= 5 * error
+    return result
+
+
+# --- macro basis ------------------------------------------------------------------------------------------
+
+
+def curved(count, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (count, 3)) * [3.0, 2.0, 1.0] + [50.0, -20.0, 7.0]
+
+
+def plane(count, seed=0):
+    """Points on a plane that is aligned with no axis."""
+    points = curved(count, seed)
+    normal = np.array([1.0, 2.0, -2.0]) / 3
+    return points - (points @ normal)[:, None] * normal
+
+
+def line(count):
+    return np.linspace(0, 1, count)[:, None] * [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("points, sizes", [
+    (curved(40), {"translations": 3, "rigid": 6, "affine": 12, "quadratic": 30}),
+    (plane(40), {"translations": 3, "rigid": 6, "affine": 9, "quadratic": 18}),
+    (line(9), {"translations": 3, "rigid": 5, "affine": 6, "quadratic": 9}),
+    (curved(1), {"translations": 3, "rigid": 3, "affine": 3, "quadratic": 3}),
+    (curved(2), {"translations": 3, "rigid": 5, "affine": 6, "quadratic": 6}),
+    (curved(3), {"translations": 3, "rigid": 6, "affine": 9, "quadratic": 9}),
+], ids=["curved", "plane", "line", "one node", "two nodes", "three nodes"])
+def test_size_of_the_macro_basis(points, sizes):
+    """12 affine fields, 9 on a plane (paper, section 4.1.1); what is dependent is dropped, the rest orthonormal."""
+    free = np.ones(points.shape, bool)
+    for kind, size in sizes.items():
+        basis = interface_basis(points, free, kind)
+        assert basis.shape == (points.size, size)
+        assert np.abs(basis.T @ basis - np.eye(size)).max() < 1e-13
+
+
+def test_clamped_components_leave_the_basis():
+    """Prescribed dofs are no rows of W, and fields that only live there are gone."""
+    points, free = plane(40), np.ones((40, 3), bool)
+    free[:, 2] = False
+    assert interface_basis(points, free, "affine").shape == (80, 6)
+    assert interface_basis(points, free, "translations").shape == (80, 2)
+    free[:10] = False
+    assert interface_basis(points, free, "affine").shape == (60, 6)
+    assert interface_basis(points, np.zeros((40, 3), bool), "affine").shape == (0, 0)
+
+
+def test_basis_holds_what_its_name_says():
+    """Rigid motions lie in span(W) of rigid, affine and quadratic, also where components are prescribed."""
+    points, free = curved(25), np.ones((25, 3), bool)
+    free[3:9, 1] = False
+    spin = np.cross([0.3, -1.0, 0.5], points)[free]
+    for kind in ("rigid", "affine", "quadratic"):
+        basis = interface_basis(points, free, kind)
+        assert np.linalg.norm(spin - basis @ (basis.T @ spin)) < 1e-10 * np.linalg.norm(spin)
+    basis = interface_basis(points, free, "translations")
+    assert np.linalg.norm(spin - basis @ (basis.T @ spin)) > 0.01 * np.linalg.norm(spin)
+
+
+# --- admissibility after every linear stage ---------------------------------------------------------------
+
+MESHES = {"slices": BENT, "cubes": {**CUBES, **BENT}, "metis": {**METIS, **BENT}}
+
+
+@pytest.mark.parametrize("basis", ["translations", "rigid", "affine", "quadratic"])
+@pytest.mark.parametrize("mesh", MESHES)
+def test_forces_are_macro_balanced_after_every_stage(mesh, basis):
+    """Wᵀ A f = 0, eq. (17), to 1e-10 of the largest resultant, whatever the state of the iterations."""
+    result = solved(reference=False, **MESHES[mesh],
+                    **method(macro={"basis": basis}, tolerance={"error": 1e-5}, max_iterations=40))
+    history = result.outcome.history
+    assert len(history) > 3
+    assert max(e.macro_imbalance for e in history) <= 1e-10
+
+
+@pytest.mark.parametrize("strategy", ["equilibrium", "continuity"])
+@pytest.mark.parametrize("kind", ["layer", "symmetric"])
+def test_the_condition_of_each_strategy(strategy, kind):
+    """Interface by interface: Wᵀ(f + f') = 0, or Fᵀ(w' − w) = 0 with F = (k + k')W, eqs. (17) and (35)."""
+    made = config(**CUBES, **BENT, **method(sole={"kind": kind}, macro={"strategy": strategy}))
+    scene = build_scene(made)
+    rng = np.random.default_rng(0)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        s = rng.standard_normal((d.space.size, scene.steps)) * 10
+        fields = d.stage(s)
+    k = d.stage.direction.k + d.stage.direction.other
+    violated, other = [], []
+    for interface, (one, two) in zip(scene.interfaces, d.space.slots):
+        W = interface_basis(scene.mesh.nodes[interface.global_nodes], interface.free, "affine")
+        force = W.T @ (fields.f[one] + fields.f[two]) / np.linalg.norm(fields.f)
+        F = k[one][:, one] @ W
+        jump = F.T @ (fields.w[two] - fields.w[one]) / (np.linalg.norm(F) * np.linalg.norm(fields.w))
+        violated.append(np.abs(force if strategy == "equilibrium" else jump).max())
+        other.append(np.abs(jump if strategy == "equilibrium" else force).max())
+    assert max(violated) <= 1e-11
+    assert max(other) > 1e-4, "the other strategy's condition is not met by accident"
+
+
+def test_subdomains_are_in_equilibrium_after_every_stage():
+    """K_E u_E = f_d + Nᵀf on all free dofs, eq. (13), for a state far from convergence."""
+    made = config(**METIS, **BENT)
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+        s = np.random.default_rng(1).standard_normal((d.space.size, 1))
+        fields = d.stage(s)
+        robin = d.space.scatter @ d.stage.robin_force(s, fields.alpha)
+        requests = {}
+        for e, (trace, force) in enumerate(zip(d.traces, d.loading.forces)):
+            requests[e] = np.zeros((1, 3 * d.node_counts[e]))
+            requests[e][:, : force.shape[1]] = force
+            requests[e][:, trace] += robin[d.space.boundary[e]].T
+        u = blackbox.fields(requests)
+    forces = d.space.scatter @ fields.f
+    for e, subdomain in enumerate(scene.subdomains):
+        size, trace = 3 * len(subdomain.nodes), d.traces[e]
+        external = subdomain.loads[0].ravel().copy()
+        external[trace] += forces[d.space.boundary[e], 0]
+        free = ~subdomain.fixed.ravel()
+        residual = (naked[e] @ u[e][0, :size] - external)[free]
+        assert np.abs(residual).max() <= 1e-9 * np.abs(external).max()
+
+
+# --- fixed point ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("strategy", ["none", "equilibrium", "continuity"])
+@pytest.mark.parametrize("kplus", ["exchange", "full", "diagonal"])
+@pytest.mark.parametrize("kind", ["layer", "symmetric"])
+def test_the_fixed_point_is_the_undecomposed_solution(strategy, kplus, kind):
+    """s* = f + k w of the undecomposed solution is its own image, for every choice of k⁺, k⁻ and macro problem."""
+    made = config(**BENT, **method(sole={"kind": kind}, macro={"strategy": strategy},
+                                   search_direction={"kplus": kplus}, max_iterations=1))
+    scene = build_scene(made)
+    with box_of(made) as whole:
+        exact = solve_reference(scene, whole)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+        f, w = np.empty((d.space.size, 1)), np.empty((d.space.size, 1))
+        for e, subdomain in enumerate(scene.subdomains):  # slices: no cross points, forces are unique
+            u = exact.displacement[0, subdomain.nodes].ravel()
+            force = (naked[e] @ u - subdomain.loads[0].ravel())[d.traces[e]]
+            slots = np.flatnonzero(d.space.owner == e)
+            local = d.space.gather[slots] - d.space.boundary[e].start
+            f[slots, 0], w[slots, 0] = force[local], u[d.traces[e]][local]
+        s = f + d.stage.direction.k @ w
+        fields = d.stage(s)
+        image = d.local(fields.w, fields.f)
+        outcome = iterate(d, made.method, (), Stopwatch(), start=s)
+    assert np.abs(fields.w - w).max() <= 1e-9 * np.abs(w).max()
+    assert np.abs(fields.f - f).max() <= 1e-9 * np.abs(f).max()
+    assert np.abs(image - s).max() <= 1e-9 * np.abs(s).max()
+    assert outcome.converged and outcome.iterations == 1
+
+
+COMBINATIONS = list(itertools.product(["none", "equilibrium", "continuity"], ["none", "anderson", "gmres"],
+                                      ["exchange", "full", "diagonal"], ["layer", "symmetric"]))
+
+
+@pytest.fixture(scope="module")
+def short_bar():
+    """Three slices in bending, and their undecomposed solution."""
+    made = config(mesh={"box": {"size": [3.0, 1.0, 1.0], "cells": [6, 2, 2]}},
+                  subdomains={"slices": {"axis": "x", "count": 3}},
+                  boundary=[CLAMP, {"on": {"plane": "x", "at": 3.0}, "traction": [10.0, 1.0, -2.0]}])
+    scene = build_scene(made)
+    with box_of(made) as whole:
+        return made, scene, solve_reference(scene, whole)
+
+
+@pytest.mark.parametrize("strategy, acceleration, kplus, kind", COMBINATIONS)
+def test_all_combinations_converge_to_the_true_solution(short_bar, strategy, acceleration, kplus, kind):
+    """Every macro strategy × acceleration × k⁺ × sole; diagonal k⁺ needs a small relaxation (method, section 3)."""
+    made, scene, exact = short_bar
+    changes = method(sole={"kind": kind}, macro={"strategy": strategy}, acceleration=acceleration,
+                     search_direction={"kplus": kplus}, tolerance={"error": 1e-3}, max_iterations=1000,
+                     relaxation=(0.3 if acceleration == "none" else 0.5) if kplus == "diagonal" else "auto")
+    made = config(**changes, **{key: getattr(made, key) for key in ("mesh", "subdomains", "boundary")})
+    result = solve(made, scene)
+    assert result.outcome.converged
+    assert exact.relative_error(result.displacement) <= result.outcome.bound.relative <= 1e-3
+
+
+def test_gmres_is_anderson_with_full_memory():
+    """Type II Anderson that forgets nothing makes the iterates of GMRES (Walker and Ni 2011)."""
+    runs = [solved(reference=False, **CUBES, **BENT, **method(**kind, tolerance={"error": 1e-8}))
+            for kind in ({"acceleration": "gmres"}, {"acceleration": "anderson", "memory": 1000},
+                         {"acceleration": "anderson", "memory": 2})]
+    gmres, full, short = ([e.residual for e in r.outcome.history] for r in runs)
+    assert np.allclose(gmres, full, rtol=1e-6, atol=0)
+    assert len(short) > len(gmres)
+
+
+def test_gmres_solves_a_linear_problem_in_its_dimension():
+    """Residual minimisation over n + 1 evaluations of an affine map of dimension n is exact, column by column."""
+    rng = np.random.default_rng(0)
+    matrix, shift = rng.standard_normal((6, 6)), rng.standard_normal((6, 3))
+    solution = np.linalg.solve(np.eye(6) - matrix, shift)
+    gmres = ResidualMinimisation(rng.uniform(0.5, 2, 6), None, 1.0)
+    s = np.zeros((6, 3))
+    for _ in range(7):
+        _, best, (image,) = gmres.best(s, matrix @ s + shift, [matrix @ s + shift])
+        s = gmres.next()
+    assert np.abs(best - solution).max() < 1e-9 * np.abs(solution).max()
+    assert np.abs(image - solution).max() < 1e-9 * np.abs(solution).max(), "extra quantities are combined alike"
+
+
+def test_residuals_of_gmres_never_grow():
+    """The weighted residual is minimised over growing spaces."""
+    result = solved(reference=False, **CUBES, **BENT, **method(acceleration="gmres", tolerance={"error": 1e-9}))
+    residuals = [e.residual for e in result.outcome.history]
+    assert all(b <= 1.05 * a for a, b in zip(residuals, residuals[1:]))  # relative to a size that still settles
+    assert residuals[-1] < 1e-6 * residuals[0]
+
+
+# --- error bound ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("mesh", [*MESHES, "irregular"])
+def test_true_error_below_bound_below_five_times_the_error(tmp_path, mesh, tolerance):
+    """The discrete Prager–Synge bound at every stop (method, section 7): true error ≤ bound ≤ 5 × true error."""
+    changes = MESHES[mesh] if mesh in MESHES else {
+        **BENT, "mesh": irregular(tmp_path / "box.meshb"), "subdomains": {"metis": 9}}
+    result = strained(**changes, **method(tolerance={"error": tolerance}))
+    assert result.summary["error_bound"] <= tolerance
+
+
+@pytest.mark.parametrize("strategy, kind, ratio", [("none", "symmetric", 0.5), ("none", "layer", 0.01),
+                                                   ("continuity", "layer", 0.1), ("equilibrium", "layer", 10.0),
+                                                   ("equilibrium", "symmetric", 0.008)])
+def test_the_bound_holds_for_every_search_direction(strategy, kind, ratio):
+    """Soft and stiff soles, mono-scale too: the bound does not depend on them, the paper's η does."""
+    changes = method(sole={"kind": kind, "modulus_ratio": ratio}, macro={"strategy": strategy},
+                     tolerance={"error": 1e-5})
+    strained(**CUBES, **BENT, **changes)
+
+
+def test_the_indicator_is_no_accuracy():
+    """η < 1e-5 at the paper's soft sole leaves an error of percents (method, section 6)."""
+    result = solved(**CUBES, **BENT, **method(sole={"kind": "layer", "modulus_ratio": 0.008}, acceleration="none",
+                                              tolerance={"indicator": 1e-5}))
+    assert result.summary["converged"] and result.summary["indicator"] < 1e-5
+    assert 0.003 < result.summary["true_error"] <= result.summary["error_bound"]
+
+
+def test_max_iterations_stops_with_a_valid_bound():
+    """A run that gives up still reports a bound that holds."""
+    result = solved(**CUBES, **BENT, **method(max_iterations=3))
+    summary = result.summary
+    assert not summary["converged"] and summary["stop_reason"] == "max_iterations" and summary["iterations"] == 3
+    assert summary["true_error"] <= summary["error_bound"] < 1
+
+
+def test_contrast_of_a_thousand(tmp_path):
+    """E alternates 1 : 1000 from slice to slice; still 1e-6, still guaranteed."""
+    mesh = layered(tmp_path / "stripes.meshb", [0, 1, 0, 1])
+    result = strained(mesh=mesh, **BENT, materials=[{"young": 200.0, "poisson": 0.3},
+                                                    {"young": 200e3, "poisson": 0.3, "on": "*2"}])
+    assert {m.young for m in result.scene.materials} == {200.0, 200e3} and len(result.scene.interfaces) == 3
+    assert result.summary["true_error"] <= 1e-6 and result.summary["iterations"] <= 25
+
+
+# --- loads and load steps ---------------------------------------------------------------------------------
+
+ROLLER = [{"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, None, None]},
+          {"on": {"plane": "y", "at": 0.0}, "displacement": [None, 0.0, None]},
+          {"on": {"plane": "z", "at": 0.0}, "displacement": [None, None, 0.0]}]
+WEIGHT = {"loads": [{"body_force": [0.0, 0.0, -7.7e-5]}]}
+LOADS = {
+    "prescribed": {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [0.01, None, -0.02]}]},
+    "prescribed on rollers": {"boundary": [*ROLLER, {"on": {"plane": "x", "at": 4.0},
+                                                     "displacement": [0.01, None, None]}]},
+    "prescribed along interfaces": {"boundary": [CLAMP, {"on": {"plane": "y", "at": 2.0},
+                                                         "displacement": [None, None, 0.01]}]},
+    "settled support": {"boundary": [{"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.03, 0.0]},
+                                     {"on": {"plane": "x", "at": 4.0}, "displacement": [None, 0.0, 0.0]}]},
+    "pressure": {"boundary": [CLAMP, {"on": {"plane": "z", "at": 2.0}, "pressure": 5.0}]},
+    "weight": {"boundary": [CLAMP], **WEIGHT},
+    "everything": {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [1e-4, None, None]},
+                                {"on": {"plane": "y", "at": 0.0}, "traction": [1.0, 2.0, 3.0]}], **WEIGHT},
+}
+
+
+@pytest.mark.parametrize("mesh", [CUBES, METIS], ids=["cubes", "metis"])
+@pytest.mark.parametrize("loads", LOADS)
+def test_loads_and_prescribed_displacements(loads, mesh):
+    """Against the undecomposed solution, to the guaranteed 1e-6; prescribed values are met exactly."""
+    result = strained(**mesh, **LOADS[loads])
+    assert result.summary["true_error"] <= 1e-6
+    scene = result.scene
+    assert np.array_equal(result.displacement[:, scene.fixed], scene.prescribed[:, scene.fixed])
+
+
+@pytest.mark.parametrize("mesh", [CUBES, METIS], ids=["cubes", "metis"])
+def test_uniform_tension_is_exact(mesh):
+    """On rollers u = (ε x, −ν ε y, −ν ε z): affine, hence in the macro space; strain and reaction in closed form."""
+    result = solved(**mesh, **LOADS["prescribed on rollers"])
+    strain = 0.01 / 4
+    expected = result.scene.mesh.nodes * [strain, -0.3 * strain, -0.3 * strain]
+    assert np.abs(result.displacement[0] - expected).max() <= 1e-6 * 0.01
+    pull = 200e3 * strain * 4.0
+    assert np.allclose(result.summary["reactions"][0], [[-pull, 0, 0]], rtol=1e-6, atol=1e-5 * pull)
+    assert np.allclose(result.summary["reactions"][3], [[pull, 0, 0]], rtol=1e-6, atol=1e-5 * pull)
+
+
+def test_load_steps_with_histories_and_an_unloaded_step():
+    """All steps at once are the steps one by one; an unloaded step gives exactly nothing."""
+    end = {"plane": "x", "at": 4.0}
+    steps = {"histories": {"pull": [0.5, 0.0, 1.0], "press": [1.0, 0.0, -1.0]},
+             "boundary": [CLAMP, {"on": end, "traction": [10.0, 0.0, 1.0], "history": "pull"},
+                          {"on": {"plane": "z", "at": 2.0}, "pressure": 2.0, "history": "press"}]}
+    result = strained(**CUBES, **steps, **method(tolerance={"error": 1e-8}))
+    assert result.summary["load_steps"] == 3 and result.summary["energy"][1] == 0
+    assert not result.displacement[1].any()
+    for step, (pull, press) in enumerate([(0.5, 1.0), (0.0, 0.0), (1.0, -1.0)]):
+        alone = solved(reference=False, **CUBES, **method(tolerance={"error": 1e-8}), boundary=[
+            CLAMP, {"on": end, "traction": [10.0 * pull, 0.0, pull]},
+            {"on": {"plane": "z", "at": 2.0}, "pressure": 2.0 * press}])
+        gap = np.abs(result.displacement[step] - alone.displacement[0]).max()
+        assert gap <= 1e-6 * np.abs(result.displacement).max()
+
+
+def test_displacements_given_step_by_step():
+    """A list of vectors: one per load step, met exactly at each."""
+    result = strained(boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0},
+                                        "displacement": [[0.0, 0.0, -0.005], [0.01, 0.0, -0.005]]}])
+    at_end = np.isclose(result.scene.mesh.nodes[:, 0], 4.0)
+    assert np.all(result.displacement[0, at_end] == [0, 0, -0.005])
+    assert np.all(result.displacement[1, at_end] == [0.01, 0, -0.005])
+
+
+def test_no_load_at_all():
+    """Nothing happens: converged at once, zero everywhere, no division by zero."""
+    result = solved(boundary=[CLAMP])
+    assert result.summary["converged"] and result.summary["iterations"] == 1
+    assert not result.displacement.any() and result.summary["error_bound"] == 0 == result.summary["true_error"]
+
+
+@pytest.mark.parametrize("cut", [{"slices": {"axis": "x", "count": 1}}, "groups"])
+def test_a_single_subdomain(cut):
+    """No interface: the black box alone, in one stage."""
+    result = solved(subdomains=cut, **BENT)
+    assert result.summary["interfaces"] == 0 and result.summary["converged"] and result.summary["iterations"] == 1
+    assert result.summary["true_error"] <= 1e-12
+
+
+def test_subdomains_that_nothing_holds_and_that_are_all_held():
+    """Both floating and fully clamped subdomains in one structure: x = 0 and x = 4 held, a load between."""
+    box = {"box": [[1.5, 0.0, 2.0], [2.5, 2.0, 2.0]]}
+    strained(**CUBES, boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [0.0, 0.0, 0.0]},
+                                {"on": box, "traction": [0.0, 0.0, -3.0]}])
+
+
+# --- delivered results ------------------------------------------------------------------------------------
+
+
+def applied(scene):
+    return scene.loads.sum(axis=1)
+
+
+@pytest.mark.parametrize("mesh", [CUBES, METIS], ids=["cubes", "metis"])
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-8])
+def test_reactions_balance_the_applied_loads(mesh, tolerance):
+    """To rounding, however loose the tolerance: the equilibrium macro problem transmits all resultants."""
+    result = solved(reference=False, **mesh, **LOADS["everything"], **method(tolerance={"error": tolerance}))
+    supports = np.array(result.summary["reactions"][:2]).sum(axis=0)
+    assert np.abs(supports + applied(result.scene)).max() <= 1e-9 * np.abs(supports).max()
+
+
+def test_reactions_of_loads_are_their_resultants():
+    """A traction's entry is traction × area; a pressure's acts along the inward normal."""
+    made = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, 0.0]},
+                         {"on": {"plane": "z", "at": 2.0}, "pressure": 5.0}]}
+    reactions = solved(reference=False, **CUBES, **made).summary["reactions"]
+    assert np.allclose(reactions[1], [[40.0, 4.0, 0.0]], rtol=1e-12, atol=1e-12)
+    assert np.allclose(reactions[2], [[0.0, 0.0, -40.0]], rtol=1e-12, atol=1e-12)
+    assert np.allclose(reactions[0], [[-40.0, -4.0, 40.0]], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("loads", LOADS)
+def test_energy_is_that_of_the_delivered_field(loads):
+    """energy = ½ u_Dᵀ K u_D with FreeFEM's stiffness of the whole structure."""
+    result = solved(**CUBES, **LOADS[loads], **method(tolerance={"error": 1e-4}))
+    u = result.displacement.reshape(result.scene.steps, -1).T
+    expected = 0.5 * np.sum(u * (result.reference.stiffness @ u), axis=0)
+    assert np.allclose(result.summary["energy"], expected, rtol=1e-9, atol=0)
+
+
+def test_energy_is_half_the_external_work():
+    """Clapeyron: ½ uᵀKu = ½ f·u on a structure whose supports do not move, to the error bound."""
+    result = solved(reference=False, **METIS, **BENT, **method(tolerance={"error": 1e-9}))
+    work = 0.5 * np.sum(result.scene.loads * result.displacement, axis=(1, 2))
+    assert np.allclose(result.summary["energy"], work, rtol=5e-9, atol=0)
+
+
+def test_displacement_is_continuous_and_parts_close_to_it():
+    """u_D is one field; each subdomain's own field differs from it by no more than the error allows."""
+    result = solved(**METIS, **BENT, **method(tolerance={"error": 1e-3}))
+    size = np.abs(result.displacement).max()
+    for subdomain, part in zip(result.scene.subdomains, result.parts):
+        gap = np.abs(part - result.displacement[:, subdomain.nodes]).max()
+        assert gap <= 0.02 * size
+    assert any(np.any(part != result.displacement[:, s.nodes])
+               for s, part in zip(result.scene.subdomains, result.parts))
+
+
+def test_sweeps_are_counted():
+    """One back-substitution per subdomain and step and iteration, the first being free, plus the bound's own."""
+    result = solved(reference=False, **CUBES, **BENT)
+    sweeps, iterations = result.summary["sweeps"], result.summary["iterations"]
+    assert sweeps["total"] == sweeps["setup"] + sweeps["iterations"]
+    assert iterations - 1 < sweeps["iterations"] <= iterations - 1 + 3 * 12
+    counted = [e.sweeps for e in result.outcome.history]
+    assert counted == sorted(counted) and counted[-1] == sweeps["total"]
+
+
+def test_repr_of_a_decomposition():
+    """A summary useful at a prompt."""
+    made = config()
+    with box_of(made) as blackbox:
+        text = repr(prepared(made, build_scene(made), blackbox))
+    assert "4 subdomains, 3 interfaces" in text and "27 macro unknowns" in text
