@@ -16,7 +16,8 @@ from orchestrator.errors import CONVERGED, NOT_CONVERGED, OrchestratorError
 from orchestrator.method.events import Iteration
 from orchestrator.method.recovery import reactions, recover
 from orchestrator.method.reference import Reference, solve_reference
-from orchestrator.method.solver import Outcome, iterate, prepare
+from orchestrator.method.decomposition import prepare
+from orchestrator.method.solver import Outcome, iterate
 from orchestrator.results.checkpoint import Checkpoint, fingerprint, load_checkpoint
 from orchestrator.results.fields import Fields, write_fields
 from orchestrator.results.figures import write_figures

@@ -203,7 +203,7 @@ def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
     """E_S = ratio · max(E_E, E_E'), ν_S = min(ν, ν', 0.3), on both sides (method.sole's reasons)."""
     scene = build_scene(config(mesh=layered(tmp_path / "two.meshb", [0, 1]), subdomains="groups", materials=[
         {"young": 1.0, "poisson": 0.45}, {"young": 1000.0, "poisson": 0.25, "on": "*2"}]))
-    facets = facets_of(scene, scene.interfaces[0], settings(modulus_ratio=0.5))
+    facets = facets_of(scene, scene.interfaces[0], settings(modulus_ratio=0.5), "layer")
     assert np.all(facets.young == 500) and np.all(facets.poisson == 0.25)
     assert np.all(facets_of(scene, scene.interfaces[0], settings(poisson=0.1)).poisson == 0.1)
 

@@ -25,6 +25,11 @@ class Sole(Part):
         "stiffness; 15-30 % fewer iterations than the paper's one-sided layer"))
     modulus_ratio: Positive = Field(0.5, description=(
         "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum (0.35-0.8)"))
+    contact: Literal["layer", "symmetric", "springs"] = Field("springs", description=(
+        "kind on interfaces that are not perfect; springs: a layer so thin that nodes do not couple, "
+        "which pointwise laws converge best with"))
+    contact_ratio: Positive = Field(2.0, description=(
+        "modulus_ratio on interfaces that are not perfect; 1.5-4.5 is a flat optimum"))
     thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
     poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.45 so the sole does not lock")
     allow_extreme: bool = Field(False, description=(
@@ -40,6 +45,8 @@ class Macro(Part):
     basis: Literal["translations", "rigid", "affine", "quadratic"] = Field("affine", description=(
         "affine: rotations are needed in bending, extensions and shears save iterations; "
         "quadratic pays for slabs and nearly incompressible matter"))
+    on: Literal["perfect", "all"] = Field("perfect", description=(
+        "perfect: on perfect interfaces; the coarse correction does better on contact. all: the paper's"))
 
 
 class SearchDirection(Part):
@@ -62,7 +69,10 @@ class Method(Part):
     search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
     acceleration: Literal["none", "anderson", "gmres"] = Field("anderson", description=(
         "anderson: within one or two iterations of gmres, and right for contact too"))
-    memory: AutoCount = Field("auto", description="depth of anderson; auto: 10 for perfect interfaces")
+    memory: AutoCount = Field("auto", description="depth of anderson; auto: the whole history for perfect interfaces, 15 with contact")
+    coarse: Literal["affine", "none"] = Field("affine", description=(
+        "where interfaces are not perfect: every body moves in its affine fields under the true laws, "
+        "after every linear stage; it removes the plateau of the fixed point"))
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(

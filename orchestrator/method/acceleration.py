@@ -102,16 +102,3 @@ class ResidualMinimisation:
         """State to evaluate next."""
         return self.point[0] + self.relaxation * self.r / self.root
 
-
-def make_acceleration(kind: str, weight: np.ndarray, relaxation: float | str, memory: int | None):
-    """Acceleration by name: ``none``, ``anderson`` or ``gmres``.
-
-    Parameters
-    ----------
-    relaxation : α, or "auto": 1 where the residual is minimised, 0.8 (the paper's) where it is not
-    memory : Anderson's depth, None for the whole history
-    """
-    if kind == "none":
-        return Relaxation(0.8 if relaxation == "auto" else relaxation)
-    beta = 1.0 if relaxation == "auto" else relaxation
-    return ResidualMinimisation(weight, None if kind == "gmres" else memory, beta)

@@ -29,6 +29,7 @@ class Iteration:
     target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
     macro_imbalance : largest |Cᵀf| over the interfaces, relative; 0 to rounding, eq. (17)
     true_error : against the undecomposed solution, relative energy norm; nan without one
+    law_residual : with contact, the largest measure of ``law_residuals``; the next four are its parts
     state : (dofs, steps) the state s to resume from
     """
 
@@ -47,12 +48,17 @@ class Iteration:
     state: np.ndarray
     macro_imbalance: float = math.nan
     true_error: float = math.nan
+    law_residual: float = math.nan
+    penetration: float = math.nan
+    tension: float = math.nan
+    cone: float = math.nan
+    slip_direction: float = math.nan
 
 
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", "open", "stick", "slip",
-    "macro_imbalance", "true_error",
+    "macro_imbalance", "true_error", "law_residual", "penetration", "tension", "cone", "slip_direction",
 ]
 
 

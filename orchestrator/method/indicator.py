@@ -8,22 +8,37 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.method.linear_stage import Admissible
-from orchestrator.method.local_stage import PerfectInterfaces
+from orchestrator.method.local_state import LocalState
 from orchestrator.method.search_direction import SearchDirection
 
+EXACT_LIMIT = 50_000
 
-def latin_indicator(direction: SearchDirection, local: PerfectInterfaces, fields: Admissible) -> float:
+
+def latin_indicator(direction: SearchDirection, stage, fields: Admissible, local: LocalState,
+                    exact: bool = False) -> float:
     """The paper's η, eq. (16), transposes mended: a *squared* distance between both solution sets.
 
     η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)
 
     It depends on the search direction: small soles make it small whatever the error is.
+
+    Parameters
+    ----------
+    stage : the local stage; local : its result
+    exact : factorise k for the inverse norms even where that is dear; otherwise its diagonal
+        stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
-    w_hat, f_hat = local.hats(fields.w, fields.f)
-    k, solve = direction.k, direction.solve
+    k, exact = direction.k, exact or len(fields.w) <= EXACT_LIMIT
+    if local.force is not None:
+        w_hat, f_hat = local.hats
+    elif exact:
+        w_hat, f_hat = stage.hats(fields.w, fields.f)
+    else:
+        w_hat, f_hat = stage.lumped_hats(fields.w, fields.f)
 
     def size(w, f):
-        return np.sum(w * (k @ w)) + np.sum(f * solve(f))
+        inverse = direction.solve(f) if exact else f / direction.diagonal[:, None]
+        return np.sum(w * (k @ w)) + np.sum(f * inverse)
 
     total = size(fields.w, fields.f) + size(w_hat, f_hat)
     return float(size(fields.w - w_hat, fields.f - f_hat) / total) if total > 0 else 0.0

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.local_state import LocalState
 from orchestrator.method.search_direction import SearchDirection, factorised
 
 
@@ -39,13 +40,13 @@ class PerfectInterfaces:
             self.k = sp.csr_array(sp.diags_array(direction.diagonal))
         self._sum_solve = None
 
-    def __call__(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(D, T) next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
+    def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
+        """Next state s = f̂ + k⁻ŵ from the traces (D, T) of the linear stage."""
         if self.kplus == "exchange":
             p = self.direction.partner
-            return self.direction.k @ w[p] - f[p]
+            return LocalState(self.direction.k @ w[p] - f[p])
         w_hat, f_hat = self.hats(w, f)
-        return f_hat + self.direction.k @ w_hat
+        return LocalState(f_hat + self.direction.k @ w_hat, (w_hat, f_hat))
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (D, T)."""
@@ -55,3 +56,10 @@ class PerfectInterfaces:
         kw = self.k @ w - f
         w_hat = self._sum_solve(kw + kw[p])
         return w_hat, f - self.k @ (w - w_hat)
+
+    def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
+        p, k = self.direction.partner, self.direction.diagonal[:, None]
+        kw = k * w - f
+        w_hat = (kw + kw[p]) / (k + k[p])
+        return w_hat, f - k * (w - w_hat)

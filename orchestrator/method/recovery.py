@@ -6,7 +6,7 @@ import numpy as np
 
 from orchestrator.method.bound import Bound
 from orchestrator.method.linear_stage import Admissible
-from orchestrator.method.solver import Decomposition
+from orchestrator.method.decomposition import Decomposition
 
 
 def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndarray, list[np.ndarray]]:

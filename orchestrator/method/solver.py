@@ -1,7 +1,7 @@
-"""The multiscale LATIN method from scene to solution: set-up, iterations, recovery.
+"""The iterations of the multiscale LATIN method (Algorithm 1 of the paper, mended).
 
-Mends Algorithm 1 of the paper; the loop emits events and knows nothing of files or of the code
-behind the black box.
+The loop emits events and knows nothing of files, of the code behind the black box, or of which
+laws the interfaces follow.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from orchestrator.blackbox.extended import extended_model, sides_of
-from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.acceleration import make_acceleration
-from orchestrator.method.bound import Bound, ErrorBound
+from orchestrator.method.acceleration import Relaxation, ResidualMinimisation
+from orchestrator.method.anderson import Anderson
+from orchestrator.method.bound import Bound
+from orchestrator.method.criteria import make_criterion
+from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration
 from orchestrator.method.indicator import (
     displacement_jump,
@@ -24,86 +25,13 @@ from orchestrator.method.indicator import (
     macro_imbalance,
     residual_size,
 )
-from orchestrator.method.linear_stage import Admissible, LinearStage
-from orchestrator.method.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
-from orchestrator.method.local_stage import PerfectInterfaces
-from orchestrator.method.macro import Macro
-from orchestrator.method.macro_basis import interface_basis
-from orchestrator.method.search_direction import assemble_search_direction
-from orchestrator.method.traces import TraceSpace
-from orchestrator.scene.model import Scene
-from orchestrator.scene.rigid import rigid_modes
-from orchestrator.scene.soles import Sole
+from orchestrator.method.linear_stage import Admissible
+from orchestrator.method.local_state import LocalState
 from orchestrator.timing import Stopwatch
 
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
-
-
-@dataclass
-class Decomposition:
-    """All that is built once: a scene in the black box, ready to iterate."""
-
-    scene: Scene
-    blackbox: BlackBox
-    space: TraceSpace
-    traces: list[np.ndarray]
-    rims: list[RimStiffness]
-    loading: Loading
-    stage: LinearStage
-    local: PerfectInterfaces
-    bound: ErrorBound
-    modes: list[np.ndarray]
-    node_counts: list[int]
-    setup_sweeps: float
-
-    def __repr__(self) -> str:
-        macro = self.stage.macro
-        return (f"Decomposition({len(self.scene.subdomains)} subdomains, {len(self.scene.interfaces)} interfaces, "
-                f"{self.space.size} trace dofs, {macro.size if macro else 0} macro unknowns)")
-
-
-def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int,
-            watch: Stopwatch) -> Decomposition:
-    """Load the extended subdomains into the black box and build what the iterations need.
-
-    Parameters
-    ----------
-    soles : per interface, the soles of its two sides
-    method : ``method`` of the configuration
-    workers : number of packets small requests are joined in
-
-    Raises
-    ------
-    BlackBoxError : from the code
-    InputError : the macro problem is singular
-    """
-    sides = [sides_of(scene, s.index) for s in scene.subdomains]
-    models = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
-    traces = [m.trace for m in models]
-    space = TraceSpace.of(scene, sides, traces)
-    with watch("load"):
-        blackbox.load(models)
-    with watch("search_direction"):
-        direction = assemble_search_direction(scene, space, soles, blackbox, workers)
-        rims = assemble_rims(scene, sides, blackbox, workers)
-    with watch("linear_stage"):
-        loading = apply_loads(scene, space, models, traces, rims, blackbox)
-    macro = None
-    if method.macro.strategy != "none" and scene.interfaces:
-        with watch("macro"):
-            bases = [interface_basis(scene.mesh.nodes[i.global_nodes], i.free, method.macro.basis)
-                     for i in scene.interfaces]
-            macro = Macro(space, direction, bases, method.macro.strategy, blackbox)
-    stage = LinearStage(space, direction, macro, loading.boundary, blackbox)
-    with watch("bound"):
-        modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in scene.subdomains]
-        external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(scene.subdomains, traces)])
-        bound = ErrorBound(stage, loading, boundary_stiffness(space, traces, rims),
-                           [m[t] for m, t in zip(modes, traces)], external)
-    local = PerfectInterfaces(direction, method.search_direction.kplus)
-    return Decomposition(scene, blackbox, space, traces, rims, loading, stage, local, bound, modes,
-                         [len(m.nodes) for m in models], loading.sweeps + (macro.sweeps / scene.steps if macro else 0))
+CONTACT_MEMORY = 15
 
 
 @dataclass
@@ -113,7 +41,8 @@ class Outcome:
     Parameters
     ----------
     fields : best admissible fields
-    bound : their error bound
+    local : the last local stage
+    bound : their error bound, energy and continuity
     converged, stop_reason : and why
     iterations : linear stages after set-up
     sweeps : back-substitutions per subdomain and load step, iterations alone
@@ -121,6 +50,7 @@ class Outcome:
     """
 
     fields: Admissible
+    local: LocalState
     bound: Bound
     converged: bool
     stop_reason: str
@@ -142,9 +72,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
     true_error : (fields, bound) → relative energy error, where the exact solution is known
     """
     direction = d.stage.direction
-    memory = None if method.memory == "auto" else method.memory
-    acceleration = make_acceleration(method.acceleration, 1 / direction.diagonal, method.relaxation, memory)
-    criterion = Criterion(method.tolerance, d.bound)
+    acceleration, criterion = make_acceleration(d, method), make_criterion(d, method.tolerance)
     s = np.zeros((d.space.size, d.scene.steps)) if start is None else start
     sweeps, history = 0.0, []
     iteration, converged, reason = first, False, "max_iterations"
@@ -153,25 +81,31 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
         with watch("linear_stage"):
             sweeps += bool(s.any())
             evaluated = d.stage(s)
+        if d.coarse is not None:
+            with watch("coarse"):
+                evaluated = d.coarse(evaluated)
         with watch("local_stage"):
-            s_new = d.local(evaluated.w, evaluated.f)
+            local = d.local(evaluated.w, evaluated.f)
         with watch("acceleration"):
-            residual, best, (u, alpha) = acceleration.best(s, s_new, [evaluated.u, evaluated.alpha])
-            fields = evaluated if best is s else d.stage.complete(best, u, alpha)
+            residual, best, (u, alpha) = acceleration.best(evaluated.s, local.s, [evaluated.u, evaluated.alpha])
+            fields = evaluated if best is evaluated.s else d.stage.complete(best, u, alpha)
         with watch("bound"):
-            met, bound = criterion(fields, d)
+            eta = latin_indicator(direction, d.local, fields, local, exact=method.tolerance.indicator is not None)
+            verdict = criterion(fields, local, eta)
+            bound, laws = verdict.bound, verdict.laws
             sweeps += bound.sweeps
             event = Iteration(
-                iteration, d.setup_sweeps + sweeps, watch.total, latin_indicator(direction, d.local, fields),
-                displacement_jump(direction, fields), force_imbalance(direction, fields),
-                residual_size(direction, residual, best), bound.relative, 0, 0, 0, criterion.target, best,
+                iteration, d.setup_sweeps + sweeps, watch.total, eta, displacement_jump(direction, fields),
+                force_imbalance(direction, fields), residual_size(direction, residual, best), bound.relative,
+                *local.counts, criterion.target, best,
                 macro_imbalance(d.stage.macro.C, fields) if d.stage.macro else math.nan,
                 true_error(fields, bound) if true_error else math.nan,
+                *((laws.largest, laws.penetration, laws.tension, laws.cone, laws.direction) if laws else ()),
             )
         history.append(event)
         for subscriber in subscribers:
             subscriber(event)
-        if met:
+        if verdict.met:
             converged, reason = True, "converged"
         elif not np.isfinite(event.residual):
             reason = "diverged"
@@ -182,38 +116,28 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
                 s = acceleration.next()
             continue
         break
-    if not np.isfinite(bound.relative):
-        with watch("bound"):
-            bound = d.bound(fields)
-            sweeps += bound.sweeps
+    with watch("bound"):
+        final = criterion.final(fields, bound)
+        sweeps += final.sweeps if final is not bound else 0
     for subscriber in subscribers:
         subscriber(Finished(converged, reason, iteration))
-    return Outcome(fields, bound, converged, reason, iteration, sweeps, event, history)
+    return Outcome(fields, local, final, converged, reason, iteration, sweeps, event, history)
 
 
-class Criterion:
-    """The named stopping criterion: ``error_bound`` or the paper's ``indicator``.
+def make_acceleration(d: Decomposition, method) -> Relaxation | ResidualMinimisation | Anderson:
+    """The acceleration that a configuration asks for, in the norm of the inverse search direction.
 
-    The bound's second part costs back-substitutions. It is evaluated once the first part is below
-    the tolerance, and again when the force imbalance has fallen enough to make a difference.
+    ``relaxation: auto`` is 1 where the residual is minimised over affine maps, 0.8 (the paper's) where
+    it is not minimised at all, and 0.9 between the two, with contact.
     """
-
-    def __init__(self, tolerance, bound: ErrorBound):
-        self.by_error = tolerance.error is not None
-        self.value = tolerance.error if self.by_error else tolerance.indicator
-        self.target = ("error_bound" if self.by_error else "indicator", self.value)
-        self.bound, self.ratio = bound, 0.0
-
-    def __call__(self, fields: Admissible, d: Decomposition) -> tuple[bool, Bound]:
-        """Whether the criterion holds, and the bound as far as it was evaluated."""
-        bound = self.bound(fields, complete=False)
-        if not self.by_error:
-            return latin_indicator(d.stage.direction, d.local, fields) <= self.value, bound
-        imbalance = force_imbalance(d.stage.direction, fields)
-        if bound.a <= self.value and self.ratio * imbalance <= self.value:
-            bound = self.bound(fields)
-            self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
-        return bool(bound.relative <= self.value), bound
+    weight, auto = 1 / d.stage.direction.diagonal, method.relaxation == "auto"
+    memory = None if method.memory == "auto" else method.memory
+    if method.acceleration == "none":
+        return Relaxation(0.8 if auto else method.relaxation)
+    if d.all_perfect:
+        return ResidualMinimisation(weight, None if method.acceleration == "gmres" else memory,
+                                    1.0 if auto else method.relaxation)
+    return Anderson(weight, memory or CONTACT_MEMORY, 0.9 if auto else method.relaxation)
 
 
 def _stalled(history: list[Iteration]) -> bool:

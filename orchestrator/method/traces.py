@@ -35,6 +35,7 @@ class TraceSpace:
     partner : (D,) int, trace dof at the same place on the other side
     slots : per interface, the trace dofs of side 1 and of side 2, paired
     owner : (D,) int, subdomain of each trace dof
+    perfect : per interface, whether it is perfect
     """
 
     boundary: list[slice]
@@ -43,6 +44,7 @@ class TraceSpace:
     partner: np.ndarray
     slots: list[tuple[np.ndarray, np.ndarray]]
     owner: np.ndarray
+    perfect: list[bool]
 
     @classmethod
     def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> "TraceSpace":
@@ -69,7 +71,8 @@ class TraceSpace:
         partner = np.empty(count, dtype=int)
         for one, two in slots:
             partner[one], partner[two] = two, one
-        return cls(boundary, _joined(global_dof), _joined(gather), partner, [tuple(s) for s in slots], _joined(owner))
+        return cls(boundary, _joined(global_dof), _joined(gather), partner, [tuple(s) for s in slots], _joined(owner),
+                   [i.law == "perfect" for i in scene.interfaces])
 
     @property
     def size(self) -> int:
@@ -85,8 +88,9 @@ class TraceSpace:
     @cached_property
     def class_mean(self) -> sp.csr_array:
         """(classes, B) 0/1 matrix: boundary dofs that perfect interfaces make one and the same."""
-        one = np.concatenate([self.gather[a] for a, _ in self.slots] or [np.empty(0, int)])
-        two = np.concatenate([self.gather[b] for _, b in self.slots] or [np.empty(0, int)])
+        bonded = [slot for slot, perfect in zip(self.slots, self.perfect) if perfect]
+        one = _joined([self.gather[a] for a, _ in bonded])
+        two = _joined([self.gather[b] for _, b in bonded])
         b = len(self.global_dof)
         graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(b, b))
         count, label = sp.csgraph.connected_components(graph, directed=False) if b else (0, np.empty(0, int))

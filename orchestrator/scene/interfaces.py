@@ -35,14 +35,16 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         one, other = (int(i) for i in sides[first])
         names = partition.names[one], partition.names[other]
         pairs.append(names)
-        entry = laws.between(*_known_as(mesh, faces, partition, shared[first:last], names))
+        known = _known_as(mesh, faces, partition, shared[first:last], names)
+        entry = laws.between(*known)
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
         free = ~fixed[nodes]
         if not free.any():
             continue
         own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
         found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own, local.reshape(-1, 3), cells[first:last],
-                               free, laws.law(entry)))
+                               free))
+        laws.apply(entry, found[-1], known[0])
     laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems)
     _number_patches(found)
     return found

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
-from orchestrator.errors import Problems
-from orchestrator.scene.names import matching, suggestion
+import numpy as np
 
-DEFAULT = "perfect"
+from orchestrator.errors import Problems
+from orchestrator.scene.model import Interface
+from orchestrator.scene.names import matching, suggestion
 
 
 class Laws:
@@ -40,9 +41,24 @@ class Laws:
                 chosen = i
         return chosen
 
-    def law(self, index: int) -> str:
-        """Name of the law of an entry; perfect when none matched."""
-        return DEFAULT if index < 0 else self.entries[index].law
+    def apply(self, index: int, interface: Interface, first: Iterable[str]) -> None:
+        """Give an interface the law of an entry; it stays perfect when none matched.
+
+        Parameters
+        ----------
+        first : the names its first side goes by: they tell which way an imposed jump points
+        """
+        if index < 0:
+            return
+        entry, count = self.entries[index], len(interface.global_nodes)
+        interface.law = entry.law
+        if entry.law == "contact":
+            interface.friction = float(entry.friction or 0.0)
+            # faces that are shared touch: a gap read from the geometry is zero there
+            interface.gap = np.full(count, 0.0 if entry.gap in (None, "geometry") else float(entry.gap))
+        elif entry.law == "jump":
+            sign = 1.0 if self._any(entry.between[0], first) else -1.0
+            interface.jump = sign * np.asarray(entry.jump, dtype=float)
 
     def report_unused(self, names: list[str], pairs: list[tuple[str, str]], problems: Problems) -> None:
         """Adds a problem for each entry that matched no interface.

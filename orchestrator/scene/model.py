@@ -76,7 +76,10 @@ class Interface:
     triangles : (k, 3) int, indices into the patch's nodes, oriented outward of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
     free : (n, 3) bool, components that no boundary condition prescribes
-    law : name of the interface law ("perfect")
+    law : name of the interface law: "perfect", "contact" or "jump"
+    friction : Coulomb's coefficient (contact)
+    gap : (n,) initial gap along the normal, negative where the parts are pressed into each other (contact)
+    jump : (3,) imposed jump of displacement from E1 to E2 (jump)
     """
 
     index: int
@@ -88,6 +91,9 @@ class Interface:
     cells: np.ndarray
     free: np.ndarray
     law: str = "perfect"
+    friction: float = 0.0
+    gap: np.ndarray | None = None
+    jump: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,13 @@ Added to a subdomain's mesh, a sole turns a standard elasticity solve into a Rob
 stiffness, condensed on the interface, is the search direction k⁻. With one layer of linear
 elements the outer nodes are all clamped, so that the condensation is a mere restriction.
 
-Two kinds:
+Three kinds:
 
 - ``layer`` (the paper's): each side carries a layer along its own outward normal;
 - ``symmetric``: each side carries a layer along +n and one along −n, half the modulus each.
   Both sides then see the very same stiffness, which makes the two search directions conjugate.
+- ``springs``: a layer so thin that the nodes hardly feel each other, as contact laws, which are
+  pointwise, like it. Modulus and thickness shrink together: E/thickness is what counts.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from orchestrator.scene.model import Interface, Scene
 HALVINGS = 3
 # A tet thinner than this fraction of its prism's regular share (area × thickness / 3) is bad.
 FLATNESS = 0.1
+# Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
+THIN = 0.01
 # Coordinates that differ by less than this fraction of the interface's size count as equal.
 SAME_PLACE = 1e-9
 
@@ -191,12 +195,13 @@ def merge(first: Sole, second: Sole, n: int) -> Sole:
     )
 
 
-def facets_of(scene: Scene, interface: Interface, settings) -> Facets:
+def facets_of(scene: Scene, interface: Interface, settings, kind: str) -> Facets:
     """The facets of an interface with the moduli and the thickness their sole should have.
 
     Parameters
     ----------
-    settings : ``method.sole`` of the configuration: modulus_ratio, thickness, poisson
+    settings : ``method.sole`` of the configuration: modulus_ratio or contact_ratio, thickness, poisson
+    kind : of the sole
 
     Notes
     -----
@@ -215,12 +220,14 @@ def facets_of(scene: Scene, interface: Interface, settings) -> Facets:
         nu = np.minimum(poisson.min(axis=1), 0.3)
     else:
         nu = np.full(len(young), float(settings.poisson))
-    return Facets(points, interface.triangles, settings.modulus_ratio * young.max(axis=1), nu, thickness)
+    ratio = settings.modulus_ratio if interface.law == "perfect" else settings.contact_ratio
+    thin = THIN if kind == "springs" else 1.0
+    return Facets(points, interface.triangles, thin * ratio * young.max(axis=1), nu, thin * thickness)
 
 
 def soles_of(facets: Facets, kind: str) -> tuple[Sole, Sole]:
     """The soles of the first and the second side; one and the same object when ``symmetric``."""
-    if kind == "layer":
+    if kind in ("layer", "springs"):
         return prisms(facets, +1), prisms(facets, -1)
     half = Facets(facets.points, facets.triangles, facets.young / 2, facets.poisson, facets.thickness)
     both = merge(prisms(half, +1), prisms(half, -1), len(facets.points))
@@ -229,4 +236,5 @@ def soles_of(facets: Facets, kind: str) -> tuple[Sole, Sole]:
 
 def make_soles(scene: Scene, settings) -> list[tuple[Sole, Sole]]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration."""
-    return [soles_of(facets_of(scene, interface, settings), settings.kind) for interface in scene.interfaces]
+    kinds = [settings.kind if i.law == "perfect" else settings.contact for i in scene.interfaces]
+    return [soles_of(facets_of(scene, i, settings, kind), kind) for i, kind in zip(scene.interfaces, kinds)]

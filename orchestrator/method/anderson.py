@@ -1,0 +1,73 @@
+"""Anderson's acceleration of the nonlinear fixed point s = F(s), all load steps as one vector.
+
+Type II with a window of m differences around the latest evaluation: the combination of least
+residual, in the norm of (k⁺)⁻¹, then a step along its residual. The memory is dropped when the
+residual has grown far beyond the best one: the statuses that it speaks of are gone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+REGULARISATION = 1e-10
+FORGET = 2.0  # times the best residual
+
+
+class Anderson:
+    """Acceleration for laws with history.
+
+    Parameters
+    ----------
+    weight : (D,) float, squared weights of the norm
+    memory : differences kept
+    relaxation : β, the step along the residual
+    """
+
+    def __init__(self, weight: np.ndarray, memory: int, relaxation: float):
+        self.root = np.sqrt(weight)[:, None]
+        self.memory, self.relaxation = memory, relaxation
+        self.ds: list[np.ndarray] = []
+        self.dr: list[np.ndarray] = []
+        self.gram = np.zeros((0, 0))
+        self.s = self.r = None
+        self.smallest = np.inf
+
+    def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
+        """Take in an evaluation; the best known point is the evaluation itself."""
+        r = self.root * (s_new - s)
+        size = np.linalg.norm(r)
+        if size > FORGET * self.smallest:
+            self.ds, self.dr, self.gram = [], [], np.zeros((0, 0))
+            self.smallest = size
+        elif self.s is not None:
+            self._remember(s - self.s, r - self.r)
+        self.smallest = min(self.smallest, size)
+        self.s, self.r = s, r
+        return r / self.root, s, extra
+
+    def _remember(self, ds: np.ndarray, dr: np.ndarray) -> None:
+        if len(self.ds) == self.memory:
+            self.ds.pop(0)
+            self.dr.pop(0)
+            self.gram = self.gram[1:, 1:]
+        self.ds.append(ds)
+        self.dr.append(dr)
+        row = np.array([np.vdot(dr, other) for other in self.dr])
+        grown = np.empty((len(row), len(row)))
+        grown[:-1, :-1] = self.gram
+        grown[-1], grown[:, -1] = row, row
+        self.gram = grown
+
+    def next(self) -> np.ndarray:
+        """State to evaluate next."""
+        s, r = self.s, self.r
+        if self.dr:
+            size = np.sqrt(np.diag(self.gram))
+            size[size == 0] = 1.0
+            scaled = self.gram / np.outer(size, size)
+            scaled[np.diag_indices_from(scaled)] += REGULARISATION
+            right = np.array([np.vdot(dr, self.r) for dr in self.dr]) / size
+            gamma = np.linalg.solve(scaled, right) / size
+            s = s - sum(g * d for g, d in zip(gamma, self.ds))
+            r = r - sum(g * d for g, d in zip(gamma, self.dr))
+        return s + self.relaxation * r / self.root

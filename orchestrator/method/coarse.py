@@ -1,0 +1,217 @@
+"""Nonlinear coarse correction: every body moves in its affine fields under the true contact laws.
+
+The slow tail of the fixed point is the motion of whole bodies against each other. It is removed by
+a small contact problem solved after every linear stage: each subdomain's state may change by
+s += V y with 12 affine fields, whose response is known from set-up,
+
+    U = N R,   V = k U,   W = N M⁻¹NᵀV,   F = V − k W
+
+and y makes the forces agree with the laws on these fields, load step after load step:
+
+    ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
+    L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
+
+by a semismooth Newton with a Levenberg term, which is what makes it robust. It costs no
+back-substitution per iteration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from orchestrator.method.contact_stage import ContactStage
+from orchestrator.method.linear_stage import Admissible, LinearStage
+from orchestrator.method.pairs import Pairs
+from orchestrator.scene.model import Scene
+
+FIELDS = 12
+REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
+MAX_STEPS = 12
+
+
+@dataclass
+class _Response:
+    """Per trace dof (D, 12): fields of the owner's body and their response."""
+
+    U: np.ndarray
+    V: np.ndarray
+    W: np.ndarray
+    F: np.ndarray
+
+
+class CoarseCorrection:
+    """The coarse contact problem of one decomposition.
+
+    Parameters
+    ----------
+    scene : for the coordinates
+    stage : linear stage; solves the 12 fields of every body once
+    pairs : node pairs of all interfaces, perfect ones included
+
+    Attributes
+    ----------
+    sweeps : back-substitutions per subdomain at set-up
+    newton_steps : Newton steps taken so far
+    """
+
+    sweeps = FIELDS
+
+    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs):
+        self.stage, self.pairs = stage, pairs
+        self.predict = ContactStage(stage.direction, pairs)
+        space = stage.space
+        self.bodies = len(scene.subdomains)
+        ends = np.searchsorted(space.owner, np.arange(self.bodies + 1))
+        self.parts = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
+        boundary_fields = _affine_fields(scene, space)
+        U = boundary_fields[space.gather]
+        k = stage.direction.k
+        V = k @ U
+        self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
+        W = self.boundary_response[space.gather]
+        self.response = _Response(U, V, W, V - k @ W)
+        self.norm = self._per_body(U, V)  # UᵀkU
+        self.K0 = self._per_body(U, self.response.F)
+        self.scale = np.einsum("bii->bi", self.norm).copy()
+        self.scale[self.scale == 0] = 1.0
+
+        one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
+        counts = np.diff(pairs.bounds)
+        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces]).T
+        self.body_one, self.body_two = np.repeat(self.firsts, counts), np.repeat(self.seconds, counts)
+        self.U1, self.U2 = np.where(free, U[one], 0.0), np.where(free, -U[two], 0.0)
+        points = pairs.points
+
+        def keq(x):  # (P, 3, 12)
+            along = np.einsum("pif,pi->pf", x, points.normal)
+            return points.stiff_t[:, None, None] * x + (
+                (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal[:, :, None]
+
+        F = self.response.F
+        self.L1 = np.where(free, 0.5 * F[one] - keq(np.where(free, W[one], 0.0)), 0.0)
+        self.L2 = np.where(free, -0.5 * F[two] + keq(np.where(free, W[two], 0.0)), 0.0)
+        rows = np.stack([self.firsts, self.firsts, self.seconds, self.seconds], 1).ravel()
+        columns = np.stack([self.firsts, self.seconds, self.firsts, self.seconds], 1).ravel()
+        diagonal = np.arange(self.bodies)
+        self._rows = np.concatenate([rows, diagonal])
+        self._columns = np.concatenate([columns, diagonal])
+        self.newton_steps = 0
+
+    def __call__(self, fields: Admissible) -> Admissible:
+        """Corrected admissible fields.
+
+        Parameters
+        ----------
+        fields : result of a linear stage
+        """
+        steps = fields.s.shape[1]
+        y = np.zeros((steps, self.bodies, FIELDS))
+        resultant = np.stack([self._per_body_vector(fields.f[:, t]) for t in range(steps)])
+        previous = self.predict.previous
+        for t in range(steps):
+            F0 = self.predict.predicted(fields.w[:, t], fields.f[:, t])
+            y[t] = self._solve(F0, resultant[t], previous)
+            F = F0 + self._spread(y[t])
+            previous = self.predict.jump(F, self.pairs.force(F, previous).force)
+        s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
+        r = self.response
+        for e, (part, boundary) in enumerate(zip(self.parts, self.stage.space.boundary)):
+            change = y[:, e].T
+            s[part] += r.V[part] @ change
+            w[part] += r.W[part] @ change
+            f[part] += r.F[part] @ change
+            u[boundary] += self.boundary_response[boundary] @ change
+        return Admissible(s, u, fields.alpha, w, f)
+
+    def _solve(self, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """(bodies, 12) y of one load step."""
+        y = np.zeros((self.bodies, FIELDS))
+        delta = 1e-6
+        rho, slope = self._residual(y, F0, resultant, previous)
+        size = start = self._size(rho)
+        for _ in range(MAX_STEPS):
+            if size <= REDUCTION * start or size == 0:
+                break
+            self.newton_steps += 1
+            dy = self._newton(slope, rho, delta)
+            for theta in (1.0, 0.5, 0.25):
+                trial = y + theta * dy
+                rho_new, slope_new = self._residual(trial, F0, resultant, previous)
+                size_new = self._size(rho_new)
+                if size_new <= (1 - 0.2 * theta) * size:
+                    y, rho, slope, size = trial, rho_new, slope_new, size_new
+                    break
+            else:
+                delta = max(30 * delta, 1e-4)
+                if delta > 1e3:
+                    break
+        return y
+
+    def _residual(self, y, F0, resultant, previous):
+        """ρ (bodies, 12) and the laws' derivative (P, 3, 3)."""
+        answer = self.pairs.force(F0 + self._spread(y), previous, derivative=True)
+        rho = resultant + np.einsum("bij,bj->bi", self.K0, y)
+        for U, body in ((self.U1, self.body_one), (self.U2, self.body_two)):
+            part = np.einsum("pif,pi->pf", U, answer.force)
+            np.subtract.at(rho, body[self.pairs.bounds[:-1]], np.add.reduceat(part, self.pairs.bounds[:-1], axis=0))
+        return rho, answer.derivative
+
+    def _spread(self, y: np.ndarray) -> np.ndarray:
+        """(P, 3) L y."""
+        return (np.einsum("pif,pf->pi", self.L1, y[self.body_one])
+                + np.einsum("pif,pf->pi", self.L2, y[self.body_two]))
+
+    def _newton(self, slope: np.ndarray, rho: np.ndarray, delta: float) -> np.ndarray:
+        """Solve (K₀ − ΣTᵀA L + δ UᵀkU) dy = −ρ."""
+        AL1, AL2 = slope @ self.L1, slope @ self.L2
+        bounds = self.pairs.bounds
+        blocks = np.empty((len(bounds) - 1, 4, FIELDS, FIELDS))
+        for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:])):
+            T = np.concatenate([self.U1[a:b], self.U2[a:b]], axis=2).reshape(-1, 2 * FIELDS)
+            L = np.concatenate([AL1[a:b], AL2[a:b]], axis=2).reshape(-1, 2 * FIELDS)
+            M = T.T @ L
+            blocks[i] = [M[:FIELDS, :FIELDS], M[:FIELDS, FIELDS:], M[FIELDS:, :FIELDS], M[FIELDS:, FIELDS:]]
+        data = np.concatenate([-blocks.reshape(-1, FIELDS, FIELDS), self.K0 + delta * self.norm])
+        f = np.arange(FIELDS)
+        rows = (FIELDS * self._rows[:, None, None] + f[:, None]) + np.zeros(FIELDS, int)
+        columns = (FIELDS * self._columns[:, None, None] + f[None, :]) + np.zeros((FIELDS, 1), int)
+        size = FIELDS * self.bodies
+        matrix = sp.csc_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+        return sla.splu(matrix).solve(-rho.ravel()).reshape(-1, FIELDS)
+
+    def _size(self, rho: np.ndarray) -> float:
+        return float(np.sqrt(np.sum(rho**2 / self.scale)))
+
+    def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """(bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
+        result = np.zeros((self.bodies, FIELDS, FIELDS))
+        for e, part in enumerate(self.parts):
+            result[e] = a[part].T @ b[part]
+        return result
+
+    def _per_body_vector(self, f: np.ndarray) -> np.ndarray:
+        """(bodies, 12) Uᵀf."""
+        return np.stack([self.response.U[part].T @ f[part] for part in self.parts])
+
+
+def _affine_fields(scene: Scene, space) -> np.ndarray:
+    """(B, 12) translations, and gradients about the body's centre scaled by its size, per boundary dof."""
+    fields = np.zeros((len(space.global_dof), FIELDS))
+    for part in space.boundary:
+        dof = space.global_dof[part]
+        if not len(dof):
+            continue
+        x = scene.mesh.nodes[dof // 3]
+        x = x - (x.min(axis=0) + x.max(axis=0)) / 2
+        monomials = np.column_stack([np.ones(len(x)), x / max(np.abs(x).max(), np.finfo(float).tiny)])
+        component = dof % 3
+        for c in range(3):
+            rows = component == c
+            block = np.zeros((rows.sum(), FIELDS))
+            block[:, c::3] = monomials[rows]
+            fields[np.flatnonzero(rows) + part.start] = block
+    return fields

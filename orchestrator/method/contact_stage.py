@@ -1,0 +1,70 @@
+"""Local stage where interfaces open, stick and slip: pointwise, swept through the load steps.
+
+The history of friction lives here alone: the linear stage stays parallel over the load steps.
+Perfect interfaces of the same scene keep the exchange of ``local_stage``.
+
+With k = k⁺ on both sides, d = w₂ − w₁ and n from side 1 to side 2:
+
+    F = ½(f₁ − f₂) + ½k(w₂ − w₁),   f̂ = law(F),   d = (F − f̂)/keq,   keq = k/2
+    f̂₁ = f̂, f̂₂ = −f̂,   ŵ₁ = ½(w₁ + w₂) − (f₁ + f₂)/(2k) − d/2,   ŵ₂ = ŵ₁ + d
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.method.local_state import LocalState
+from orchestrator.method.pairs import Pairs
+from orchestrator.method.search_direction import SearchDirection
+
+
+class ContactStage:
+    """Local stage for scenes with non-perfect interfaces.
+
+    Parameters
+    ----------
+    direction : search direction k⁻
+    pairs : node pairs of all interfaces that are not perfect
+    previous : (P, 3) jump before the first load step
+    """
+
+    def __init__(self, direction: SearchDirection, pairs: Pairs, previous: np.ndarray | None = None):
+        self.direction, self.pairs = direction, pairs
+        self.previous = np.zeros((len(pairs), 3)) if previous is None else previous
+
+    def predicted(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """(P, 3) F from traces (D,) of one step."""
+        p = self.pairs
+        half_jump = p.points.stiffness(p.gather(w, p.two) - p.gather(w, p.one))
+        return np.where(p.free, 0.5 * (p.gather(f, p.one) - p.gather(f, p.two)) + half_jump, 0.0)
+
+    def jump(self, F: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """(P, 3) d that goes with f̂."""
+        return np.where(self.pairs.free, self.pairs.points.compliance(F - force), 0.0)
+
+    def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
+        """Local stage for the traces (D, T) of all steps."""
+        pairs, points, direction = self.pairs, self.pairs.points, self.direction
+        partner, free = direction.partner, pairs.free
+        steps = w.shape[1]
+        s = direction.k @ w[partner] - f[partner]  # perfect interfaces; the others are replaced
+        w_hat = 0.5 * (w + w[partner])  # what perfect ones would tend to
+        force, jump = np.empty((steps, len(pairs), 3)), np.empty((steps, len(pairs), 3))
+        status = np.empty((steps, len(pairs)), dtype=int)
+        previous = self.previous
+        for t in range(steps):
+            F = self.predicted(w[:, t], f[:, t])
+            answer = pairs.force(F, previous)
+            force[t], status[t] = answer.force, answer.status
+            previous = jump[t] = self.jump(F, answer.force)
+            w1, w2 = pairs.gather(w[:, t], pairs.one), pairs.gather(w[:, t], pairs.two)
+            total = pairs.gather(f[:, t], pairs.one) + pairs.gather(f[:, t], pairs.two)
+            first = 0.5 * (w1 + w2) - points.compliance(total) / 4 - previous / 2
+            w_hat[pairs.one[free], t] = first[free]
+            w_hat[pairs.two[free], t] = (first + previous)[free]
+        one, two = pairs.one[free], pairs.two[free]
+        f_hat = 0.5 * (f - f[partner])  # likewise
+        f_hat[one], f_hat[two] = force.transpose(1, 2, 0)[free], -force.transpose(1, 2, 0)[free]
+        mine = np.concatenate([one, two])
+        s[mine] = (f_hat + direction.k @ w_hat)[mine]
+        return LocalState(s, (w_hat, f_hat), force, jump, status)

@@ -1,0 +1,130 @@
+"""Set-up: a scene in the black box, with everything the iterations need, built once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.blackbox.extended import extended_model, sides_of
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.bound import ErrorBound
+from orchestrator.method.coarse import CoarseCorrection
+from orchestrator.method.contact_stage import ContactStage
+from orchestrator.method.linear_stage import LinearStage
+from orchestrator.method.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.local_stage import PerfectInterfaces
+from orchestrator.method.macro import Macro
+from orchestrator.method.macro_basis import interface_basis
+from orchestrator.method.pairs import make_pairs
+from orchestrator.method.search_direction import SearchDirection, assemble_search_direction
+from orchestrator.method.traces import TraceSpace
+from orchestrator.scene.model import Scene
+from orchestrator.scene.rigid import rigid_modes
+from orchestrator.scene.soles import Sole
+from orchestrator.timing import Stopwatch
+
+
+@dataclass
+class Decomposition:
+    """A scene, decomposed and factorised.
+
+    Parameters
+    ----------
+    traces : per subdomain (t,) its boundary dofs in local numbering
+    node_counts : per subdomain, nodes of its extended mesh
+    stiffness : (B, B) the subdomains' stiffness on their boundary dofs
+    modes : per subdomain (3n_E, r) rigid motions that its prescribed dofs leave
+    bound : error bound, where all interfaces are perfect
+    coarse : coarse contact problem, where some are not
+    setup_sweeps : back-substitutions per subdomain and load step spent so far
+    """
+
+    scene: Scene
+    blackbox: BlackBox
+    space: TraceSpace
+    traces: list[np.ndarray]
+    node_counts: list[int]
+    rims: list[RimStiffness]
+    stiffness: object
+    loading: Loading
+    stage: LinearStage
+    local: PerfectInterfaces | ContactStage
+    modes: list[np.ndarray]
+    bound: ErrorBound | None
+    coarse: CoarseCorrection | None
+    setup_sweeps: float
+
+    @property
+    def all_perfect(self) -> bool:
+        """Whether there is no interface but perfect ones."""
+        return self.bound is not None
+
+    def __repr__(self) -> str:
+        macro = self.stage.macro
+        return (f"Decomposition({len(self.scene.subdomains)} subdomains, {len(self.scene.interfaces)} interfaces, "
+                f"{self.space.size} trace dofs, {macro.size if macro else 0} macro unknowns)")
+
+
+def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int,
+            watch: Stopwatch) -> Decomposition:
+    """Load the extended subdomains into the black box and build what the iterations need.
+
+    Parameters
+    ----------
+    soles : per interface, the soles of its two sides
+    method : ``method`` of the configuration
+    workers : number of packets small requests are joined in
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    InputError : the macro problem is singular
+    """
+    sides = [sides_of(scene, s.index) for s in scene.subdomains]
+    models = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
+    traces = [m.trace for m in models]
+    space = TraceSpace.of(scene, sides, traces)
+    with watch("load"):
+        blackbox.load(models)
+    with watch("search_direction"):
+        direction = assemble_search_direction(scene, space, soles, blackbox, workers)
+        rims = assemble_rims(scene, sides, blackbox, workers)
+        stiffness = boundary_stiffness(space, traces, rims)
+    with watch("linear_stage"):
+        loading = apply_loads(scene, space, models, traces, rims, blackbox)
+    sweeps = loading.sweeps
+    with watch("macro"):
+        macro = _macro(scene, space, direction, method, blackbox)
+        stage = LinearStage(space, direction, macro, loading.boundary, blackbox)
+        sweeps += (macro.sweeps if macro else 0) / scene.steps
+    modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in scene.subdomains]
+    bound = coarse = None
+    if all(i.law == "perfect" for i in scene.interfaces):
+        local = PerfectInterfaces(direction, method.search_direction.kplus)
+        with watch("bound"):
+            external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(scene.subdomains, traces)])
+            bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
+    else:
+        lawful = [i for i in scene.interfaces if i.law != "perfect"]
+        local = ContactStage(direction, make_pairs(scene, space, direction.k, lawful))
+        if method.coarse != "none":
+            with watch("macro"):
+                coarse = CoarseCorrection(scene, stage, make_pairs(scene, space, direction.k, scene.interfaces))
+            sweeps += coarse.sweeps / scene.steps
+    return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, stiffness, loading,
+                         stage, local, modes, bound, coarse, sweeps)
+
+
+def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox) -> Macro | None:
+    """The linear macro problem, on perfect interfaces or on all."""
+    wanted = [i.law == "perfect" or method.macro.on == "all" for i in scene.interfaces]
+    if method.macro.strategy == "none" or not any(wanted):
+        return None
+    bases = []
+    for interface, taken in zip(scene.interfaces, wanted):
+        points = scene.mesh.nodes[interface.global_nodes]
+        basis = interface_basis(points, interface.free, method.macro.basis)
+        bases.append(basis if taken else basis[:, :0])
+    return Macro(space, direction, bases, method.macro.strategy, blackbox)

@@ -1,0 +1,91 @@
+"""How well equilibrium and the interface laws hold together, each relative and dimensionless.
+
+The linear stage satisfies equilibrium, the local stage the laws; the run has converged when one
+set of fields does both. Each measure is taken on the linear stage's fields, which are delivered:
+
+- residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹
+- imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
+- penetration  largest −(g₀ + n·d) over the largest displacement
+- tension      largest tensile pressure over the largest pressure
+- cone         largest |f_t| − μ|f_n| (as pressure) over the largest pressure
+- direction    largest part of a slip that friction does not oppose, over the largest displacement
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from orchestrator.method.local_state import LocalState
+from orchestrator.method.laws.points import SLIP
+from orchestrator.method.pairs import Pairs
+
+
+@dataclass(frozen=True)
+class LawResiduals:
+    """The six measures."""
+
+    residual: float
+    imbalance: float
+    penetration: float
+    tension: float
+    cone: float
+    direction: float
+
+    @property
+    def largest(self) -> float:
+        """What the tolerance is compared with."""
+        return max(astuple(self))
+
+
+def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, scale: float,
+                  first_previous: np.ndarray) -> LawResiduals:
+    """Measure traces (D, T) of the linear stage against the local stage.
+
+    Parameters
+    ----------
+    scale : largest displacement of the structure, at least on its interfaces
+    first_previous : (P, 3) jump before the first step
+    """
+    points, contact = pairs.points, np.zeros(len(pairs), bool)
+    for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+        contact[a:b] = i.law == "contact"
+    top = bottom = unbalanced = penetration = tension = cone = direction = pressure = 0.0
+    previous = first_previous
+    for t in range(w.shape[1]):
+        f1, f2 = pairs.gather(f[:, t], pairs.one), pairs.gather(f[:, t], pairs.two)
+        gap1, gap2 = f1 - local.force[t], f2 + local.force[t]
+        top += _norm2(points, gap1) + _norm2(points, gap2)
+        bottom += _norm2(points, f1) + _norm2(points, f2)
+        unbalanced += _norm2(points, f1 + f2)
+
+        d = pairs.gather(w[:, t], pairs.two) - pairs.gather(w[:, t], pairs.one)
+        carried = 0.5 * (f1 - f2)
+        normal = points.along(carried) / pairs.area
+        shear = points.across(carried) / pairs.area[:, None]
+        size = np.linalg.norm(shear, axis=1)
+        here = contact
+        pressure = max(pressure, np.abs(normal[here]).max(initial=0.0))
+        penetration = max(penetration, (-(points.gap + points.along(d)))[here].max(initial=0.0))
+        tension = max(tension, normal[here].max(initial=0.0))
+        cone = max(cone, (size - points.friction * np.maximum(-normal, 0.0))[here].max(initial=0.0))
+        slip = points.across(local.jump[t] - previous)
+        opposed = np.einsum("pi,pi->p", slip, shear) / np.where(size > 0, size, 1.0)
+        across = np.linalg.norm(slip - (opposed / np.where(size > 0, size, 1.0))[:, None] * shear, axis=1)
+        wrong = np.maximum(across, -opposed)
+        rubbing = contact & (local.status[t] == SLIP) & (points.friction > 0)
+        direction = max(direction, wrong[rubbing].max(initial=0.0))
+        previous = local.jump[t]
+    scale = scale or 1.0
+    pressure = pressure or 1.0
+    return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), penetration / scale, tension / pressure,
+                        cone / pressure, direction / scale)
+
+
+def _norm2(points, x: np.ndarray) -> float:
+    return float(np.sum(x * points.compliance(x)))
+
+
+def _root(top: float, bottom: float) -> float:
+    return float(np.sqrt(top / bottom)) if bottom > 0 else float(np.sqrt(top))

@@ -1,0 +1,36 @@
+"""Result of a local stage, whatever the laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.laws.points import OPEN, SLIP, STICK
+
+
+@dataclass
+class LocalState:
+    """What a local stage hands on.
+
+    Parameters
+    ----------
+    s : (D, T) next state f̂ + k⁻ŵ
+    hats : ŵ and f̂, (D, T) each, where they were formed
+    force : (T, P, 3) f̂ on side 1 of each pair that is not perfect
+    jump : (T, P, 3) its jump d
+    status : (T, P) OPEN, STICK, SLIP, BONDED
+    """
+
+    s: np.ndarray
+    hats: tuple[np.ndarray, np.ndarray] | None = None
+    force: np.ndarray | None = None
+    jump: np.ndarray | None = None
+    status: np.ndarray | None = None
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Pairs that are open, stick and slip, summed over the steps."""
+        if self.status is None:
+            return 0, 0, 0
+        return tuple(int((self.status == kind).sum()) for kind in (OPEN, STICK, SLIP))

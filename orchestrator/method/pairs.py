@@ -1,0 +1,121 @@
+"""Node pairs of interfaces that need a law with history, and where their traces are.
+
+The diagonal search direction k⁺ has, at every pair, one stiffness along the normal and one across
+it. Both sides get the mean of their own k⁻, so that β₁ = β₂ = ½ and keq = k⁺/2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.laws import LAWS
+from orchestrator.method.laws.points import Answer, Points
+from orchestrator.method.traces import TraceSpace
+from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.soles import node_normals
+
+
+@dataclass
+class Pairs:
+    """All node pairs of a set of interfaces, interface after interface.
+
+    Parameters
+    ----------
+    interfaces : the interfaces, in order
+    bounds : (interfaces + 1,) int, where each one's pairs start
+    one, two : (P, 3) int, trace dofs of the pair on side 1 and 2; 0 where prescribed
+    free : (P, 3) bool, whether the trace dof exists
+    points : geometry, search direction and law parameters
+    area : (P,) share of the interface's area
+    """
+
+    interfaces: list[Interface]
+    bounds: np.ndarray
+    one: np.ndarray
+    two: np.ndarray
+    free: np.ndarray
+    points: Points
+    area: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.one)
+
+    def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+        """The laws' answer for the predicted forces F (P, 3), each interface by its own law."""
+        answers = []
+        for law, part in self._runs():
+            answers.append(LAWS[law](part_of(self.points, part), F[part], previous[part], derivative))
+        force = np.where(self.free, np.concatenate([a.force for a in answers]), 0.0)
+        slope = None
+        if derivative:
+            slope = np.concatenate([a.derivative for a in answers])
+            slope = np.where(self.free[:, :, None] & self.free[:, None, :], slope, 0.0)
+        return Answer(force, np.concatenate([a.status for a in answers]), slope)
+
+    def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """(P, 3) of a trace vector (D,) on one side; zero where prescribed."""
+        return np.where(self.free, x[side], 0.0)
+
+    def _runs(self) -> list[tuple[str, slice]]:
+        """Neighbouring interfaces of the same law are worked on as one."""
+        laws, runs, start = [i.law for i in self.interfaces], [], 0
+        for i, law in enumerate(laws):
+            if i + 1 == len(laws) or laws[i + 1] != law:
+                runs.append((law, slice(int(self.bounds[start]), int(self.bounds[i + 1]))))
+                start = i + 1
+        return runs
+
+
+def part_of(points: Points, part: slice) -> Points:
+    """The points of one run."""
+    return Points(points.normal[part], points.stiff_n[part], points.stiff_t[part], points.gap[part],
+                  points.friction[part], points.jump[part])
+
+
+def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[Interface]) -> Pairs:
+    """Pairs of the wanted interfaces, ordered by law."""
+    wanted = sorted(wanted, key=lambda i: (i.law, i.index))
+    one, two, free, normal, area, gap, friction, jump = ([] for _ in range(8))
+    for i in wanted:
+        n = len(i.global_nodes)
+        sides = np.zeros((2, n, 3), dtype=int)
+        for side in (0, 1):
+            sides[side][i.free] = space.slots[i.index][side]
+        points = scene.mesh.nodes[i.global_nodes]
+        one.append(sides[0])
+        two.append(sides[1])
+        free.append(i.free)
+        normal.append(node_normals(points, i.triangles))
+        area.append(node_areas(points, i.triangles))
+        gap.append(i.gap if i.gap is not None else np.zeros(n))
+        friction.append(np.full(n, i.friction))
+        jump.append(np.broadcast_to(i.jump if i.jump is not None else np.zeros(3), (n, 3)))
+    one, two, free, normal = (np.concatenate(x) for x in (one, two, free, normal))
+    blocks = 0.5 * (_node_blocks(k, one, free) + _node_blocks(k, two, free))
+    # a missing component takes the mean of the others
+    trace = np.trace(blocks, axis1=1, axis2=2) * 3 / np.maximum(free.sum(axis=1), 1)
+    stiff_n = np.einsum("pi,pij,pj->p", normal, blocks, normal)
+    stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
+    stiff_t = (trace - stiff_n) / 2
+    points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate(gap), np.concatenate(friction),
+                    np.concatenate(jump))
+    bounds = np.cumsum([0] + [len(i.global_nodes) for i in wanted])
+    return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area))
+
+
+def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) a third of the area of the facets around each node."""
+    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.bincount(triangles.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
+
+
+def _node_blocks(k: sp.csr_array, dofs: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(P, 3, 3) the 3×3 diagonal blocks of k at the nodes; zero where prescribed."""
+    rows = np.repeat(dofs[:, :, None], 3, axis=2)
+    columns = np.repeat(dofs[:, None, :], 3, axis=1)
+    values = np.asarray(k[rows.ravel(), columns.ravel()]).reshape(-1, 3, 3)
+    return np.where(free[:, :, None] & free[:, None, :], values, 0.0)
