@@ -83,17 +83,19 @@ class ErrorBound:
         mode_traces = sp.csr_array(self.modes[self.space.gather]) if self.space.size else sp.csr_array((0, 0))
         self.mode_jumps = sp.csr_array(mode_traces[one] - mode_traces[two]) if len(one) else mode_traces
         self.one, self.two = one, two
+        # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
+        trace_weight = self.weight[self.space.gather, 0]
+        totals = np.array([[trace_weight[a].sum(), trace_weight[b].sum()] for a, b in self.space.slots]).reshape(-1, 2)
+        total = np.maximum(totals.sum(axis=1), np.finfo(float).tiny)
+        softness = np.repeat(2 * totals.min(axis=1) / total, [len(a) for a, _ in self.space.slots])
         middle = (self.k + stage.direction.other) / 2
-        self.jump_weight = sp.csr_array(middle[one][:, one])
+        self.jump_weight = sp.csr_array(middle[one][:, one] @ sp.diags_array(softness))
         self._reposition = _semidefinite_solver(self.mode_jumps.T @ self.jump_weight @ self.mode_jumps)
 
         # the stiffer side takes the larger share of a force imbalance: it costs less energy there
         share = np.zeros(self.space.size)
-        trace_weight = self.weight[self.space.gather, 0]
-        for a, b in self.space.slots:
-            total = trace_weight[a].sum(), trace_weight[b].sum()
-            if len(a):
-                share[a], share[b] = total[0] / sum(total), total[1] / sum(total)
+        for (a, b), sides in zip(self.space.slots, totals / total[:, None]):
+            share[a], share[b] = sides
         self.share = share[:, None]
         self._balance = None
 
