@@ -57,10 +57,10 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     ----------
     nodes : (n, 3) coordinates; fixed : (n, 3) bool
     """
-    modes = motions(nodes) @ left_over(nodes, fixed)
+    modes = np.linalg.qr(motions(nodes) @ left_over(nodes, fixed))[0]
     # Exact zeros where prescribed, whatever the rounding.
     modes[fixed.reshape(-1)] = 0.0
-    return np.linalg.qr(modes)[0]
+    return modes
 
 
 def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems) -> None:
