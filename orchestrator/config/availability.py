@@ -11,7 +11,6 @@ ANY = object()
 
 # where, the value concerned, what it is called, what to do meanwhile
 NOT_YET: list[tuple[KeyPath, Any, str, str]] = [
-    (("mesh", "polycrystal"), ANY, "the polycrystal source", "mesh the grains elsewhere and use mesh.file"),
     (("subdomains", "split_above"), ANY, "splitting large groups", "remove split_above, or use metis"),
     (("interfaces", "*", "law"), "contact", "contact", "use law: perfect"),
     (("interfaces", "*", "law"), "jump", "an imposed jump", "use law: perfect"),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.scene import cad, files, structured
+from orchestrator.scene import cad, files, polycrystal, structured
 from orchestrator.scene.faces import Faces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import checked
@@ -15,6 +15,7 @@ SOURCES: dict[str, Callable[[Any], Mesh]] = {
     "beam": structured.beam,
     "box": structured.box,
     "file": files.file,
+    "polycrystal": polycrystal.polycrystal,
     "step": cad.step,
 }
 
