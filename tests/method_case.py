@@ -7,7 +7,7 @@ import numpy as np
 
 from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.config import Config
-from orchestrator.method.solver import Decomposition, prepare
+from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh, Scene

@@ -195,8 +195,8 @@ def test_automatic_thickness_is_the_mesh_size():
     """√(2 × mean facet area) is h on a structured patch; a number is taken as it is."""
     scene = build_scene(config(mesh={"box": {"size": [4.0, 1.0, 1.0], "cells": [16, 4, 4]}}))
     for interface in scene.interfaces:
-        assert np.allclose(facets_of(scene, interface, settings()).thickness, 0.25, rtol=1e-14, atol=0)
-        assert np.all(facets_of(scene, interface, settings(thickness=0.1)).thickness == 0.1)
+        assert np.allclose(facets_of(scene, interface, settings(), "layer").thickness, 0.25, rtol=1e-14, atol=0)
+        assert np.all(facets_of(scene, interface, settings(thickness=0.1), "layer").thickness == 0.1)
 
 
 def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
@@ -205,7 +205,7 @@ def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
         {"young": 1.0, "poisson": 0.45}, {"young": 1000.0, "poisson": 0.25, "on": "*2"}]))
     facets = facets_of(scene, scene.interfaces[0], settings(modulus_ratio=0.5), "layer")
     assert np.all(facets.young == 500) and np.all(facets.poisson == 0.25)
-    assert np.all(facets_of(scene, scene.interfaces[0], settings(poisson=0.1)).poisson == 0.1)
+    assert np.all(facets_of(scene, scene.interfaces[0], settings(poisson=0.1), "layer").poisson == 0.1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
