@@ -18,7 +18,7 @@ from orchestrator.method.recovery import reactions, recover
 from orchestrator.method.reference import Reference, solve_reference
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.solver import Outcome, iterate
-from orchestrator.results.checkpoint import Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
 from orchestrator.results.fields import Fields, write_fields
 from orchestrator.results.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
@@ -54,7 +54,7 @@ class Solved:
 
 
 def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *, reference: bool = False,
-          start: np.ndarray | None = None, first: int = 0, watch: Stopwatch | None = None,
+          start: SavedState | None = None, watch: Stopwatch | None = None,
           stage: Callable[[str], None] = lambda name: None) -> Solved:
     """Solve a scene; nothing is written.
 
@@ -62,7 +62,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     ----------
     subscribers : called with the loop's events
     reference : also solve undecomposed, and follow the true error
-    start, first : state and iteration to resume from
+    start : where an earlier run stood, to resume from
     stage : told what goes on before the first iteration
 
     Raises
@@ -88,8 +88,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
             with watch("reference"):
                 return exact.relative_error(recover(decomposition, fields, bound)[0])
 
-        outcome = iterate(decomposition, config.method, subscribers, watch, start, first,
-                          true_error if exact else None)
+        earlier = (start.state, start.iteration, start.sweeps - decomposition.setup_sweeps) if start else ()
+        outcome = iterate(decomposition, config.method, subscribers, watch, *earlier,
+                          true_error=true_error if exact else None)
         with watch("linear_stage"):
             displacement, parts = recover(decomposition, outcome.fields, outcome.bound)
         forces = reactions(decomposition, parts)
@@ -143,12 +144,13 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             scene = build_scene(config)
         key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
         saved = load_checkpoint(folder, key) if resume else None
+        if not resume:
+            folder.clear()
         checkpoint, last = Checkpoint(folder, key), LastEvent()
         with HistoryWriter(folder, saved.iteration if saved else None) as history:
             try:
                 solved = solve(config, scene, (history, checkpoint, progress, last), reference=reference,
-                               start=saved.state if saved else None, first=saved.iteration if saved else 0,
-                               watch=watch, stage=progress.stage)
+                               start=saved, watch=watch, stage=progress.stage)
             except (OrchestratorError, KeyboardInterrupt) as error:
                 _write_remains(folder, config, scene, watch, checkpoint, last, error)
                 raise

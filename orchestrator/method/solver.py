@@ -61,20 +61,21 @@ class Outcome:
 
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
-            start: np.ndarray | None = None, first: int = 0, true_error: Callable | None = None) -> Outcome:
+            start: np.ndarray | None = None, first: int = 0, spent: float = 0.0,
+            true_error: Callable | None = None) -> Outcome:
     """Alternate linear and local stages until the stopping criterion holds.
 
     Parameters
     ----------
     method : ``method`` of the configuration: acceleration, relaxation, tolerance, max_iterations
     subscribers : called with every ``Iteration`` and with ``Finished``
-    start, first : state (D, T) and iteration number to resume from
+    start, first, spent : state (D, T), iteration number and sweeps to resume from
     true_error : (fields, bound) → relative energy error, where the exact solution is known
     """
     direction = d.stage.direction
     acceleration, criterion = make_acceleration(d, method), make_criterion(d, method.tolerance)
     s = np.zeros((d.space.size, d.scene.steps)) if start is None else start
-    sweeps, history = 0.0, []
+    sweeps, history = spent, []
     iteration, converged, reason = first, False, "max_iterations"
     while True:
         iteration += 1
