@@ -69,46 +69,51 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> fl
     ----------
     points : (v, 3) coordinates
     triangles : (t, 3) int, indices into the points, turning outward
-    body : (t,) int, the body each triangle bounds
+    body : (t,) int, ascending, the body each triangle bounds
 
     Returns
     -------
     the smallest angle in radians, in a triangle or between two neighbours through the body; or -1 when a
-    body is no ball or cannot be seen as a whole from its centre of mass. Bodies that can, share faces and
-    fill a space cannot overlap.
+    body is no ball or cannot be seen as a whole from a point inside. Bodies that can, share faces and fill a
+    space cannot overlap.
     """
-    which, body = np.unique(body, return_inverse=True)
-    count, size = len(which), len(points)
-    start, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
-    label = np.repeat(body, 3)
-    key, opposite = (label * size + start) * size + end, (label * size + end) * size + start
-    order, back = np.argsort(key), np.argsort(opposite)
-    if np.any(key[order] != opposite[back]) or np.any(np.diff(key[order]) == 0):
-        return -1.0
-    # Closed; Euler's number of a ball's surface is 2, and there are 3/2 edges per triangle.
-    corners = np.bincount(np.unique(label * size + start) // size, minlength=count)
-    if np.any(2 * corners - np.bincount(body, minlength=count) != 4):
+    body = np.unique(body, return_inverse=True)[1]
+    mate = _mates(triangles, body, len(points))
+    if mate is None:
         return -1.0
     shape = points[triangles]
     p, q, r = np.moveaxis(shape, 1, 0)
     normal = np.cross(q - p, r - p)
     volume = np.einsum("ij,ij->i", normal, p) / 6
-    total = np.bincount(body, volume, count)
+    total = np.bincount(body, volume)
     if np.any(total <= 0):
         return -1.0
     moment = volume[:, None] * (p + q + r) / 4
-    centre = np.stack([np.bincount(body, m, count) for m in moment.T], axis=1) / total[:, None]
+    centre = np.stack([np.bincount(body, m) for m in moment.T], axis=1) / total[:, None]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre, SEEN * np.cbrt(total)):
         return -1.0
-    mate = np.empty(len(key), dtype=int)
-    mate[order] = back
-    owner = np.arange(len(key)) // 3
-    one, other = normal[owner], normal[owner[mate]]
-    along = points[end] - points[start]
+    along = (np.roll(shape, -1, axis=1) - shape).reshape(-1, 3)
     along /= np.linalg.norm(along, axis=1)[:, None]
+    one, other = np.repeat(normal, 3, axis=0), normal[mate // 3]
     turn = np.arctan2(np.einsum("ij,ij->i", np.cross(one, other), along), np.einsum("ij,ij->i", one, other))
     return float(min((np.pi - turn).min(), corner_angles(shape).min()))
+
+
+def _mates(triangles: np.ndarray, body: np.ndarray, points: int) -> np.ndarray | None:
+    """Per side of a triangle (3 t) the same side of the neighbour; None unless every body's surface is a ball's."""
+    start, end, label = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1), np.repeat(body, 3)
+    key, opposite = (label * points + start) * points + end, (label * points + end) * points + start
+    order, back = np.argsort(key), np.argsort(opposite)
+    if np.any(key[order] != opposite[back]) or np.any(np.diff(key[order]) == 0):
+        return None
+    # Closed; then Euler's number, 2 for a ball, counts 3/2 edges per triangle.
+    corners = np.bincount(np.unique(label * points + start) // points)
+    if np.any(2 * corners - np.bincount(body) != 4):
+        return None
+    mate = np.empty(len(key), dtype=int)
+    mate[order] = back
+    return mate
 
 
 def _seen_whole(normal: np.ndarray, offset: np.ndarray, body: np.ndarray, point: np.ndarray, margin: np.ndarray) -> bool:

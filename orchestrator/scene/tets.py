@@ -11,10 +11,13 @@ PAIRS = [(i, j) for i in range(4) for j in range(i)]
 
 
 def roundness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) gmsh's gamma: radius of the inscribed ball over the longest edge, 1 for the regular tet, < 0 if inverted."""
+    """(m,) gmsh's gamma: three radii of the inscribed ball over that of the circumscribed one; 1 is regular, < 0 inverted."""
     area = sum(np.linalg.norm(area_vectors(nodes, cells[:, face]), axis=1) for face in LOCAL_FACES)
-    longest = np.sqrt(np.max([np.sum((nodes[cells[:, i]] - nodes[cells[:, j]]) ** 2, axis=1) for i, j in PAIRS], axis=0))
-    return 6 * np.sqrt(6) * tet_volumes(nodes, cells) / (area * longest)
+    volume = tet_volumes(nodes, cells)
+    a, b, c = (nodes[cells[:, i]] - nodes[cells[:, 0]] for i in (1, 2, 3))
+    # From the first corner to the ball's centre, times twelve volumes.
+    centre = sum(np.einsum("ij,ij->i", p, p)[:, None] * np.cross(q, r) for p, q, r in ((a, b, c), (b, c, a), (c, a, b)))
+    return 108 * volume * np.abs(volume) / (area * np.linalg.norm(centre, axis=1))
 
 
 def dihedral_range(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float]:
