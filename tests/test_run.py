@@ -1,0 +1,368 @@
+"""Whole runs: invariances, what they write, how they end, and what is left when they end badly."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from method_case import CLAMP, CUBES, METIS, config, method, solved
+
+from orchestrator.method.events import HISTORY_COLUMNS
+from orchestrator.results.result import Result
+from orchestrator.scene.structured import bricks
+
+ROOT = Path(__file__).parents[1]
+BENT = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, -2.0]}]}
+CONTRACT_KEYS = {
+    "name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error", "residuals",
+    "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions", "status_counts",
+    "timing", "versions", "config", "memory_peak_mb"}
+
+
+def close(a, b, tolerance=1e-9):
+    a, b = np.asarray(a), np.asarray(b)
+    return np.abs(a - b).max() <= tolerance * np.abs(b).max()
+
+
+def same_run(one, two, tolerance=1e-9):
+    """Same iterations, same history, same reactions and energies."""
+    assert one.outcome.iterations == two.outcome.iterations
+    assert close([e.residual for e in one.outcome.history], [e.residual for e in two.outcome.history], tolerance)
+    assert close(one.summary["reactions"], two.summary["reactions"], tolerance)
+
+
+# --- invariances ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cut", [CUBES, METIS], ids=["cubes", "metis"])
+def test_millimetres_and_metres(cut):
+    """Lengths / 1000, stresses × 1e6: the same forces and iterations, displacements / 1000."""
+    mm = solved(reference=False, **cut, **BENT)
+    end = {"on": {"plane": "x", "at": 0.004}, "traction": [10e6, 1e6, -2e6]}
+    m = solved(reference=False, mesh={**cut["mesh"], "scale": 1e-3}, subdomains=cut["subdomains"],
+               materials=[{"young": 200e9, "poisson": 0.3}], boundary=[CLAMP, end])
+    same_run(m, mm)
+    assert close(m.displacement, mm.displacement / 1000)
+    assert close(m.summary["energy"], np.array(mm.summary["energy"]) / 1000)
+
+
+def test_numbering_of_nodes_and_cells(tmp_path):
+    """A mesh file with shuffled nodes, cells and corners: the same iterations, the same field node by node."""
+    mesh = bricks(np.array([4.0, 2.0, 2.0]), np.array([8, 4, 4]), "box")
+    inner = np.all((mesh.nodes > 0.01) & (mesh.nodes < [3.99, 1.99, 1.99]), axis=1)
+    rng = np.random.default_rng(0)
+    # away from the planes of the cut: there a shifted node would change the facets' planes, not the numbering
+    inner &= (np.abs(mesh.nodes - np.rint(mesh.nodes)) > 0.01).any(axis=1)
+    mesh.nodes[inner] += rng.uniform(-0.05, 0.05, (int(inner.sum()), 3))
+    new = rng.permutation(len(mesh.nodes))
+    nodes = np.empty_like(mesh.nodes)
+    nodes[new] = mesh.nodes
+    cells = new[mesh.cells][rng.permutation(len(mesh.cells))][:, [1, 2, 0, 3]]
+    runs = []
+    for name, x, tets in (("plain", mesh.nodes, mesh.cells), ("shuffled", nodes, cells)):
+        path = tmp_path / f"{name}.meshb"
+        meshio.Mesh(x, [("tetra", tets)]).write(path)
+        runs.append(solved(reference=False, mesh={"file": str(path)}, subdomains=CUBES["subdomains"], **BENT))
+    plain, shuffled = runs
+    same_run(shuffled, plain)
+    assert np.array_equal(shuffled.scene.mesh.nodes[new], plain.scene.mesh.nodes)
+    assert close(shuffled.displacement[:, new], plain.displacement)
+
+
+def test_number_of_workers():
+    """One or four processes: the same numbers."""
+    one, four = (solved(reference=False, **METIS, **BENT, blackbox={"workers": n}) for n in (1, 4))
+    same_run(four, one)
+    assert close(four.displacement, one.displacement)
+
+
+def test_pipe_and_file_give_the_same_numbers():
+    """The closed code's way of exchange, traces in files, to 1e-12."""
+    pipe, file = (solved(reference=False, **BENT, blackbox={"workers": 1, "transport": t}) for t in ("pipe", "file"))
+    same_run(file, pipe, 1e-12)
+    assert close(file.displacement, pipe.displacement, 1e-12)
+
+
+# --- the command line -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def temporary(tmp_path):
+    """TMPDIR of the program, and of it alone."""
+    folder = tmp_path / "tmp"
+    folder.mkdir()
+    return folder
+
+
+def launch(temporary, *arguments, **environment):
+    """``orchestrator …`` as a process group of its own, as a shell would start it."""
+    return subprocess.Popen([sys.executable, "-m", "orchestrator", *map(str, arguments)], cwd=ROOT, text=True,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+                            env={**os.environ, "TMPDIR": str(temporary), **environment})
+
+
+def ended(process, timeout=60):
+    """Exit code, stdout and stderr."""
+    out, err = process.communicate(timeout=timeout)
+    return process.returncode, out, err
+
+
+def freefems(folder):
+    """FreeFEM processes that work below a folder."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            state = (path / "stat").read_text().rpartition(")")[2].split()[0]
+            if state != "Z" and str(folder) in os.readlink(path / "cwd"):
+                found.append(int(path.name))
+        except OSError:
+            pass
+    return found
+
+
+def nothing_left(temporary):
+    """No process, no file."""
+    deadline = time.monotonic() + 5
+    while freefems(temporary) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return not freefems(temporary) and not list(temporary.iterdir())
+
+
+def written(tmp_path, **changes):
+    """A configuration file of the bar; JSON is YAML."""
+    data = config(**changes).complete()
+    lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in data.items() if key != "output"]
+    path = tmp_path / "bar.yaml"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_the_shipped_example(tmp_path, temporary):
+    """configs/traction_beam.yaml from the shell: exit code, summary, history, fields and figures of the contract."""
+    out = tmp_path / "out"
+    code, shown, err = ended(launch(temporary, "run", "configs/traction_beam.yaml", "--reference", "--output", out))
+    assert code == 0, err
+    summary = json.loads((out / "summary.json").read_text())
+    assert CONTRACT_KEYS <= set(summary)
+    assert summary["true_error"] <= summary["error_bound"] <= 1e-6 and summary["iterations"] <= 12
+    assert summary["converged"] and summary["stop_reason"] == "converged"
+    assert (summary["subdomains"], summary["interfaces"], summary["load_steps"]) == (32, 31, 1)
+    assert summary["dofs"] == 129 * 9 * 9 * 3 and summary["interface_nodes"] == 31 * 81
+    assert close(summary["reactions"], [[[-1000, 0, 0]], [[1000, 0, 0]]])
+    assert set(summary["sweeps"]) == {"setup", "iterations", "total"}
+    assert {"total", "mesh", "soles", "macro", "linear_stage", "local_stage", "acceleration", "bound", "output",
+            "blackbox"} <= set(summary["timing"])
+    assert set(summary["timing"]["blackbox"]) == {"start", "assemble", "factorise", "solve"}
+    assert summary["config"]["method"]["max_iterations"] == 500, "complete: defaults filled in"
+    assert summary["memory_peak_mb"] > 50
+    with open(out / "history.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == HISTORY_COLUMNS and len(rows) == summary["iterations"]
+    assert HISTORY_COLUMNS[:11] == ["iteration", "sweeps", "seconds", "indicator", "displacement_jump",
+                                    "force_imbalance", "residual", "error_bound", "open", "stick", "slip"]
+    assert (out / "fields" / "step_0001.vtu").is_file() and list((out / "fields").glob("*.pvd"))
+    for figure in ("convergence", "deformed", "time"):
+        assert (out / "figures" / f"{figure}.png").stat().st_size > 5000
+    result = Result.read(out)
+    assert result.displacement.shape == (1, 129 * 81, 3)
+    assert not (out / "checkpoint.npz").exists(), "nothing to resume"
+    assert "converged" in shown and "error bound" in shown and str(out) in shown.replace("\n", "")
+    assert nothing_left(temporary)
+
+
+SHIPPED = {  # configuration: what shortens it, iterations at most
+    "traction_beam": (["mesh.beam.h=2.5", "subdomains.slices.count=16"], 9),
+    "assembly": (["mesh.h=8", "output.fields=false"], 25),
+    "metis_box": ([], 25),
+}
+
+
+def test_every_shipped_configuration_is_run(configs_dir):
+    """No example without a test."""
+    assert {path.stem for path in configs_dir.glob("*.yaml")} == set(SHIPPED)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_configurations(name, tmp_path, temporary, configs_dir):
+    """Converged, with a true error below a bound below 1e-6, within the stages expected; supports carry the loads."""
+    changes, iterations = SHIPPED[name]
+    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
+    code, _, err = ended(launch(temporary, "run", configs_dir / f"{name}.yaml", "--reference", "--quiet",
+                                "--output", tmp_path / "out", *settings))
+    assert code == 0, err
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["true_error"] <= summary["error_bound"] <= 1e-6 and summary["iterations"] <= iterations
+    if name != "metis_box":  # weight is no entry of the boundary
+        reactions = np.array(summary["reactions"])
+        assert np.abs(reactions.sum(axis=0)).max() <= 1e-9 * np.abs(reactions).max()
+
+
+# --- runs that do not converge ----------------------------------------------------------------------------
+
+# A tolerance out of reach and steps so small that the end is far away.
+ENDLESS = method(tolerance={"error": 1e-15}, acceleration="none", relaxation=0.02, max_iterations=100000)
+SHORTEN = ["--set", "output.figures=false"]
+
+
+def lines_of(history):
+    return history.read_text().count("\n") if history.exists() else 0
+
+
+def under_way(temporary, path, out, iterations=5, *arguments, **environment):
+    """A run in the middle of its iterations."""
+    process = launch(temporary, "run", path, "--output", out, *SHORTEN, *arguments, **environment)
+    deadline = time.monotonic() + 60
+    while lines_of(out / "history.csv") <= iterations and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.01)
+    assert process.poll() is None, process.stderr.read()
+    assert lines_of(out / "history.csv") > iterations
+    return process
+
+
+def test_not_converged(tmp_path, temporary):
+    """Exit code 1, with summary, history, fields and a checkpoint to go on from."""
+    out, path = tmp_path / "out", written(tmp_path, **METIS, **BENT, **method(max_iterations=3))
+    code, shown, _ = ended(launch(temporary, "run", path, "--output", out, *SHORTEN))
+    assert code == 1 and "NOT converged (max_iterations)" in shown
+    summary = json.loads((out / "summary.json").read_text())
+    assert not summary["converged"] and summary["iterations"] == 3 and 0 < summary["error_bound"] < 1
+    assert (out / "fields.npz").is_file() and lines_of(out / "history.csv") == 4
+    code, *_ = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
+                            "--set", "method.max_iterations=100"))
+    resumed = Result.read(out)
+    assert code == 0 and list(resumed.history["iteration"]) == list(range(1, resumed.iterations + 1))
+    assert np.all(np.diff(resumed.history["sweeps"]) >= 1), "the sweeps of both runs are counted"
+    assert nothing_left(temporary)
+
+
+@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
+def test_interrupted_and_resumed(blow, tmp_path, temporary):
+    """Exit code 130, a checkpoint, nothing left; --resume ends where an undisturbed run ends."""
+    out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS)
+    process = under_way(temporary, path, out)
+    assert freefems(temporary)
+    # Ctrl-C reaches the whole foreground group, SIGTERM the program alone
+    os.killpg(process.pid, blow) if blow == signal.SIGINT else process.send_signal(blow)
+    code, _, err = ended(process)
+    assert code == 130 and err.strip() == "Interrupted."
+    assert nothing_left(temporary)
+    summary = json.loads((out / "summary.json").read_text())
+    assert (out / "checkpoint.npz").is_file() and summary["stop_reason"] == "interrupted"
+    assert summary["iterations"] >= 5 and not summary["converged"]
+    code, _, err = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
+                                "--set", "method.tolerance.error=1e-6"))
+    assert code == 0, err
+    resumed = Result.read(out)
+    assert list(resumed.history["iteration"]) == list(range(1, resumed.iterations + 1))
+    assert resumed.iterations > summary["iterations"] and not (out / "checkpoint.npz").exists()
+    undisturbed = solved(reference=False, **BENT)
+    assert close(resumed.displacement, undisturbed.displacement, 1e-5)
+    assert nothing_left(temporary)
+
+
+def test_freefem_is_killed(tmp_path, temporary):
+    """Exit code 3, a message that names the signal and the log, history and checkpoint on disk, nothing left."""
+    out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS, blackbox={"workers": 2})
+    process = under_way(temporary, path, out)
+    os.kill(freefems(temporary)[0], signal.SIGKILL)
+    code, _, err = ended(process)
+    assert code == 3 and "SIGKILL" in err and "Traceback" not in err
+    assert lines_of(out / "history.csv") > 5 and (out / "checkpoint.npz").is_file()
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["stop_reason"].startswith("failed") and not summary["converged"]
+    assert nothing_left(temporary)
+
+
+def test_the_program_is_killed(tmp_path, temporary):
+    """SIGKILL: FreeFEM ends with its orchestrator; the next run sweeps the folder."""
+    process = under_way(temporary, path := written(tmp_path, **BENT, **ENDLESS), tmp_path / "out")
+    process.kill()
+    process.communicate()
+    deadline = time.monotonic() + 5
+    while freefems(temporary) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not freefems(temporary)
+    code, *_ = ended(launch(temporary, "run", path, "--output", tmp_path / "next", *SHORTEN,
+                            "--set", "method.max_iterations=2"))
+    assert code == 1 and nothing_left(temporary)
+
+
+def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
+    """What an earlier run wrote is not mixed with the new; files of the user's stay."""
+    out = tmp_path / "out"
+    for name in ("fields/step_0007.vtu", "checkpoint.npz", "mine.txt"):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_text("old")
+    code, *_ = ended(launch(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN))
+    assert code == 0
+    assert sorted(p.name for p in (out / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu"]
+    assert (out / "mine.txt").read_text() == "old" and not (out / "checkpoint.npz").exists()
+
+
+# --- bad surroundings -------------------------------------------------------------------------------------
+
+
+def refused(temporary, *arguments, **environment):
+    """stderr of a run that ends with exit code 2 and leaves nothing."""
+    code, _, err = ended(launch(temporary, *arguments, **environment))
+    assert code == 2 and "Traceback" not in err, err
+    assert err.count("problem in the input") == 1 and "expected:" in err
+    assert nothing_left(temporary)
+    return err
+
+
+def test_freefem_is_missing(tmp_path, temporary):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    err = refused(temporary, "run", written(tmp_path), "--output", tmp_path / "out", PATH=str(empty))
+    assert "FreeFem++" in err and "apt-get install" in err
+
+
+def test_plugins_are_missing(tmp_path, temporary):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    err = refused(temporary, "run", written(tmp_path), "--output", tmp_path / "out", FF_LOADPATH=str(empty))
+    assert "bfstream" in err
+
+
+def test_output_cannot_be_written(tmp_path, temporary):
+    path, file = written(tmp_path), tmp_path / "file"
+    file.write_text("")
+    for out in (file, file / "below", "/proc/orchestrator"):
+        assert str(out) in refused(temporary, "run", path, "--output", out)
+    assert file.read_text() == ""
+
+
+def test_disk_full(tmp_path, temporary):
+    """A disk with room for the history but not for the fields."""
+    if os.geteuid() != 0:
+        pytest.skip("mounting a small disk needs root")
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", disk], capture_output=True).returncode:
+        pytest.skip("no small disk can be mounted here")
+    try:
+        path = written(tmp_path, **CUBES, **BENT)
+        assert "disk full" in refused(temporary, "run", path, "--output", disk / "out")
+        os.remove(disk / "out" / "history.csv")
+        (disk / "ballast").write_bytes(b"x" * (shutil.disk_usage(disk).free // 4096 * 4096))
+        assert "disk full" in refused(temporary, "run", path, "--output", disk / "out")
+    finally:
+        subprocess.run(["umount", "-l", disk], check=True)
+
+
+def test_resume_without_a_checkpoint_or_for_another_problem(tmp_path, temporary):
+    out, path = tmp_path / "out", written(tmp_path, **BENT, **method(max_iterations=2))
+    assert "checkpoint" in refused(temporary, "run", path, "--output", out, "--resume")
+    assert ended(launch(temporary, "run", path, "--output", out, *SHORTEN))[0] == 1
+    err = refused(temporary, "run", path, "--output", out, "--resume", "--set", "method.relaxation=0.5")
+    assert "another problem" in err
+    assert (out / "checkpoint.npz").is_file(), "still there for the right one"
