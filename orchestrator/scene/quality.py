@@ -34,6 +34,7 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
         raise InputError(Problem(("mesh",), f"{mesh.source}: node {bad} at {mesh.nodes[bad]}",
                                  "finite coordinates", "write the mesh file again"))
     mesh = _oriented(mesh, problems)
+    problems.raise_if_any()  # bad tets have bad faces: a second complaint would only distract
     faces = faces_of(mesh.cells, len(mesh.nodes))
     for what, index, cure in (
             ("faces shared by three or more tets", faces.crowded, "remove duplicated tets"),
