@@ -1,0 +1,49 @@
+"""Studies: the paper's figures and the benchmarks, as matrices of configurations.
+
+``STUDIES`` names them; the modules behind are imported when a study runs, so that listing stays quick.
+Every study leaves table.csv, curves.csv, targets.csv and a figure in results/studies/NAME.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+
+from ..errors import InputError, Problem
+
+# name: module, function, what it shows
+_REGISTRY = {
+    "fig7": ("fig7", "run", "paper, figure 7: convergence for 8 to 128 slices: mono-scale, equilibrium, continuity"),
+    "fig8": ("fig8", "run", "paper, figures 8 and 9: axial stress after one and two iterations"),
+    "fig10": ("sole_modulus", "equilibrium", "paper, figure 10: soles 100 times softer to stiffer, equilibrium"),
+    "fig11": ("sole_modulus", "continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
+    "slices": ("scaling", "slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
+    "cubes": ("scaling", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
+    "metis": ("parts", "metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
+    "assembly": ("parts", "assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
+    "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
+}
+STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}
+
+
+def run_study(name: str, folder: str | os.PathLike[str] | None = None) -> None:
+    """Run a study, print its table and its targets.
+
+    Parameters
+    ----------
+    name : one of ``STUDIES``
+    folder : where its results go; default results/studies/NAME
+
+    Raises
+    ------
+    InputError : no such study, or the folder cannot be written
+    BlackBoxError : from the code; the cases finished so far are on disk
+    """
+    if name not in _REGISTRY:
+        raise InputError(Problem((), f"study '{name}'", "one of " + ", ".join(STUDIES), "take one of these"))
+    from .framework import Study
+
+    module, function, line = _REGISTRY[name]
+    study = Study(name, line, folder)
+    getattr(import_module(f"{__name__}.{module}"), function)(study)
+    study.close()

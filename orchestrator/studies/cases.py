@@ -1,0 +1,77 @@
+"""The problems and the settings that studies combine, as plain data for ``config_from``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+STEEL = [{"young": 200e3, "poisson": 0.3}]  # N, mm
+SLICES = (8, 16, 32, 64, 128)
+CUT = 70  # iterations the paper's figures show
+NEVER = {"indicator": 1e-300}  # a tolerance that only rounding meets: the number of iterations decides
+
+
+def beam(slices: int) -> dict[str, Any]:
+    """The paper's beam, table 1: clamped at one end, pulled at the other."""
+    return {
+        "name": f"beam-{slices}",
+        "mesh": {"beam": {"size": [160, 10, 10], "h": 1.25}},
+        "subdomains": {"slices": {"axis": "x", "count": slices}},
+        "materials": STEEL,
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 160}, "traction": [10, 0, 0]}],
+    }
+
+
+def cube(count: int, elements: int = 4) -> dict[str, Any]:
+    """count³ unit cubes with ``elements`` elements a side, clamped at x = 0, pulled and bent at the other end."""
+    return {
+        "name": f"cubes-{count}",
+        "mesh": {"box": {"size": [count] * 3, "cells": [elements * count] * 3}},
+        "subdomains": {"grid": [count] * 3},
+        "materials": STEEL,
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": count}, "traction": [10, 0, 10]}],
+    }
+
+
+def assembly() -> dict[str, Any]:
+    """gmsh's example of a bolted assembly, every part bonded: the plate clamped at its base, the rod pulled."""
+    return {
+        "name": "assembly",
+        "mesh": {"step": "gmsh:as1-tu-203.stp", "h": 4.0},
+        "subdomains": "groups",
+        "materials": STEEL,
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 190}, "traction": [10, 0, 0]}],
+    }
+
+
+def paper(strategy: str, *, kplus: str = "full", relaxation: float = 0.8, modulus_ratio: float = 0.008,
+          iterations: int = CUT) -> dict[str, Any]:
+    """The paper's method: a soft one-sided layer one element thick, relaxed fixed point, no acceleration."""
+    return {
+        "sole": {"kind": "layer", "modulus_ratio": modulus_ratio, "thickness": 1.25, "allow_extreme": True},
+        "macro": {"strategy": strategy}, "search_direction": {"kplus": kplus},
+        "acceleration": "none", "relaxation": relaxation, "tolerance": NEVER, "max_iterations": iterations,
+    }
+
+
+def defaults(strategy: str = "equilibrium", *, modulus_ratio: float | None = None, error: float | None = 1e-6,
+             iterations: int = 200) -> dict[str, Any]:
+    """This program's defaults, but for what is given.
+
+    Parameters
+    ----------
+    error : tolerance of the error bound; None iterates to the last iteration
+    """
+    method: dict[str, Any] = {"macro": {"strategy": strategy}, "max_iterations": iterations,
+                              "tolerance": NEVER if error is None else {"error": error}}
+    if modulus_ratio is not None:
+        method["sole"] = {"modulus_ratio": modulus_ratio, "allow_extreme": True}
+    return method
+
+
+def with_method(problem: Mapping[str, Any], method: Mapping[str, Any]) -> dict[str, Any]:
+    """A problem and how to solve it, as one configuration."""
+    return {**problem, "method": dict(method)}
