@@ -27,8 +27,9 @@ import scipy.sparse.linalg as sla
 from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.loading import Loading
 
-RELATIVE_TAIL = 0.02  # the conjugate gradients stop when a step adds less than this to b²
-MAX_STEPS = 12
+RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more than this to b²
+MAX_STEPS = 30
+SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 UNBALANCED = 1e-9  # resultants above this fraction of the forces need the coarse balance
 
 
@@ -143,7 +144,8 @@ class ErrorBound:
     def _dual_energy(self, h: np.ndarray) -> tuple[np.ndarray, int]:
         """(T,) hᵀS⁺h over all subdomains, by conjugate gradients preconditioned with N M⁻¹Nᵀ.
 
-        The iterates approach from below; the geometric tail of the steps is added.
+        The iterates approach from below; the geometric tail of the steps is added, and for the
+        tail's own error the accuracy that the steps are stopped at.
         """
         if not h.any():
             return np.zeros(h.shape[1]), 0
@@ -153,7 +155,7 @@ class ErrorBound:
         def dot(x, y):
             return np.add.reduceat(x * y, starts, axis=0)
 
-        r, total, p, q, rz_old, step_old = h.copy(), 0.0, None, None, None, None
+        r, total, p, q, rz_old, steps = h.copy(), 0.0, None, None, None, []
         for sweeps in range(1, MAX_STEPS + 1):
             z = self.stage.solve(r)
             rz = np.maximum(dot(r, z), 0.0)
@@ -168,11 +170,12 @@ class ErrorBound:
             total = total + step
             r = r - alpha[member] * sp_
             rz_old = rz
-            if np.sum(step) <= RELATIVE_TAIL * np.sum(total):
+            steps.append(float(np.sum(step)))
+            tail = _tail(steps)
+            if max(steps[-1], tail) <= RELATIVE_TAIL * np.sum(total):
                 break
-            step_old = step
-        rate = min(np.sum(step) / np.sum(step_old), 0.9) if step_old is not None and np.sum(step_old) > 0 else 0.5
-        return np.sum(total, axis=0) + np.sum(step, axis=0) * rate / (1 - rate), sweeps
+        share = step.sum(axis=0) / max(steps[-1], np.finfo(float).tiny)
+        return (1 + RELATIVE_TAIL) * (np.sum(total, axis=0) + tail * share), sweeps
 
     def _balanced(self, change: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, bool]:
         """Add self-balanced rigid force fields per interface so that no floating subdomain is pushed.
@@ -203,6 +206,14 @@ class ErrorBound:
         change = change + spread @ (work.T @ solve(-resultant))
         left = self.modes.T @ (self.space.scatter @ change)
         return change, bool(np.abs(left).max() <= 1e-6 * max(np.abs(resultant).max(), np.finfo(float).tiny))
+
+
+def _tail(steps: list[float]) -> float:
+    """What the steps to come would add: a geometric series, at the slower of the last two rates."""
+    last = steps[-3:]
+    rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
+    rate = min(max(rates, default=0.5), SLOWEST)
+    return steps[-1] * rate / (1 - rate)
 
 
 def _relative(error: float, size: float) -> float:
