@@ -298,13 +298,14 @@ def test_the_program_is_killed(tmp_path, temporary):
 def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
     """What an earlier run wrote is not mixed with the new; files of the user's stay."""
     out = tmp_path / "out"
-    for name in ("fields/step_0007.vtu", "checkpoint.npz", "mine.txt"):
+    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint.npz", "mine.txt"):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_text("old")
-    code, *_ = ended(launch(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN))
+    code, *_ = ended(launch(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN,
+                            "--set", "output.fields=false"))
     assert code == 0
-    assert sorted(p.name for p in (out / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu"]
-    assert (out / "mine.txt").read_text() == "old" and not (out / "checkpoint.npz").exists()
+    assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "mine.txt"}
+    assert (out / "mine.txt").read_text() == "old"
 
 
 # --- bad surroundings -------------------------------------------------------------------------------------
