@@ -63,6 +63,7 @@ def draw(axes: Any, curves: Sequence[Curve], quantity: str, *, limits: tuple[flo
         axes.annotate(mark[1], (0, mark[0]), xycoords=("axes fraction", "data"), xytext=(3, 3),
                       textcoords="offset points", fontsize=8, color=GREY)
     axes.set(ylim=limits, xlim=(0, last))
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.tick_params(labelsize=8.5)
     tidy(axes)
 

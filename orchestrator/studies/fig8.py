@@ -94,7 +94,7 @@ def _picture(scene: Scene, seen: dict[tuple[str, str, int], Seen]) -> bytes:
 
     figure = new_figure(12.0, 7.8)
     views = [(strategy, settings) for strategy in STRATEGIES for settings in SETTINGS]
-    grid = figure.add_gridspec(len(views) + 2, 2, height_ratios=[1] * len(views) + [0.2, 4.2], left=0.06, right=0.98, top=0.88, bottom=0.08,
+    grid = figure.add_gridspec(len(views) + 2, 2, height_ratios=[1] * len(views) + [1.3, 4.2], left=0.06, right=0.98, top=0.9, bottom=0.08,
                                hspace=0.65, wspace=0.1)
     colours = ScalarMappable(Normalize(0, 2 * APPLIED), "coolwarm")
     for column, count in enumerate(ITERATIONS):
@@ -105,10 +105,14 @@ def _picture(scene: Scene, seen: dict[tuple[str, str, int], Seen]) -> bytes:
             if row == 0:
                 axes.annotate(f"after iteration {count}", (0, 1), xycoords=title, xytext=(0, 10),
                               textcoords="offset points", fontsize=12, fontweight="bold")
-        _along(figure.add_subplot(grid[-1, column]), scene, seen, count)
-    bottom, top = (grid[-2, 0].get_position(figure).y0, grid[-2, 0].get_position(figure).y1)
-    bar = figure.colorbar(colours, cax=figure.add_axes((0.3, bottom, 0.4, top - bottom)), orientation="horizontal",
-                          extend="both")
+        along = figure.add_subplot(grid[-1, column])
+        _along(along, scene, seen, count)
+        if column == 0:
+            along.legend(fontsize=8, frameon=False, ncols=2, loc="upper left")
+            along.set_ylabel("mean σxx of a layer, MPa", fontsize=8.5)
+    room = grid[-2, 0].get_position(figure)
+    bar = figure.colorbar(colours, cax=figure.add_axes((0.3, room.y0 + 0.75 * room.height, 0.4, 0.012)),
+                          orientation="horizontal", extend="both")
     bar.set_label(f"axial stress of the tets, MPa (applied: {APPLIED:g}); displacements × {MAGNIFIED:g}", fontsize=8.5,
                   labelpad=1)
     bar.ax.tick_params(labelsize=8)
@@ -147,7 +151,5 @@ def _along(axes: Any, scene: Scene, seen: dict[tuple[str, str, int], Seen], coun
     axes.axhline(APPLIED, color="0.35", linestyle=":", linewidth=1)
     axes.set(xlim=(0, length), ylim=(-1, 1.9 * APPLIED))
     axes.set_xlabel("x, mm", fontsize=9)
-    axes.set_ylabel("mean σxx of a layer, MPa", fontsize=8.5)
     axes.tick_params(labelsize=8.5)
-    axes.legend(fontsize=8, frameon=False, ncols=2, loc="upper left")
     tidy(axes)
