@@ -12,9 +12,6 @@ ANY = object()
 # where, the value concerned, what it is called, what to do meanwhile
 NOT_YET: list[tuple[KeyPath, Any, str, str]] = [
     (("subdomains", "split_above"), ANY, "splitting large groups", "remove split_above, or use metis"),
-    (("interfaces", "*", "law"), "contact", "contact", "use law: perfect"),
-    (("interfaces", "*", "law"), "jump", "an imposed jump", "use law: perfect"),
-    (("method", "sole", "kind"), "springs", "a sole of springs", "use kind: symmetric"),
     (("blackbox", "element"), "P2", "the P2 element", "use element: P1 on a finer mesh"),
 ]
 

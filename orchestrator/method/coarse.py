@@ -31,6 +31,7 @@ from orchestrator.scene.model import Scene
 FIELDS = 12
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
 MAX_STEPS = 12
+REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
 
 
 @dataclass
@@ -100,6 +101,8 @@ class CoarseCorrection:
         self._rows = np.concatenate([rows, diagonal])
         self._columns = np.concatenate([columns, diagonal])
         self.newton_steps = 0
+        self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
+        self.radius: float | None = None
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
@@ -109,6 +112,8 @@ class CoarseCorrection:
         fields : result of a linear stage
         """
         steps = fields.s.shape[1]
+        if self.radius is None:
+            self.radius = REACH * max(np.abs(fields.w).max(initial=0.0), self.prescribed)
         y = np.zeros((steps, self.bodies, FIELDS))
         resultant = np.stack([self._per_body_vector(fields.f[:, t]) for t in range(steps)])
         previous = self.predict.previous
@@ -137,7 +142,7 @@ class CoarseCorrection:
             if size <= REDUCTION * start or size == 0:
                 break
             self.newton_steps += 1
-            dy = self._newton(slope, rho, delta)
+            dy = self._clipped(self._newton(slope, rho, delta))
             for theta in (1.0, 0.5, 0.25):
                 trial = y + theta * dy
                 rho_new, slope_new = self._residual(trial, F0, resultant, previous)
@@ -150,6 +155,14 @@ class CoarseCorrection:
                 if delta > 1e3:
                     break
         return y
+
+    def _clipped(self, dy: np.ndarray) -> np.ndarray:
+        """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
+        for e, part in enumerate(self.parts):
+            move = np.abs(self.response.W[part] @ dy[e]).max(initial=0.0)
+            if move > self.radius:
+                dy[e] *= self.radius / move
+        return dy
 
     def _residual(self, y, F0, resultant, previous):
         """ρ (bodies, 12) and the laws' derivative (P, 3, 3)."""

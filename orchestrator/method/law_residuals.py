@@ -8,7 +8,8 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 - penetration  largest −(g₀ + n·d) over the largest displacement
 - tension      largest tensile pressure over the largest pressure
 - cone         largest |f_t| − μ|f_n| (as pressure) over the largest pressure
-- direction    largest part of a slip that friction does not oppose, over the largest displacement
+- direction    largest |f_t| |slip| − f_t·slip (friction not opposed to slip, per area) over the largest
+               pressure × the largest displacement
 """
 
 from __future__ import annotations
@@ -71,16 +72,14 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
         tension = max(tension, normal[here].max(initial=0.0))
         cone = max(cone, (size - points.friction * np.maximum(-normal, 0.0))[here].max(initial=0.0))
         slip = points.across(local.jump[t] - previous)
-        opposed = np.einsum("pi,pi->p", slip, shear) / np.where(size > 0, size, 1.0)
-        across = np.linalg.norm(slip - (opposed / np.where(size > 0, size, 1.0))[:, None] * shear, axis=1)
-        wrong = np.maximum(across, -opposed)
+        wrong = size * np.linalg.norm(slip, axis=1) - np.einsum("pi,pi->p", slip, shear)
         rubbing = contact & (local.status[t] == SLIP) & (points.friction > 0)
         direction = max(direction, wrong[rubbing].max(initial=0.0))
         previous = local.jump[t]
     scale = scale or 1.0
     pressure = pressure or 1.0
     return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), penetration / scale, tension / pressure,
-                        cone / pressure, direction / scale)
+                        cone / pressure, direction / (pressure * scale))
 
 
 def _norm2(points, x: np.ndarray) -> float:

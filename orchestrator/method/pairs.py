@@ -80,19 +80,21 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     wanted = sorted(wanted, key=lambda i: (i.law, i.index))
     one, two, free, normal, area, gap, friction, jump = ([] for _ in range(8))
     for i in wanted:
-        n = len(i.global_nodes)
-        sides = np.zeros((2, n, 3), dtype=int)
+        sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
         for side in (0, 1):
             sides[side][i.free] = space.slots[i.index][side]
         points = scene.mesh.nodes[i.global_nodes]
-        one.append(sides[0])
-        two.append(sides[1])
-        free.append(i.free)
-        normal.append(node_normals(points, i.triangles))
-        area.append(node_areas(points, i.triangles))
-        gap.append(i.gap if i.gap is not None else np.zeros(n))
+        mobile = i.free.any(axis=1)  # the others are prescribed: nothing is left to a law
+        n = int(mobile.sum())
+        one.append(sides[0][mobile])
+        two.append(sides[1][mobile])
+        free.append(i.free[mobile])
+        normal.append(node_normals(points, i.triangles)[mobile])
+        area.append(node_areas(points, i.triangles)[mobile])
+        gap.append(i.gap[mobile] if i.gap is not None else np.zeros(n))
         friction.append(np.full(n, i.friction))
         jump.append(np.broadcast_to(i.jump if i.jump is not None else np.zeros(3), (n, 3)))
+    bounds = np.cumsum([0] + [len(x) for x in area])
     one, two, free, normal = (np.concatenate(x) for x in (one, two, free, normal))
     blocks = 0.5 * (_node_blocks(k, one, free) + _node_blocks(k, two, free))
     # a missing component takes the mean of the others
@@ -102,7 +104,6 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     stiff_t = (trace - stiff_n) / 2
     points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate(gap), np.concatenate(friction),
                     np.concatenate(jump))
-    bounds = np.cumsum([0] + [len(i.global_nodes) for i in wanted])
     return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area))
 
 

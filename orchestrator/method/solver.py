@@ -129,7 +129,7 @@ def make_acceleration(d: Decomposition, method) -> Relaxation | ResidualMinimisa
     """The acceleration that a configuration asks for, in the norm of the inverse search direction.
 
     ``relaxation: auto`` is 1 where the residual is minimised over affine maps, 0.8 (the paper's) where
-    it is not minimised at all, and 0.9 between the two, with contact.
+    it is not minimised at all, and with contact.
     """
     weight, auto = 1 / d.stage.direction.diagonal, method.relaxation == "auto"
     memory = None if method.memory == "auto" else method.memory
@@ -138,7 +138,7 @@ def make_acceleration(d: Decomposition, method) -> Relaxation | ResidualMinimisa
     if d.all_perfect:
         return ResidualMinimisation(weight, None if method.acceleration == "gmres" else memory,
                                     1.0 if auto else method.relaxation)
-    return Anderson(weight, memory or CONTACT_MEMORY, 0.9 if auto else method.relaxation)
+    return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation)
 
 
 def _stalled(history: list[Iteration]) -> bool:
