@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 
 from orchestrator.config import config_from
-from orchestrator.method.events import HISTORY_COLUMNS, Iteration
+from orchestrator.method.events import Iteration
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
@@ -25,6 +25,8 @@ from orchestrator.studies.table import Target, print_table, print_targets
 from orchestrator.timing import Stopwatch
 
 ETA, ACCURATE = 1e-5, 1e-6  # the paper's η, and the true relative energy error that studies count stages to
+QUANTITIES = ("iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance", "residual",
+              "error_bound", "macro_imbalance", "true_error")  # columns of curves.csv
 _HOW = ("name", "method", "blackbox", "output")  # keys that do not shape a scene
 
 
@@ -109,9 +111,8 @@ class Study:
         """table.csv and curves.csv of all cases so far."""
         names = list(dict.fromkeys(key for row in self.rows for key in row))
         self.folder.write("table.csv", _csv(names, ([row.get(n) for n in names] for row in self.rows)))
-        quantities = [c for c in HISTORY_COLUMNS if c not in ("open", "stick", "slip")]
-        self.folder.write("curves.csv", _csv(["case", *quantities], (
-            [number, *(getattr(event, q) for q in quantities)]
+        self.folder.write("curves.csv", _csv(["case", *QUANTITIES], (
+            [number, *(getattr(event, q) for q in QUANTITIES)]
             for number, history in enumerate(self.histories, 1) for event in history)))
 
     def figure(self, content: bytes) -> None:
