@@ -11,7 +11,7 @@ and y makes the forces agree with the laws on these fields, load step after load
     ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
-by a semismooth Newton with a Levenberg term, which is what makes it robust. It costs no
+by a semismooth Newton with a Levenberg term, which is what makes it robust. U is made orthonormal in k. It costs no
 back-substitution per iteration.
 """
 
@@ -31,6 +31,7 @@ from orchestrator.scene.model import Scene
 FIELDS = 12
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
 MAX_STEPS = 12
+DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
 
 
@@ -68,17 +69,15 @@ class CoarseCorrection:
         self.bodies = len(scene.subdomains)
         ends = np.searchsorted(space.owner, np.arange(self.bodies + 1))
         self.parts = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
-        boundary_fields = _affine_fields(scene, space)
-        U = boundary_fields[space.gather]
         k = stage.direction.k
+        U = self._orthonormal(_affine_fields(scene, space)[space.gather], k)
         V = k @ U
         self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
         W = self.boundary_response[space.gather]
         self.response = _Response(U, V, W, V - k @ W)
-        self.norm = self._per_body(U, V)  # UᵀkU
         self.K0 = self._per_body(U, self.response.F)
-        self.scale = np.einsum("bii->bi", self.norm).copy()
-        self.scale[self.scale == 0] = 1.0
+        dropped = np.array([~U[part].any(axis=0) for part in self.parts])
+        self.K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
         one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
         counts = np.diff(pairs.bounds)
@@ -137,7 +136,7 @@ class CoarseCorrection:
         y = np.zeros((self.bodies, FIELDS))
         delta = 1e-6
         rho, slope = self._residual(y, F0, resultant, previous)
-        size = start = self._size(rho)
+        size = start = np.linalg.norm(rho)
         for _ in range(MAX_STEPS):
             if size <= REDUCTION * start or size == 0:
                 break
@@ -146,7 +145,7 @@ class CoarseCorrection:
             for theta in (1.0, 0.5, 0.25):
                 trial = y + theta * dy
                 rho_new, slope_new = self._residual(trial, F0, resultant, previous)
-                size_new = self._size(rho_new)
+                size_new = np.linalg.norm(rho_new)
                 if size_new <= (1 - 0.2 * theta) * size:
                     y, rho, slope, size = trial, rho_new, slope_new, size_new
                     break
@@ -179,7 +178,7 @@ class CoarseCorrection:
                 + np.einsum("pif,pf->pi", self.L2, y[self.body_two]))
 
     def _newton(self, slope: np.ndarray, rho: np.ndarray, delta: float) -> np.ndarray:
-        """Solve (K₀ − ΣTᵀA L + δ UᵀkU) dy = −ρ."""
+        """Solve (K₀ − ΣTᵀA L + δ) dy = −ρ."""
         AL1, AL2 = slope @ self.L1, slope @ self.L2
         bounds = self.pairs.bounds
         blocks = np.empty((len(bounds) - 1, 4, FIELDS, FIELDS))
@@ -188,7 +187,7 @@ class CoarseCorrection:
             L = np.concatenate([AL1[a:b], AL2[a:b]], axis=2).reshape(-1, 2 * FIELDS)
             M = T.T @ L
             blocks[i] = [M[:FIELDS, :FIELDS], M[:FIELDS, FIELDS:], M[FIELDS:, :FIELDS], M[FIELDS:, FIELDS:]]
-        data = np.concatenate([-blocks.reshape(-1, FIELDS, FIELDS), self.K0 + delta * self.norm])
+        data = np.concatenate([-blocks.reshape(-1, FIELDS, FIELDS), self.K0 + delta * np.eye(FIELDS)])
         f = np.arange(FIELDS)
         rows = (FIELDS * self._rows[:, None, None] + f[:, None]) + np.zeros(FIELDS, int)
         columns = (FIELDS * self._columns[:, None, None] + f[None, :]) + np.zeros((FIELDS, 1), int)
@@ -196,8 +195,17 @@ class CoarseCorrection:
         matrix = sp.csc_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
         return sla.splu(matrix).solve(-rho.ravel()).reshape(-1, FIELDS)
 
-    def _size(self, rho: np.ndarray) -> float:
-        return float(np.sqrt(np.sum(rho**2 / self.scale)))
+    def _orthonormal(self, fields: np.ndarray, k) -> np.ndarray:
+        """(D, 12) the same span per body with UᵀkU = 1; what is dependent becomes zero.
+
+        On a body that has a single plane interface, the gradients along its normal are.
+        """
+        result = np.zeros_like(fields)
+        for part, gram in zip(self.parts, self._per_body(fields, k @ fields)):
+            size, vectors = np.linalg.eigh(gram)
+            keep = size > DEPENDENT * size.max(initial=0.0)
+            result[part][:, keep] = fields[part] @ (vectors[:, keep] / np.sqrt(size[keep]))
+        return result
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
