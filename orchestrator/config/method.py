@@ -31,7 +31,7 @@ class Sole(Part):
     contact_ratio: Positive = Field(1.0, description=(
         "modulus_ratio on interfaces that are not perfect; 0.5-2 is a flat optimum"))
     thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
-    poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.45 so the sole does not lock")
+    poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong direction")
     allow_extreme: bool = Field(False, description=(
         f"permits a modulus_ratio outside [{RATIO_RANGE[0]:g}, {RATIO_RANGE[1]:g}], where rounding spoils the "
         "result; false because only studies want that"))

@@ -31,6 +31,7 @@ from orchestrator.timing import Stopwatch
 
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
+RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
 CONTACT_MEMORY = 15
 
 
@@ -77,11 +78,13 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
     s = np.zeros((d.space.size, d.scene.steps)) if start is None else start
     sweeps, history = spent, []
     iteration, converged, reason = first, False, "max_iterations"
+    reach = 0.0  # largest interface displacement of the first stage
     while True:
         iteration += 1
         with watch("linear_stage"):
             sweeps += bool(s.any())
             evaluated = d.stage(s)
+        reach = reach or np.abs(evaluated.w).max(initial=0.0)
         if d.coarse is not None:
             with watch("coarse"):
                 evaluated = d.coarse(evaluated)
@@ -108,7 +111,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
             subscriber(event)
         if verdict.met:
             converged, reason = True, "converged"
-        elif not np.isfinite(event.residual):
+        elif not np.isfinite(event.residual) or np.abs(evaluated.w).max(initial=0.0) > RUNAWAY * reach > 0:
             reason = "diverged"
         elif _stalled(history):
             reason = "stagnated at rounding"
