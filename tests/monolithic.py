@@ -1,0 +1,280 @@
+"""The same discrete contact problem solved in one piece: nothing of ``orchestrator.method`` is used.
+
+Every subdomain keeps its own copy of the interface nodes; the black box gives the stiffness of the plain
+subdomains, no soles. Unknown are the displacements u and, per node pair of every interface, the force λ
+that the second side exerts on the first, with jump d = u₂ − u₁ = D u and n from side 1 to side 2:
+
+    K u + Dᵀλ = f,      contact:  0 ≥ λ_n ⟂ g + d_n ≥ 0,   |λ_t| ≤ μ|λ_n|, slip d_t − d_t(previous step) along λ_t
+                        perfect:  d = 0,          jump:  d = d₀
+
+The laws are written as λ = P(λ + c (d − shift)), which holds for one and hence every c > 0 (Alart & Curnier
+1991), and both equations are solved together, step after step, by a semismooth Newton with sparse LU. Pairs that
+meet in a cross point share forces in more than one way, so that the Jacobian is singular: a vanishing
+regularisation of the direction, not of the equations, picks one. Displacements and resultants are unique.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.scene.model import Interface, Scene
+
+OPEN, STICK, SLIP, BONDED = 0, 1, 2, 3
+TOLERANCE = 1e-11
+MAX_NEWTON = 60
+SOFT = 1e-7  # compliance of a pair over 1/c, in the Newton direction alone
+PROXIMAL = 1e-9  # stiffness added to K's diagonal likewise: bodies that nothing holds
+BACKTRACKS = 5
+SCALES = (1.0, 10.0, 0.1, 100.0)  # c over the local stiffness; the next one when Newton cycles
+
+
+@dataclass
+class Pairs:
+    """All node pairs, interface after interface.
+
+    Parameters
+    ----------
+    D : (3P, N) jump operator on all displacement components; zero rows where prescribed
+    free : (P, 3) bool, components that are not prescribed
+    normal : (P, 3); gap, friction, stiffness : (P,); jump : (P, 3) imposed
+    bonded, contact : (P,) bool; neither holds where everything is prescribed
+    bounds : per interface, its pairs
+    """
+
+    D: sp.csr_array
+    free: np.ndarray
+    normal: np.ndarray
+    gap: np.ndarray
+    friction: np.ndarray
+    stiffness: np.ndarray
+    jump: np.ndarray
+    bonded: np.ndarray
+    contact: np.ndarray
+    bounds: list[slice]
+
+
+@dataclass
+class Step:
+    """Solution of one load step.
+
+    Parameters
+    ----------
+    parts : per subdomain (n_E, 3) displacement
+    force, jump : (P, 3) λ and d; status : (P,)
+    residual : largest relative violation of equilibrium and laws
+    started : the same before the first Newton step
+    newton : steps taken, of all attempts
+    """
+
+    parts: list[np.ndarray]
+    force: np.ndarray
+    jump: np.ndarray
+    status: np.ndarray
+    residual: float
+    started: float
+    newton: int
+
+    @property
+    def converged(self) -> bool:
+        return self.residual <= TOLERANCE
+
+
+class Monolithic:
+    """A scene in one piece.
+
+    Parameters
+    ----------
+    scene, blackbox : the problem, and the code that assembles its subdomains
+    """
+
+    def __init__(self, scene: Scene, blackbox: BlackBox):
+        self.scene = scene
+        self.offsets = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
+        self.K = sp.csr_array(sp.block_diag(blackbox.stiffness([_plain(scene, s) for s in scene.subdomains])))
+        self.free = ~np.concatenate([s.fixed.ravel() for s in scene.subdomains])
+        self.pairs = self._pairs()
+        self.inner = sp.csc_array(self.K[self.free][:, self.free])
+        self.proximal = sp.diags_array(PROXIMAL * self.inner.diagonal())
+        self.D = sp.csr_array(self.pairs.D[:, self.free])
+
+    def solve(self, start: list[tuple[list[np.ndarray], np.ndarray]] | None = None) -> list[Step]:
+        """All load steps in turn.
+
+        Parameters
+        ----------
+        start : per step, displacements of the subdomains and pair forces (P, 3) to start from; by default
+            what the step before left, and everything stuck at first
+        """
+        steps, previous, last = [], np.zeros_like(self.pairs.normal), None
+        for t in range(self.scene.steps):
+            last = self._step(t, previous, last if start is None else start[t])
+            previous = last[1].jump
+            steps.append(last[1])
+            last = (last[1].parts, last[1].force)
+        return steps
+
+    def reactions(self, t: int, parts: list[np.ndarray]) -> np.ndarray:
+        """(n, 3) forces that supports exert on the nodes of the mesh."""
+        u = np.concatenate([p.ravel() for p in parts])
+        residual = np.where(self.free, 0.0, self.K @ u - self._loads(t))
+        nodal = np.zeros_like(self.scene.mesh.nodes)
+        for s, a, b in zip(self.scene.subdomains, self.offsets[:-1], self.offsets[1:]):
+            np.add.at(nodal, s.nodes, residual[a:b].reshape(-1, 3))
+        return nodal
+
+    def _step(self, t: int, previous: np.ndarray, start) -> tuple[float, Step]:
+        """One load step; several attempts with different c when Newton does not get there."""
+        prescribed = np.concatenate([s.prescribed[t].ravel() for s in self.scene.subdomains])
+        loads, given, count, first, best = self._loads(t), start, 0, None, None
+        for scale in SCALES:
+            u, force = (np.zeros(self.offsets[-1]), np.zeros_like(previous)) if given is None else \
+                (np.concatenate([p.ravel() for p in given[0]]), given[1])
+            found = self._newton(np.where(self.free, u, prescribed), force, loads, previous, scale, given is None)
+            count += found[-1]
+            first = found[3] if first is None else first
+            if best is None or found[2] < best[2]:
+                best = found
+            if best[2] <= TOLERANCE:
+                break
+            given = self._parts(best[0]), best[1]
+        u, force, residual = best[:3]
+        jump = (self.pairs.D @ u).reshape(-1, 3)
+        status = self._law(force, jump, previous, 1.0)[1]
+        return residual, Step(self._parts(u), force, jump, status, residual, first, count)
+
+    def _newton(self, u, force, loads, previous, scale, cold):
+        """(u, λ, residual, residual at the start, steps) of one attempt."""
+        free, D = self.free, self.D
+        reference = max(np.abs(loads[free]).max(), np.abs((self.K @ np.where(free, 0.0, u))[free]).max(initial=0.0),
+                        np.abs(force).max())
+
+        def state(u, force):
+            jump = (self.pairs.D @ u).reshape(-1, 3)
+            answer, status, slope = self._law(force, jump, previous, scale)
+            balance = (loads - self.K @ u)[free] - D.T @ force.ravel()
+            return balance, force - answer, slope, status
+
+        def size(s, force):
+            scaled = max(reference, np.abs(force).max(initial=0.0)) or 1.0
+            return max(np.abs(s[0]).max(), np.abs(s[1]).max(initial=0.0)) / scaled
+
+        now = state(u, force)
+        start = value = size(now, force)
+        best, merit, count = (u, force, value), np.inf, 0
+        eye = np.eye(3)
+        while value > TOLERANCE and count < MAX_NEWTON:
+            slope = np.where(self.pairs.contact[:, None, None], eye, now[2]) if cold and count == 0 else now[2]
+            # (I − A + SOFT) δλ = −Φ + c A D δu, pair by pair; then the displacements alone are left
+            inverse = np.linalg.inv((1 + SOFT) * eye - slope)
+            gain = inverse @ slope * (scale * self.pairs.stiffness)[:, None, None]
+            answer = np.einsum("pij,pj->pi", inverse, now[1])
+            matrix = self.inner + self.proximal + D.T @ _blocks(gain) @ D
+            step = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
+                            options={"SymmetricMode": True}).solve(now[0] + D.T @ answer.ravel())
+            change = np.einsum("pij,pj->pi", gain, (D @ step).reshape(-1, 3)) - answer
+            for halving in range(BACKTRACKS):
+                part = 0.5**halving
+                trial = u.copy()
+                trial[free] += part * step
+                trial_force = force + part * change
+                new = state(trial, trial_force)
+                new_merit = np.linalg.norm(new[1]) + np.linalg.norm(new[0])
+                if new_merit <= (1 - 0.1 * part) * merit or count == 0:
+                    break
+            u, force, now, merit = trial, trial_force, new, new_merit
+            value, count = size(now, force), count + 1
+            if value < best[2]:
+                best = (u, force, value)
+        return *best, start, count
+
+    def _law(self, force: np.ndarray, jump: np.ndarray, previous: np.ndarray, scale: float):
+        """P(λ + c (d − shift)), the status, and the derivative of P."""
+        p = self.pairs
+        c, n = scale * p.stiffness, p.normal
+        along = np.einsum("pi,pi->p", force, n) + c * (p.gap + np.einsum("pi,pi->p", jump, n))
+        slid = jump - previous
+        trial = force + c[:, None] * slid
+        trial -= np.einsum("pi,pi->p", trial, n)[:, None] * n
+        size = np.linalg.norm(trial, axis=1)
+        pressure = np.maximum(-along, 0.0)
+        limit = p.friction * pressure
+        closed, slips = along < 0, (size > limit) | (p.friction == 0)
+        e = trial / np.where(size > 0, size, 1.0)[:, None]
+        answer = -pressure[:, None] * n + np.where(slips[:, None], limit[:, None] * e, trial)
+        N = n[:, :, None] * n[:, None, :]
+        ratio = np.where(size > 0, limit / np.where(size > 0, size, 1.0), 0.0)[:, None, None]
+        sliding = N - p.friction[:, None, None] * e[:, :, None] * n[:, None, :] \
+            + ratio * (np.eye(3) - N - e[:, :, None] * e[:, None, :])
+        slope = np.where(slips[:, None, None], sliding, np.eye(3))
+        status = np.where(closed, np.where(slips, SLIP, STICK), OPEN)
+        answer, slope = answer * closed[:, None], slope * closed[:, None, None]
+        # bonded: whatever force makes the jump what it must be
+        tied = force + c[:, None] * (jump - p.jump)
+        answer = np.where(p.bonded[:, None], tied, answer) * p.free
+        slope = np.where(p.bonded[:, None, None], np.eye(3), slope) * (p.free[:, :, None] & p.free[:, None, :])
+        return answer, np.where(p.bonded, BONDED, status), slope
+
+    def _pairs(self) -> Pairs:
+        scene, diagonal = self.scene, self.K.diagonal()
+        rows, columns, values, bounds = [], [], [], []
+        found = {k: [] for k in ("free", "normal", "gap", "friction", "stiffness", "jump", "bonded", "contact")}
+        count = 0
+        for i in scene.interfaces:
+            n = len(i.global_nodes)
+            dofs = [self.offsets[e] + 3 * nodes[:, None] + np.arange(3) for e, nodes in zip(i.subdomains, i.nodes)]
+            row = 3 * count + np.arange(3 * n).reshape(-1, 3)
+            for side, sign in ((0, -1.0), (1, 1.0)):
+                rows.append(row[i.free])
+                columns.append(dofs[side][i.free])
+                values.append(np.full(i.free.sum(), sign))
+            mobile = i.free.any(axis=1)
+            found["free"].append(i.free)
+            found["normal"].append(_normals(scene, i))
+            found["gap"].append(np.zeros(n) if i.gap is None else i.gap)
+            found["friction"].append(np.full(n, i.friction))
+            found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
+            found["jump"].append(np.broadcast_to(np.zeros(3) if i.jump is None else i.jump, (n, 3)) * i.free)
+            found["bonded"].append(mobile & (i.law != "contact"))
+            found["contact"].append(mobile & (i.law == "contact"))
+            bounds.append(slice(count, count + n))
+            count += n
+        D = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                         shape=(3 * count, self.offsets[-1]))
+        return Pairs(D, bounds=bounds, **{k: np.concatenate(v) for k, v in found.items()})
+
+    def _loads(self, t: int) -> np.ndarray:
+        return np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
+
+    def _parts(self, u: np.ndarray) -> list[np.ndarray]:
+        return [u[a:b].reshape(-1, 3) for a, b in zip(self.offsets[:-1], self.offsets[1:])]
+
+
+def _plain(scene: Scene, s) -> Model:
+    """A subdomain as it is, without soles."""
+    matter = np.array([[m.young, m.poisson] for m in scene.materials])
+    return Model(s.name, scene.mesh.nodes[s.nodes], s.connectivity, s.material, matter,
+                 np.zeros((len(s.nodes), 3), bool), np.empty(0, int))
+
+
+def _normals(scene: Scene, interface: Interface) -> np.ndarray:
+    """(n, 3) unit normals out of the first side: the facets' own, weighted by their angle at the node."""
+    result = np.zeros((len(interface.global_nodes), 3))
+    x = scene.mesh.nodes[interface.global_nodes]
+    for corners in interface.triangles:
+        for j in range(3):
+            at, b, c = corners[j], corners[j - 2], corners[j - 1]
+            u, v = x[b] - x[at], x[c] - x[at]
+            normal = np.cross(u, v)
+            result[at] += normal / np.linalg.norm(normal) * np.arctan2(np.linalg.norm(normal), u @ v)
+    return result / np.linalg.norm(result, axis=1, keepdims=True)
+
+
+def _blocks(matrices: np.ndarray) -> sp.csr_array:
+    """Block-diagonal matrix of (P, 3, 3)."""
+    n = len(matrices)
+    return sp.csr_array(sp.bsr_array((matrices, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)))
