@@ -13,11 +13,15 @@ from orchestrator.blackbox.pool import default_workers
 from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, OrchestratorError
+from orchestrator.method.criteria import make_criterion
 from orchestrator.method.events import Iteration
+from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.recovery import reactions, recover
 from orchestrator.method.reference import Reference, solve_reference
-from orchestrator.method.decomposition import prepare
+from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.solver import Outcome, iterate
+from orchestrator.method.support import held_bodies
+from orchestrator.results.cautions import cautions
 from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
 from orchestrator.results.fields import Fields, write_fields
 from orchestrator.results.figures import write_figures
@@ -39,10 +43,13 @@ class Solved:
     ----------
     scene : what was solved
     outcome : how the iterations ended, with their history
-    displacement : (T, n, 3) u_D, the field that the error bound speaks of
+    displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean
+        of the sides
     parts : per subdomain (T, n_E, 3)
     summary : the content of summary.json
     reference : the undecomposed solution, if asked for
+    sides : per subdomain (T, n_E, 3), continuous over perfect interfaces; None where no interface opens
+    interfaces : what happens on the interfaces that are not perfect; None where there are none
     """
 
     scene: Scene
@@ -51,6 +58,8 @@ class Solved:
     parts: list[np.ndarray]
     summary: dict
     reference: Reference | None
+    sides: list[np.ndarray] | None = None
+    interfaces: InterfaceFields | None = None
 
 
 def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *, reference: bool = False,
@@ -93,6 +102,10 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
                           true_error=true_error if exact else None)
         with watch("linear_stage"):
             displacement, parts = recover(decomposition, outcome.fields, outcome.bound)
+        own, opening = None, interface_fields(decomposition, outcome)
+        if opening is not None:
+            displacement, own = sides(decomposition, outcome, parts)
+        contact = _contact(scene, decomposition, config, outcome, opening)
         forces = reactions(decomposition, parts)
         clock, memory = blackbox.clock(), blackbox.memory_peak_mb()
     setup = decomposition.setup_sweeps
@@ -104,12 +117,35 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         "indicator": last.indicator, "error_bound": outcome.bound.relative,
         "true_error": exact.relative_error(displacement) if exact else None,
         "residuals": {name: getattr(last, name) for name in
-                      ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")},
+                      ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
+        | contact.pop("law_residuals", {}),
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
-        "timing": {"blackbox": clock}, "versions": versions(),
+        **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
+        "timing": {"blackbox": clock}, "versions": versions(), "workers": workers,
         "memory_peak_mb": memory_peak_mb() + memory, "config": config.complete(),
     }
-    return Solved(scene, outcome, displacement, parts, summary, exact)
+    return Solved(scene, outcome, displacement, parts, summary, exact, own, opening)
+
+
+def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome: Outcome,
+             interfaces: InterfaceFields | None) -> dict:
+    """The part of the summary that speaks of interfaces that are not perfect; empty where all are."""
+    if interfaces is None:
+        return {}
+    laws = make_criterion(decomposition, config.method.tolerance)(outcome.fields, outcome.local, 0.0).laws
+    detached, weakly_held = held_bodies(scene, interfaces)
+    return {
+        "law_residuals": {"law_residual": laws.largest, "interface_residual": laws.residual,
+                          "imbalance": laws.imbalance, "penetration": laws.penetration, "tension": laws.tension,
+                          "cone": laws.cone, "slip_direction": laws.direction},
+        "status_counts": interfaces.counts,
+        "interface_resultants": [
+            {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law),
+             "resultant": force}
+            for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
+                                              interfaces.resultant.swapaxes(0, 1).tolist())],
+        "detached": detached, "weakly_held": weakly_held,
+    }
 
 
 def size_of(scene: Scene) -> dict:
@@ -180,9 +216,11 @@ def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Conf
     with watch("output"):
         lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
         if config.output.fields:
-            fields = write_fields(folder, scene.mesh, scene.cell_subdomain, lame, solved.displacement)
+            fields = write_fields(folder, scene.mesh, scene.cell_subdomain, lame, solved.displacement,
+                                  solved.sides, solved.interfaces)
         elif config.output.figures:
-            fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement)
+            fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement,
+                            solved.sides, solved.interfaces)
         if config.output.figures:
             _time(summary, watch)
             write_figures(folder, summary, read_history(folder / "history.csv"), fields)

@@ -80,25 +80,26 @@ class CoarseCorrection:
         self.K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
         one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
-        counts = np.diff(pairs.bounds)
-        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces]).T
-        self.body_one, self.body_two = np.repeat(self.firsts, counts), np.repeat(self.seconds, counts)
-        self.U1, self.U2 = np.where(free, U[one], 0.0), np.where(free, -U[two], 0.0)
-        points = pairs.points
+        points, F = pairs.points, self.response.F
 
         def keq(x):  # (P, 3, 12)
             along = np.einsum("pif,pi->pf", x, points.normal)
             return points.stiff_t[:, None, None] * x + (
                 (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal[:, :, None]
 
-        F = self.response.F
-        self.L1 = np.where(free, 0.5 * F[one] - keq(np.where(free, W[one], 0.0)), 0.0)
-        self.L2 = np.where(free, -0.5 * F[two] + keq(np.where(free, W[two], 0.0)), 0.0)
-        rows = np.stack([self.firsts, self.firsts, self.seconds, self.seconds], 1).ravel()
-        columns = np.stack([self.firsts, self.seconds, self.firsts, self.seconds], 1).ravel()
-        diagonal = np.arange(self.bodies)
-        self._rows = np.concatenate([rows, diagonal])
-        self._columns = np.concatenate([columns, diagonal])
+        # (P, 3, 24): the fields of the first body, then of the second
+        self.T = np.where(free, np.concatenate([U[one], -U[two]], axis=2), 0.0)
+        self.L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
+                                                -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
+        self.counts, self.ends = np.diff(pairs.bounds), 3 * pairs.bounds
+        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces]).T
+        body = np.arange(self.bodies)
+        rows = np.concatenate([np.stack([self.firsts, self.firsts, self.seconds, self.seconds], 1).ravel(), body])
+        columns = np.concatenate([np.stack([self.firsts, self.seconds, self.firsts, self.seconds], 1).ravel(), body])
+        field = np.arange(FIELDS)
+        self._rows = (FIELDS * rows[:, None, None] + field[:, None] + 0 * field).ravel()
+        self._columns = (FIELDS * columns[:, None, None] + 0 * field[:, None] + field).ravel()
+        self.identity = sp.eye_array(FIELDS * self.bodies, format="csc")
         self.newton_steps = 0
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
@@ -134,20 +135,22 @@ class CoarseCorrection:
     def _solve(self, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(bodies, 12) y of one load step."""
         y = np.zeros((self.bodies, FIELDS))
-        delta = 1e-6
-        rho, slope = self._residual(y, F0, resultant, previous)
+        delta, matrix = 1e-6, None
+        rho = self._residual(y, F0, resultant, previous)
         size = start = np.linalg.norm(rho)
         for _ in range(MAX_STEPS):
             if size <= REDUCTION * start or size == 0:
                 break
             self.newton_steps += 1
-            dy = self._clipped(self._newton(slope, rho, delta))
+            if matrix is None:
+                matrix = self._matrix(F0 + self._spread(y), previous)
+            dy = self._clipped(self._newton(matrix, rho, delta))
             for theta in (1.0, 0.5, 0.25):
                 trial = y + theta * dy
-                rho_new, slope_new = self._residual(trial, F0, resultant, previous)
+                rho_new = self._residual(trial, F0, resultant, previous)
                 size_new = np.linalg.norm(rho_new)
                 if size_new <= (1 - 0.2 * theta) * size:
-                    y, rho, slope, size = trial, rho_new, slope_new, size_new
+                    y, rho, size, matrix = trial, rho_new, size_new, None
                     break
             else:
                 delta = max(30 * delta, 1e-4)
@@ -163,37 +166,43 @@ class CoarseCorrection:
                 dy[e] *= self.radius / move
         return dy
 
-    def _residual(self, y, F0, resultant, previous):
-        """ρ (bodies, 12) and the laws' derivative (P, 3, 3)."""
-        answer = self.pairs.force(F0 + self._spread(y), previous, derivative=True)
+    def _residual(self, y: np.ndarray, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """(bodies, 12) ρ."""
+        force = self.pairs.force(F0 + self._spread(y), previous).force
         rho = resultant + np.einsum("bij,bj->bi", self.K0, y)
-        for U, body in ((self.U1, self.body_one), (self.U2, self.body_two)):
-            part = np.einsum("pif,pi->pf", U, answer.force)
-            np.subtract.at(rho, body[self.pairs.bounds[:-1]], np.add.reduceat(part, self.pairs.bounds[:-1], axis=0))
-        return rho, answer.derivative
+        flat, T = force.ravel(), self.T.reshape(-1, 2 * FIELDS)
+        sums = np.stack([flat[a:b] @ T[a:b] for a, b in zip(self.ends[:-1], self.ends[1:])])
+        np.subtract.at(rho, self.firsts, sums[:, :FIELDS])
+        np.subtract.at(rho, self.seconds, sums[:, FIELDS:])
+        return rho
 
     def _spread(self, y: np.ndarray) -> np.ndarray:
         """(P, 3) L y."""
-        return (np.einsum("pif,pf->pi", self.L1, y[self.body_one])
-                + np.einsum("pif,pf->pi", self.L2, y[self.body_two]))
+        both = np.concatenate([y[self.firsts], y[self.seconds]], axis=1)
+        L = self.L.reshape(-1, 2 * FIELDS)
+        return np.concatenate([L[a:b] @ v for a, b, v in zip(self.ends[:-1], self.ends[1:], both)]).reshape(-1, 3)
 
-    def _newton(self, slope: np.ndarray, rho: np.ndarray, delta: float) -> np.ndarray:
-        """Solve (K₀ − ΣTᵀA L + δ) dy = −ρ."""
-        AL1, AL2 = slope @ self.L1, slope @ self.L2
-        bounds = self.pairs.bounds
-        blocks = np.empty((len(bounds) - 1, 4, FIELDS, FIELDS))
-        for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:])):
-            T = np.concatenate([self.U1[a:b], self.U2[a:b]], axis=2).reshape(-1, 2 * FIELDS)
-            L = np.concatenate([AL1[a:b], AL2[a:b]], axis=2).reshape(-1, 2 * FIELDS)
-            M = T.T @ L
-            blocks[i] = [M[:FIELDS, :FIELDS], M[:FIELDS, FIELDS:], M[FIELDS:, :FIELDS], M[FIELDS:, FIELDS:]]
-        data = np.concatenate([-blocks.reshape(-1, FIELDS, FIELDS), self.K0 + delta * np.eye(FIELDS)])
-        f = np.arange(FIELDS)
-        rows = (FIELDS * self._rows[:, None, None] + f[:, None]) + np.zeros(FIELDS, int)
-        columns = (FIELDS * self._columns[:, None, None] + f[None, :]) + np.zeros((FIELDS, 1), int)
+    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> sp.csc_array:
+        """K₀ − ΣTᵀA L; only pairs that carry a force contribute."""
+        answer = self.pairs.force(F, previous, derivative=True)
+        active = answer.active
+        T, AL = self.T[active].reshape(-1, 2 * FIELDS), np.einsum("pij,pjf->pif", answer.derivative, self.L[active])
+        AL = AL.reshape(-1, 2 * FIELDS)
+        ends = 3 * np.searchsorted(active, self.pairs.bounds)
+        blocks = np.zeros((len(ends) - 1, 2 * FIELDS, 2 * FIELDS))
+        for i, (a, b) in enumerate(zip(ends[:-1], ends[1:])):
+            if b > a:
+                np.matmul(T[a:b].T, AL[a:b], out=blocks[i])
+        # (interface, side, field, side, field) → one 12×12 block per pair of sides
+        blocks = blocks.reshape(-1, 2, FIELDS, 2, FIELDS).transpose(0, 1, 3, 2, 4).reshape(-1, FIELDS, FIELDS)
+        data = np.concatenate([-blocks, self.K0])
         size = FIELDS * self.bodies
-        matrix = sp.csc_array((data.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
-        return sla.splu(matrix).solve(-rho.ravel()).reshape(-1, FIELDS)
+        return sp.csc_array((data.ravel(), (self._rows, self._columns)), shape=(size, size))
+
+    def _newton(self, matrix: sp.csc_array, rho: np.ndarray, delta: float) -> np.ndarray:
+        """(bodies, 12) solution of (matrix + δ) dy = −ρ."""
+        shifted = sp.csc_array(matrix + delta * self.identity)
+        return sla.splu(shifted, permc_spec="MMD_AT_PLUS_A").solve(-rho.ravel()).reshape(-1, FIELDS)
 
     def _orthonormal(self, fields: np.ndarray, k) -> np.ndarray:
         """(D, 12) the same span per body with UᵀkU = 1; what is dependent becomes zero.

@@ -83,9 +83,8 @@ class LawCriterion:
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
         space, d = self.d.space, self.d
-        weight = d.stiffness.diagonal()[:, None]
         mean = space.class_mean
-        delta = mean.T @ ((mean @ (weight * fields.u)) / (mean @ weight)) - fields.u
+        delta = mean.T @ ((mean @ fields.u) / np.asarray(mean.sum(axis=1)).reshape(-1, 1)) - fields.u
         energy = d.loading.energy_of(space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u,
                                      space.scatter @ fields.f)
         modes = sum(m.shape[1] for m in d.modes)

@@ -34,7 +34,6 @@ class Decomposition:
     ----------
     traces : per subdomain (t,) its boundary dofs in local numbering
     node_counts : per subdomain, nodes of its extended mesh
-    stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (3n_E, r) rigid motions that its prescribed dofs leave
     bound : error bound, where all interfaces are perfect
     coarse : coarse contact problem, where some are not
@@ -47,7 +46,6 @@ class Decomposition:
     traces: list[np.ndarray]
     node_counts: list[int]
     rims: list[RimStiffness]
-    stiffness: object
     loading: Loading
     stage: LinearStage
     local: PerfectInterfaces | ContactStage
@@ -86,12 +84,13 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     models = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
     traces = [m.trace for m in models]
     space = TraceSpace.of(scene, sides, traces)
+    all_perfect = all(space.perfect)
     with watch("load"):
         blackbox.load(models)
     with watch("search_direction"):
         direction = assemble_search_direction(scene, space, soles, blackbox, workers)
-        rims = assemble_rims(scene, sides, blackbox, workers)
-        stiffness = boundary_stiffness(space, traces, rims)
+        # energies of boundary corrections are needed where there is an error bound; reactions always
+        rims = assemble_rims(scene, sides if all_perfect else [[] for _ in sides], blackbox, workers)
     with watch("linear_stage"):
         loading = apply_loads(scene, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
@@ -101,10 +100,11 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         sweeps += (macro.sweeps if macro else 0) / scene.steps
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in scene.subdomains]
     bound = coarse = None
-    if all(i.law == "perfect" for i in scene.interfaces):
+    if all_perfect:
         local = PerfectInterfaces(direction, method.search_direction.kplus)
         with watch("bound"):
             external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(scene.subdomains, traces)])
+            stiffness = boundary_stiffness(space, traces, rims)
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
         lawful = [i for i in scene.interfaces if i.law != "perfect"]
@@ -113,7 +113,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             with watch("macro"):
                 coarse = CoarseCorrection(scene, stage, make_pairs(scene, space, direction.k, scene.interfaces))
             sweeps += coarse.sweeps / scene.steps
-    return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, stiffness, loading,
+    return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
                          stage, local, modes, bound, coarse, sweeps)
 
 

@@ -45,15 +45,16 @@ class Pairs:
 
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (P, 3), each interface by its own law."""
-        answers = []
-        for law, part in self._runs():
-            answers.append(LAWS[law](part_of(self.points, part), F[part], previous[part], derivative))
-        force = np.where(self.free, np.concatenate([a.force for a in answers]), 0.0)
-        slope = None
+        parts = [(part, LAWS[law](part_of(self.points, part), F[part], previous[part], derivative))
+                 for law, part in self._runs()]
+        force = np.where(self.free, np.concatenate([a.force for _, a in parts]), 0.0)
+        answer = Answer(force, np.concatenate([a.status for _, a in parts]))
         if derivative:
-            slope = np.concatenate([a.derivative for a in answers])
-            slope = np.where(self.free[:, :, None] & self.free[:, None, :], slope, 0.0)
-        return Answer(force, np.concatenate([a.status for a in answers]), slope)
+            answer.active = np.concatenate([a.active + part.start for part, a in parts])
+            free = self.free[answer.active]
+            slope = np.concatenate([a.derivative for _, a in parts])
+            answer.derivative = np.where(free[:, :, None] & free[:, None, :], slope, 0.0)
+        return answer
 
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
         """(P, 3) of a trace vector (D,) on one side; zero where prescribed."""

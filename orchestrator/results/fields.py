@@ -2,13 +2,15 @@
 
 Stress has six components per cell, in VTK's order XX, YY, ZZ, XY, YZ, XZ (ParaView shows them
 under these names and takes them as a symmetric tensor).
+
+Where interfaces can open, every subdomain has its own nodes in the .vtu files, so that bodies
+separate; what happens on the interfaces is in files of their own (``interface_files``).
 """
 
 from __future__ import annotations
 
 import os
 import zipfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,13 +18,17 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.method.interface_fields import InterfaceFields
 from orchestrator.results import stress as recovery
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.interface_files import pvd, write_interfaces
 from orchestrator.scene.model import Mesh
+from orchestrator.scene.numbering import SplitNumbering, split_numbering
 
 NAME = "fields.npz"
 PVD_NAME = "fields/fields.pvd"
 _REQUIRED = ("nodes", "cells", "subdomain", "lame", "displacement")
+_SIDES = "displacement_sides_"  # + index of the subdomain
 
 
 @dataclass(frozen=True)
@@ -34,7 +40,9 @@ class Fields:
     nodes : (n, 3) float, in the order of the input mesh; cells : (m, 4) int
     subdomain : (m,) int
     lame : (m, 2), Lamé's λ and μ per cell
-    displacement : (steps, n, 3)
+    displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the node
+    sides : per subdomain (steps, n_E, 3) on its own nodes (``numbering``); None where nothing opens
+    interfaces : fields of the interfaces that are not perfect, if there are any
     """
 
     nodes: np.ndarray
@@ -42,10 +50,31 @@ class Fields:
     subdomain: np.ndarray
     lame: np.ndarray
     displacement: np.ndarray
+    sides: list[np.ndarray] | None = None
+    interfaces: InterfaceFields | None = None
 
     @property
     def steps(self) -> int:
         return len(self.displacement)
+
+    @cached_property
+    def numbering(self) -> SplitNumbering:
+        """The nodes of all subdomains, one subdomain after another."""
+        return split_numbering(self.cells, self.subdomain, len(self.nodes))
+
+    @cached_property
+    def opened(self) -> Fields:
+        """The same on a mesh whose subdomains share no nodes; these fields themselves where nothing opens."""
+        if self.sides is None:
+            return self
+        split = self.numbering
+        return Fields(self.nodes[split.nodes], split.corners, self.subdomain, self.lame,
+                      np.concatenate(self.sides, axis=1), interfaces=self.interfaces)
+
+    def interface_displacement(self, side: int) -> np.ndarray:
+        """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
+        i = self.interfaces
+        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side], i.nodes)]
 
     @cached_property
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +113,9 @@ class Fields:
             return None
         try:
             with np.load(path, allow_pickle=False) as data:
-                return cls(*(data[name] for name in _REQUIRED))
+                count = sum(name.startswith(_SIDES) for name in data)
+                return cls(*(data[name] for name in _REQUIRED),
+                           [data[f"{_SIDES}{e}"] for e in range(count)] or None, InterfaceFields.from_arrays(data))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}",
                                      f"arrays {', '.join(_REQUIRED)}, as a run writes them",
@@ -92,34 +123,41 @@ class Fields:
 
 
 def write_fields(folder: ResultsFolder, mesh: Mesh, cell_subdomain: np.ndarray, lame: np.ndarray,
-                 displacement: np.ndarray, extra: Mapping[str, np.ndarray] | None = None) -> Fields:
+                 displacement: np.ndarray, sides: list[np.ndarray] | None = None,
+                 interfaces: InterfaceFields | None = None) -> Fields:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
     Parameters
     ----------
     mesh : the undecomposed mesh
     cell_subdomain : (m,) int; lame : (m, 2), λ and μ per cell; displacement : (steps, n, 3)
-    extra : further arrays for fields.npz
+    sides, interfaces : where interfaces open, see ``Fields``
 
     Raises
     ------
     InputError : disk full or folder not writable
     """
     fields = Fields(mesh.nodes, mesh.cells, np.asarray(cell_subdomain), np.asarray(lame, float),
-                    np.asarray(displacement, float))
-    write_npz(folder, fields, extra)
+                    np.asarray(displacement, float), sides, interfaces)
+    write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvd")  # of an earlier run with more steps
     names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
     for step, name in enumerate(names):
-        _write_vtu(folder, f"fields/{name}", fields, step)
-    folder.write(PVD_NAME, _pvd(names))
+        _write_vtu(folder, f"fields/{name}", fields.opened, step)
+    folder.write(PVD_NAME, pvd(names))
+    if fields.interfaces is not None:
+        write_interfaces(folder, fields.nodes, fields.interfaces,
+                         [fields.interface_displacement(side) for side in (0, 1)])
     return fields
 
 
-def write_npz(folder: ResultsFolder, fields: Fields, extra: Mapping[str, np.ndarray] | None = None) -> Path:
+def write_npz(folder: ResultsFolder, fields: Fields) -> Path:
     """Writes fields.npz alone, uncompressed (compression would take longer than the solution)."""
+    more = {f"{_SIDES}{e}": u for e, u in enumerate(fields.sides or ())}
+    if fields.interfaces is not None:
+        more |= fields.interfaces.arrays()
     with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
-        np.savez(file, **{name: getattr(fields, name) for name in _REQUIRED}, **(extra or {}))
+        np.savez(file, **{name: getattr(fields, name) for name in _REQUIRED}, **more)
     return folder / NAME
 
 
@@ -134,10 +172,3 @@ def _write_vtu(folder: ResultsFolder, name: str, fields: Fields, step: int) -> N
                    "subdomain": [fields.subdomain.astype(np.int32)]})
     with folder.replacing(name) as temporary:
         meshio.vtu.write(temporary, grid, binary=True, compression=None)
-
-
-def _pvd(names: list[str]) -> str:
-    rows = [f'    <DataSet timestep="{step}" group="" part="0" file="{name}"/>'
-            for step, name in enumerate(names, 1)]
-    return "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>",
-                      *rows, "  </Collection>", "</VTKFile>", ""])

@@ -24,7 +24,7 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
     ----------
     F : (P, 3) predicted force on side 1
     previous : (P, 3) jump at the previous load step; its tangential part is where friction sticks
-    derivative : also return ∂f̂/∂F, (P, 3, 3)
+    derivative : also return ∂f̂/∂F where the contact is closed
     """
     n = points.normal
     p = points.along(F) + points.stiff_n * points.gap
@@ -40,11 +40,11 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
     if not derivative:
         return Answer(result, status)
 
+    active = np.flatnonzero(closed)
+    n, e, slips = n[active], direction[active], slips[active, None, None]
     normal = n[:, :, None] * n[:, None, :]
-    plane = np.eye(3) - normal
     # slip: f̂_t = −μ p e, whose direction e turns with the trial force
-    turn = np.where(slips & (size > 0), limit / np.where(size > 0, size, 1.0), 0.0)[:, None, None]
-    sliding = (normal - points.friction[:, None, None] * direction[:, :, None] * n[:, None, :]
-               + turn * (plane - direction[:, :, None] * direction[:, None, :]))
-    slope = np.where(slips[:, None, None], sliding, np.eye(3)) * closed[:, None, None]
-    return Answer(result, status, slope)
+    turn = np.where(size > 0, limit / np.where(size > 0, size, 1.0), 0.0)[active, None, None]
+    sliding = (normal - points.friction[active, None, None] * e[:, :, None] * n[:, None, :]
+               + turn * (np.eye(3) - normal - e[:, :, None] * e[:, None, :]))
+    return Answer(result, status, active, np.where(slips, sliding, np.eye(3)))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.laws.points import BONDED, Answer, Points
+from orchestrator.method.laws import perfect
+from orchestrator.method.laws.points import Answer, Points
 
 
 def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
     """f̂ = F − keq d₀; parameters as in ``perfect.force``."""
-    slope = np.broadcast_to(np.eye(3), (len(F), 3, 3)) if derivative else None
-    return Answer(F - points.stiffness(points.jump), np.full(len(F), BONDED), slope)
+    return perfect.force(points, F - points.stiffness(points.jump), previous, derivative)

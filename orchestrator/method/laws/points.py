@@ -54,9 +54,11 @@ class Answer:
     ----------
     force : (P, 3) f̂ on side 1
     status : (P,) OPEN, STICK, SLIP or BONDED
-    derivative : (P, 3, 3) ∂f̂/∂F, only if asked for
+    active : (Q,) pairs whose force changes with F, only if the derivative is asked for
+    derivative : (Q, 3, 3) ∂f̂/∂F at these
     """
 
     force: np.ndarray
     status: np.ndarray
+    active: np.ndarray | None = None
     derivative: np.ndarray | None = None

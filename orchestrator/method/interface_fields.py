@@ -1,0 +1,150 @@
+"""What happens on the interfaces that can open or jump, per load step: from the delivered traces.
+
+Displacements and forces are the linear stage's, which is what the results hold inside the bodies too;
+only the status (open, stick, slip) is the local stage's. T load steps, N interface nodes, I interfaces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.laws.points import BONDED, OPEN, SLIP, STICK
+from orchestrator.method.pairs import node_areas
+from orchestrator.method.solver import Outcome
+from orchestrator.scene.model import Interface
+from orchestrator.scene.soles import node_normals
+
+
+@dataclass(frozen=True)
+class InterfaceFields:
+    """Fields of all interfaces that are not perfect, interface after interface.
+
+    Parameters
+    ----------
+    names, laws : (I,) texts
+    subdomains : (I, 2) int, side 1 and side 2
+    offsets : (I + 1,) int, where each interface's nodes start
+    nodes : (N,) int, global node ids
+    triangles : (M, 3) int, indices into the N nodes, oriented outward of side 1
+    owner : (M,) int, the interface of each triangle
+    normal : (N, 3) unit normals from side 1 to side 2; area : (N,) each node's share of its interface
+    initial_gap : (N,) length, negative for a press fit
+    gap : (T, N) length, distance of the sides along the normal
+    slip : (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded state
+    pressure : (T, N) force/length², positive in compression
+    friction_traction : (T, N, 3) force/length², tangential traction on side 1
+    status : (T, N) int: 0 open, 1 stick, 2 slip, 3 bonded (imposed jump, or held by boundary conditions)
+    resultant : (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
+    """
+
+    names: np.ndarray
+    laws: np.ndarray
+    subdomains: np.ndarray
+    offsets: np.ndarray
+    nodes: np.ndarray
+    triangles: np.ndarray
+    owner: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    initial_gap: np.ndarray
+    gap: np.ndarray
+    slip: np.ndarray
+    pressure: np.ndarray
+    friction_traction: np.ndarray
+    status: np.ndarray
+    resultant: np.ndarray
+
+    @property
+    def steps(self) -> int:
+        return len(self.gap)
+
+    @property
+    def interface_of_node(self) -> np.ndarray:
+        """(N,) int."""
+        return np.repeat(np.arange(len(self.names)), np.diff(self.offsets))
+
+    @property
+    def counts(self) -> dict[str, list[int]]:
+        """Nodes that are open, stick and slip, per load step."""
+        return {name: (self.status == kind).sum(axis=1).tolist()
+                for name, kind in (("open", OPEN), ("stick", STICK), ("slip", SLIP))}
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Name → array as fields.npz holds them: ``gap`` and the like as they are, the rest as interface_…"""
+        return {_key(f.name): getattr(self, f.name) for f in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays) -> InterfaceFields | None:
+        """Inverse of ``arrays``, from any mapping that holds them; None if there are none."""
+        if "interface_nodes" not in arrays:
+            return None
+        return cls(**{f.name: arrays[_key(f.name)] for f in fields(cls)})
+
+
+_OWN_NAME = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}
+
+
+def _key(name: str) -> str:
+    return name if name in _OWN_NAME else f"interface_{name}"
+
+
+def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | None:
+    """Fields of the interfaces that are not perfect; None where all are."""
+    if d.all_perfect:
+        return None
+    pairs, steps = d.local.pairs, d.scene.steps
+    chosen = sorted(pairs.interfaces, key=lambda i: i.index)
+    offsets = np.cumsum([0] + [len(i.global_nodes) for i in chosen])
+    place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
+    normal, area = (np.concatenate([of(d.scene.mesh.nodes[i.global_nodes], i.triangles) for i in chosen])
+                    for of in (node_normals, node_areas))
+    initial = np.concatenate([np.zeros(len(i.global_nodes)) if i.gap is None else i.gap for i in chosen])
+
+    jump, force = np.zeros((2, steps, len(normal), 3))
+    status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
+    w, f = outcome.fields.w, outcome.fields.f
+    for t in range(steps):
+        jump[t, place] = pairs.gather(w[:, t], pairs.two) - pairs.gather(w[:, t], pairs.one)
+        force[t, place] = 0.5 * (pairs.gather(f[:, t], pairs.one) - pairs.gather(f[:, t], pairs.two))
+    status[:, place] = outcome.local.status
+    opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force))
+    traction = (force - push[:, :, None] * normal) / area[:, None]
+    resultant = np.stack([force[:, a:b].sum(axis=1) for a, b in zip(offsets[:-1], offsets[1:])], axis=1)
+    return InterfaceFields(
+        np.array([i.name for i in chosen]), np.array([i.law for i in chosen]),
+        np.array([i.subdomains for i in chosen]), offsets, np.concatenate([i.global_nodes for i in chosen]),
+        np.concatenate([i.triangles + a for i, a in zip(chosen, offsets)]),
+        np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
+        initial + opening, jump - opening[:, :, None] * normal, -push / area, traction, status, resultant)
+
+
+def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
+    """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed."""
+    return np.concatenate([start[i.index] + np.flatnonzero(i.free.any(axis=1)) for i in interfaces])
+
+
+def sides(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Displacements where interfaces open: the bodies' own, and one per node of the input mesh.
+
+    Parameters
+    ----------
+    parts : per subdomain (T, n_E, 3), as recovered
+
+    Returns
+    -------
+    displacement : (T, n, 3), the mean of the copies of each node
+    sides : per subdomain (T, n_E, 3), continuous over perfect interfaces
+    """
+    total = np.zeros((d.scene.steps, len(d.scene.mesh.nodes), 3))
+    copies = np.zeros(len(d.scene.mesh.nodes))
+    result = []
+    for e, (s, part) in enumerate(zip(d.scene.subdomains, parts)):
+        own = part.reshape(len(part), -1).copy()
+        own[:, d.traces[e]] += outcome.bound.correction[d.space.boundary[e]].T
+        result.append(own.reshape(part.shape))
+        total[:, s.nodes] += result[-1]
+        copies[s.nodes] += 1
+    return total / np.maximum(copies, 1)[:, None], result
