@@ -3,6 +3,7 @@
 A body is what perfect interfaces and imposed jumps join. A *detached* body has no way to a prescribed
 one over closed node pairs; a *weakly held* one has, but could still move as a rigid body without
 opening a closed pair or sliding where the sides stick. The rigid position of both is undetermined.
+Pairs that touch without pressing hold nothing: they count as open here.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface_fields import InterfaceFields
-from orchestrator.method.laws.points import OPEN, SLIP
+from orchestrator.method.laws.points import BONDED, OPEN, SLIP
 from orchestrator.scene.model import Scene
 from orchestrator.scene.rigid import motions
 
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
+PRESSING = 1e-6  # pressure relative to the largest of all steps, from which a pair holds
 FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as none
 
 
@@ -29,15 +31,20 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[st
     ends = body[interfaces.subdomains]
     motion = _Motions(scene, interfaces, body) if bodies <= MOST_BODIES else None
     detached, weak = [], []
-    for status in interfaces.status:
-        closed = status != OPEN
-        touching = ends[np.logical_or.reduceat(closed, interfaces.offsets[:-1])]
+    for status in _holding(interfaces):
+        touching = ends[np.logical_or.reduceat(status != OPEN, interfaces.offsets[:-1])]
         _, group = _groups(bodies, touching)
         lost = ~np.isin(group, group[fixed])
         loose = motion.free(status) & ~lost if motion else np.zeros(bodies, bool)
         for result, chosen in ((detached, lost), (weak, loose)):
             result.append([s.name for s, b in zip(scene.subdomains, body) if chosen[b]])
     return detached, weak
+
+
+def _holding(interfaces: InterfaceFields) -> np.ndarray:
+    """(T, N) status, open also where nothing presses."""
+    idle = interfaces.pressure <= PRESSING * np.abs(interfaces.pressure).max(initial=0.0)
+    return np.where(idle & (interfaces.status != BONDED), OPEN, interfaces.status)
 
 
 def _groups(count: int, edges: np.ndarray) -> tuple[int, np.ndarray]:

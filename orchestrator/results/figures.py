@@ -105,7 +105,7 @@ def time_per_stage(summary: Mapping[str, object]) -> bytes:
     """PNG of bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
     timing = summary["timing"]
     total = float(timing["total"])
-    wall = [(stage.replace("_", " "), float(timing.get(stage) or 0.0)) for stage in STAGES]
+    wall = [(label, float(timing[stage])) for stage, label in STAGES.items() if timing.get(stage)]
     rest = total - sum(seconds for _, seconds in wall)
     if rest > 0.005 * total:
         wall.append(("everything else", rest))
@@ -120,7 +120,7 @@ def time_per_stage(summary: Mapping[str, object]) -> bytes:
     rows = sum(len(bars) + 1 for _, bars, _ in sections)
     height = 0.27 * rows + 0.9
     figure = new_figure(7.2, height)
-    axes = figure.add_axes((0.17, 0.5 / height, 0.79, 1 - 0.95 / height))
+    axes = figure.add_axes((0.26, 0.5 / height, 0.70, 1 - 0.95 / height))
     longest = max(seconds for _, bars, _ in sections for _, seconds in bars)
     y, ticks, labels = 0.0, [], []
     for heading, bars, colour in sections:

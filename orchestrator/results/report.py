@@ -103,8 +103,8 @@ def _stopping(result: Result) -> Table:
 def _time(summary: Mapping[str, object]) -> Table:
     timing = summary.get("timing") or {}
     total = timing.get("total") or 0.0
-    rows = [(stage.replace("_", " "), timing[stage]) for stage in STAGES if timing.get(stage) is not None]
-    rows.append(("everything else", total - sum(seconds for _, seconds in rows)))
+    rows = [(label, timing[stage]) for stage, label in STAGES.items() if timing.get(stage) is not None]
+    rows.append(("everything else", max(0.0, total - sum(seconds for _, seconds in rows))))
     lines = [(name, f"{s:.2f}", f"{100 * s / total:.0f} %" if total else "") for name, s in rows]
     lines.append(("total (wall clock)", f"{total:.2f}", "100 %"))
     own = timing.get("blackbox") or {}

@@ -19,8 +19,15 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
-        "status_counts", "timing", "versions", "memory_peak_mb", "config"]
-STAGES = ["mesh", "soles", "macro", "linear_stage", "local_stage", "acceleration", "bound", "output"]
+        "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "versions",
+        "memory_peak_mb", "config"]
+# key in ``timing`` → what it is called; in the order of a run
+STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
+          "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",
+          "linear_stage": "linear stage", "coarse": "coarse contact problem", "local_stage": "local stage",
+          "acceleration": "acceleration", "bound": "error measures", "reference": "undecomposed solution",
+          "output": "writing results"}
+_LARGEST = 6  # stages named on the console
 BLACKBOX_STAGES = ["start", "assemble", "factorise", "solve"]
 
 
@@ -143,11 +150,49 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
              + (f", {total:g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
             ("error bound", shown("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
             ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
+            ("law residual", _law_text(summary)),
+            ("contact", _status_text(summary)),
+            ("detached", "\n".join(hold_sentences(summary))),
+            ("warning", "\n".join(summary.get("warnings") or ())),
             ("size", ", ".join(f"{shown(key)} {key.replace('_', ' ')}"
                                for key in ("dofs", "subdomains", "interfaces", "load_steps") if shown(key))),
             ("time", _time_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]
+
+
+def _law_text(summary: Mapping[str, object]) -> str | None:
+    residuals = jsonable(summary.get("residuals"))
+    value = residuals.get("law_residual") if isinstance(residuals, Mapping) else None
+    return None if value is None else f"{value:.2e}  (equilibrium and interface laws, the largest relative residual)"
+
+
+def _status_text(summary: Mapping[str, object]) -> str | None:
+    """Node pairs that are open, stick and slip at the last load step."""
+    counts = summary.get("status_counts")
+    if not isinstance(counts, Mapping) or not all(counts.get(name) for name in ("open", "stick", "slip")):
+        return None
+    steps = len(counts["open"])
+    when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
+    return ", ".join(f"{counts[name][-1]:,} {name}" for name in ("open", "stick", "slip")) + when
+
+
+def hold_sentences(summary: Mapping[str, object]) -> list[str]:
+    """Which bodies are detached or weakly held, at which load steps, in words."""
+    result = []
+    for key, what in (("detached", "touched by no held body"), ("weakly_held", "held, but free to move as a whole")):
+        when: dict[str, list[int]] = {}
+        for step, names in enumerate(summary.get(key) or (), 1):
+            for name in names:
+                when.setdefault(name, []).append(step)
+        alike: dict[tuple[int, ...], list[str]] = {}
+        for name, steps in when.items():
+            alike.setdefault(tuple(steps), []).append(name)
+        for steps, names in alike.items():
+            shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+            result.append(f"{shown}: {what} at load step {', '.join(map(str, steps))}; "
+                          f"{'its' if len(names) == 1 else 'their'} rigid position is undetermined")
+    return result
 
 
 def _time_text(summary: Mapping[str, object]) -> str | None:
@@ -156,8 +201,10 @@ def _time_text(summary: Mapping[str, object]) -> str | None:
         return None
     stages = sorted(((timing[s], s) for s in STAGES if timing.get(s)), reverse=True)
     text = f"{timing['total']:.2f} s"
-    if stages:
-        text += ": " + ", ".join(f"{name.replace('_', ' ')} {seconds:.2f}" for seconds, name in stages)
+    shown = [f"{STAGES[name]} {seconds:.2f}" for seconds, name in stages[:_LARGEST]]
+    rest = timing["total"] - sum(seconds for seconds, _ in stages[:_LARGEST])
+    if shown:
+        text += ": " + ", ".join(shown + ([f"the rest {rest:.2f}"] if rest >= 0.005 else []))
     own = blackbox_seconds(timing)
     if own:
         text += f"\nblack box {own:.2f} s of its own clock, summed over its workers"
