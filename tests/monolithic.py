@@ -234,7 +234,7 @@ class Monolithic:
                 values.append(np.full(i.free.sum(), sign))
             mobile = i.free.any(axis=1)
             found["free"].append(i.free)
-            found["normal"].append(_normals(scene, i))
+            found["normal"].append(normals(scene, i))
             found["gap"].append(np.zeros(n) if i.gap is None else i.gap)
             found["friction"].append(np.full(n, i.friction))
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
@@ -261,7 +261,7 @@ def _plain(scene: Scene, s) -> Model:
                  np.zeros((len(s.nodes), 3), bool), np.empty(0, int))
 
 
-def _normals(scene: Scene, interface: Interface) -> np.ndarray:
+def normals(scene: Scene, interface: Interface) -> np.ndarray:
     """(n, 3) unit normals out of the first side: the facets' own, weighted by their angle at the node."""
     result = np.zeros((len(interface.global_nodes), 3))
     x = scene.mesh.nodes[interface.global_nodes]

@@ -1,0 +1,204 @@
+"""Contact problems for the tests, and how to look at a solution pair by pair."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import gmsh
+import meshio
+import numpy as np
+from monolithic import OPEN, Monolithic, normals
+
+from orchestrator.blackbox.extended import boundary_dofs, sides_of
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.config import Config
+from orchestrator.method.traces import TraceSpace
+from orchestrator.run import Solved, solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.model import Mesh
+
+BOTTOM = {"on": {"plane": "z", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
+TOP = {"plane": "z", "at": 1.0}
+# pressed, pressed and sheared, sheared across, let go
+PATH = [[0.0, 0.0, -0.005], [0.01, 0.0, -0.005], [0.01, 0.005, -0.005], [0.005, 0.0, -0.001]]
+CASES = {
+    "two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [8, 8, 8]}}, "subdomains": {"grid": [1, 1, 2]}},
+    "eight cubes": {"mesh": {"box": {"size": [1, 1, 1], "cells": [6, 6, 6]}}, "subdomains": {"grid": [2, 2, 2]}},
+    "ten grains": {"mesh": {"polycrystal": {"grains": 10, "size": 1.0, "h": 0.15}}, "subdomains": "groups"},
+}
+
+
+def contact(friction=0.0, *, gap=None, poisson=0.3, error=1e-10, law=None, workers=1, **changes) -> Config:
+    """Two blocks of 1 × 1 × 0.5, one on the other, pressed and sheared, in frictional contact."""
+    laws = [{"law": "contact", "friction": friction, "gap": gap}] if law is None else law
+    data = {"name": "contact", **CASES["two blocks"], "materials": [{"young": 200e3, "poisson": poisson}],
+            "boundary": [BOTTOM, {"on": TOP, "displacement": PATH}], "interfaces": laws,
+            "blackbox": {"workers": workers}, "method": {"tolerance": {"error": error}, "max_iterations": 1000}}
+    return Config.model_validate({**data, **changes})
+
+
+def converged(made: Config) -> Solved:
+    """The solution of a configuration; its laws hold at every node and step."""
+    solved = solve(made, build_scene(made))
+    assert solved.outcome.converged, solved.outcome.stop_reason
+    assert_lawful(solved, 10 * made.method.tolerance.error)
+    return solved
+
+
+def monolithic(solved: Solved, made: Config) -> Monolithic:
+    """The same scene in one piece."""
+    with make_blackbox(made.blackbox) as blackbox:
+        return Monolithic(solved.scene, blackbox)
+
+
+# --- pair by pair -----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Contacts:
+    """Node pairs of the contact interfaces of a solution; force and jump as delivered.
+
+    Parameters
+    ----------
+    force : (T, P, 3) on side 1; imbalance : (T, P, 3) what the sides' forces do not cancel
+    jump : (T, P, 3) u₂ − u₁; status : (T, P)
+    normal : (P, 3) from side 1 to side 2; area, gap, friction : (P,); points : (P, 3)
+    """
+
+    force: np.ndarray
+    imbalance: np.ndarray
+    jump: np.ndarray
+    status: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    gap: np.ndarray
+    friction: np.ndarray
+    points: np.ndarray
+
+    @property
+    def pressure(self) -> np.ndarray:
+        """(T, P) positive in compression."""
+        return -np.einsum("tpi,pi->tp", self.force, self.normal) / self.area
+
+    @property
+    def opening(self) -> np.ndarray:
+        """(T, P) gap left."""
+        return self.gap + np.einsum("tpi,pi->tp", self.jump, self.normal)
+
+    @property
+    def shear(self) -> np.ndarray:
+        """(T, P, 3) friction traction on side 1."""
+        return self.across(self.force) / self.area[:, None]
+
+    @property
+    def slip(self) -> np.ndarray:
+        """(T, P, 3) what each step adds to the tangential jump."""
+        return np.diff(self.across(self.jump), axis=0, prepend=0.0)
+
+    def across(self, x: np.ndarray) -> np.ndarray:
+        """Tangential part of (T, P, 3)."""
+        return x - np.einsum("tpi,pi->tp", x, self.normal)[..., None] * self.normal
+
+
+def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Per interface the forces (T, n, 3) on either side; zero where prescribed."""
+    scene = solved.scene
+    sides = [sides_of(scene, s.index) for s in scene.subdomains]
+    space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)])
+    result = []
+    for interface, slots in zip(scene.interfaces, space.slots):
+        pair = np.zeros((2, scene.steps, *interface.free.shape))
+        for side, slot in enumerate(slots):
+            pair[side][:, interface.free] = solved.outcome.fields.f[slot].T
+        result.append((pair[0], pair[1]))
+    return result
+
+
+def contacts(solved: Solved) -> Contacts:
+    """The contact interfaces of a solution, in the order that the local stage keeps."""
+    scene, found, start = solved.scene, [], 0
+    both = forces(solved)
+    for i in sorted((i for i in scene.interfaces if i.law != "perfect"), key=lambda i: (i.law, i.index)):
+        mobile = i.free.any(axis=1)
+        end = start + int(mobile.sum())
+        status = solved.outcome.local.status[:, start:end]
+        start = end
+        if i.law != "contact":
+            continue
+        x = scene.mesh.nodes[i.global_nodes]
+        a, b, c = np.moveaxis(x[i.triangles], 1, 0)
+        share = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6, 3)
+        one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))
+        force = 0.5 * (both[i.index][0] - both[i.index][1]), both[i.index][0] + both[i.index][1]
+        found.append(((force[0][:, mobile], force[1][:, mobile], np.where(i.free, two - one, 0.0)[:, mobile], status),
+                      (normals(scene, i)[mobile], np.bincount(i.triangles.ravel(), share, len(x))[mobile],
+                       i.gap[mobile], np.full(status.shape[1], i.friction), x[mobile])))
+    return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),
+                    *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))
+
+
+def assert_lawful(solved: Solved, tolerance: float) -> None:
+    """Signorini's and Coulomb's conditions at every node and step, relative to largest pressure and displacement."""
+    if all(i.law != "contact" for i in solved.scene.interfaces):
+        return
+    c = contacts(solved)
+    p, opening, shear, slip = c.pressure, c.opening, c.shear, c.slip
+    most, far = np.abs(p).max() or 1.0, max(np.abs(u).max() for u in solved.parts)
+    size, moved = np.linalg.norm(shear, axis=2), np.linalg.norm(slip, axis=2)
+    power = np.einsum("tpi,tpi->tp", shear, slip)
+    assert np.abs(c.imbalance / c.area[:, None]).max() <= tolerance * most
+    assert -opening.min() <= tolerance * far and -p.min() <= tolerance * most
+    assert np.abs(p * opening).max() <= tolerance * most * far
+    assert (size - c.friction * p).max() <= tolerance * most
+    assert power.min() >= -tolerance * most * far, "friction dissipates"
+    assert (size * moved - power).max() <= tolerance * most * far, "friction acts along the slip"
+    assert ((c.friction * p - size) * moved).max() <= tolerance * most * far, "what slips is on the cone"
+    assert np.abs(p[c.status == OPEN]).max(initial=0.0) <= tolerance * most
+
+
+def start_from(solved: Solved) -> list[tuple[list[np.ndarray], np.ndarray]]:
+    """Displacements and pair forces per step, for the monolithic solver."""
+    force = np.concatenate([0.5 * (one - two) for one, two in forces(solved)], axis=1)
+    return [([u[t] for u in solved.parts], force[t]) for t in range(solved.scene.steps)]
+
+
+# --- mesh files -------------------------------------------------------------------------------------------
+
+
+def written(path: Path, mesh: Mesh) -> dict:
+    """Writes a mesh with named volumes and surfaces; returns the ``mesh`` section that reads it."""
+    blocks, tags, names = [], [], {}
+    for k, (name, triangles) in enumerate(mesh.surfaces.items(), start=1):
+        blocks.append(("triangle", triangles))
+        tags.append(np.full(len(triangles), k))
+        names[name] = np.array([k, 2])
+    order = np.argsort(mesh.volume, kind="stable")
+    blocks.append(("tetra", mesh.cells[order]))
+    tags.append(mesh.volume[order] + 1)
+    names.update({name: np.array([k, 3]) for k, name in enumerate(mesh.volumes, start=1)})
+    meshio.write(path, meshio.Mesh(mesh.nodes, blocks, field_data=names,
+                                   cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}),
+                 file_format="gmsh22", binary=False)
+    return {"file": str(path)}
+
+
+def two_boxes(h: float = 0.3) -> Mesh:
+    """Two boxes of 1 × 1 × 0.5, one on the other, meshed irregularly; sides named bottom, top, x, y."""
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ, model = gmsh.model.occ, gmsh.model
+        occ.fragment([(3, occ.addBox(0, 0, 0, 1, 1, 0.5))], [(3, occ.addBox(0, 0, 0.5, 1, 1, 0.5))])
+        occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+        model.mesh.generate(3)
+        tags, points, _ = model.mesh.getNodes()
+        number = np.zeros(int(tags.max()) + 1, dtype=int)
+        number[tags] = np.arange(len(tags))
+        cells = [number[model.mesh.getElements(3, v)[2][0]].reshape(-1, 4) for v in (1, 2)]
+        nodes, surfaces = points.reshape(-1, 3), {}
+        for name, axis, at in (("bottom", 2, 0), ("top", 2, 1), ("x", 0, 0), ("y", 1, 0)):
+            found = [number[model.mesh.getElements(2, tag)[2][0]].reshape(-1, 3) for _, tag in model.getEntities(2)]
+            surfaces[name] = np.concatenate([f for f in found if np.abs(nodes[f][..., axis] - at).max() < 1e-9])
+    finally:
+        gmsh.finalize()
+    return Mesh(nodes, np.concatenate(cells), np.repeat([0, 1], [len(c) for c in cells]), ["lower", "upper"], surfaces)
