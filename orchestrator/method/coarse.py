@@ -31,6 +31,7 @@ from orchestrator.scene.model import Scene
 FIELDS = 12
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
 MAX_STEPS = 12
+LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
 
@@ -135,7 +136,7 @@ class CoarseCorrection:
     def _solve(self, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(bodies, 12) y of one load step."""
         y = np.zeros((self.bodies, FIELDS))
-        delta, matrix = 1e-6, None
+        delta, matrix = LEVENBERG, None
         rho = self._residual(y, F0, resultant, previous)
         size = start = np.linalg.norm(rho)
         for _ in range(MAX_STEPS):
@@ -153,7 +154,7 @@ class CoarseCorrection:
                     y, rho, size, matrix = trial, rho_new, size_new, None
                     break
             else:
-                delta = max(30 * delta, 1e-4)
+                delta *= 30
                 if delta > 1e3:
                     break
         return y
