@@ -1,6 +1,7 @@
 """figures/deformed.png: the deformed surface with von Mises stress, and the undeformed outline.
 
-VTK draws it (see ``offscreen``); where VTK cannot, matplotlib does, and the caption says so.
+Where interfaces open, one panel per load step shows the bodies apart (see ``panels``). VTK draws
+(see ``offscreen``); where VTK cannot, matplotlib does, and the caption says so.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +21,10 @@ from orchestrator.results import surface
 from orchestrator.results.fields import Fields
 
 _LARGEST = 0.1  # largest drawn displacement over the structure's size
-_WIDTH, _DPI = 9.0, 160  # of the picture, inches and dots per inch
+_OPENING, _FARTHEST = 0.03, 0.25  # the same for the largest opening, and the limit to which it may raise the other
+WIDTH, DPI = 9.0, 160  # of the picture, inches and dots per inch
 _FLATTEST, _TALLEST = 0.22, 0.75  # height of the drawing over its width
+PAINTED = "\n(drawn by matplotlib: VTK cannot draw on this machine)"
 _PATIENCE = 120.0  # seconds after which the drawing process is given up
 # every 16th colour of viridis: readable in grey and by the colour-blind
 _COLOURS = ["#440154", "#481b6d", "#46327e", "#3f4788", "#365c8d", "#2e6e8e", "#277f8e", "#21918c", "#1fa187",
@@ -33,10 +37,13 @@ class View:
 
     Parameters
     ----------
-    points : (p, 3) deformed; triangles : (k, 3) int; stress : (p,) von Mises
+    points : (p, 3) deformed; triangles : (k, 3) int; stress : (p,) von Mises, or what else gives the colour
     lines, outline : (e, 2, 3) deformed edges and subdomain borders, undeformed edges
     limits : of the colour scale; beyond : whether values lie below and above it
     caption : one line
+    palette : (c, 3) colours in [0, 1] from the lower limit to the upper
+    inches : width of the picture
+    shaded : whether light falls on it; without, colours are exactly those of the scale
     """
 
     points: np.ndarray
@@ -48,41 +55,64 @@ class View:
     limits: tuple[float, float]
     beyond: tuple[bool, bool]
     caption: str
+    palette: np.ndarray = field(default_factory=lambda: viridis())
+    inches: float = WIDTH
+    shaded: bool = True
 
 
 def view(fields: Fields, step: int | None = None) -> View:
     """Prepares the picture of one load step; by default the one with the largest displacement."""
     if step is None:
         step = int(np.argmax(np.abs(fields.displacement).max(axis=(1, 2))))
-    step %= fields.steps
-    moved = fields.displacement[step]
-    largest = float(np.linalg.norm(moved, axis=1).max())
+    return views(fields, [step % fields.steps])[0]
+
+
+def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[View]:
+    """Pictures of several load steps: one camera, one exaggeration, one colour scale."""
+    drawn = fields.opened
     size = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    factor = float(f"{_LARGEST * size / largest:.1e}") if largest > 0 else 1.0
-    deformed = fields.nodes + factor * moved
+    largest = {step: float(np.linalg.norm(drawn.displacement[step], axis=1).max()) for step in steps}
+    factor = _exaggeration(fields, steps, size, max(largest.values()))
 
-    faces, cell, local = surface.outer_faces(fields.cells)
-    average, node, corner = recovery.nodal_average(
-        fields.cells, fields.von_mises(step), fields.volumes, fields.material)
-    used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
-    stress = average[used]
-    triangles = triangles.reshape(-1, 3)
-
+    faces, cell, local = surface.outer_faces(drawn.cells)
     pairs, neighbours = surface.edges(faces)
     owner = fields.subdomain[cell]
-    borders = pairs[owner[neighbours[:, 0]] != owner[neighbours[:, 1]]]
-    sharp = surface.sharp_edges(fields.nodes, faces)
+    sharp = surface.sharp_edges(drawn.nodes, faces)
+    lines = np.concatenate([pairs[owner[neighbours[:, 0]] != owner[neighbours[:, 1]]], sharp])
+    if drawn is not fields:  # the outline is the whole structure's
+        sharp = surface.sharp_edges(fields.nodes, surface.outer_faces(fields.cells)[0])
     outline = fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
-    shown = np.concatenate([deformed[node[used]], outline.reshape(-1, 3)])
-    limits, beyond = _limits(stress)
-    load_step = f"   ·   load step {step + 1} of {fields.steps}" if fields.steps > 1 else ""
-    caption = (f"displacements drawn × {factor:g}   ·   largest displacement {largest:.3g}   ·   "
-               f"largest von Mises stress {stress.max():.3g}{load_step}")
-    return View(deformed[node[used]], triangles, stress, deformed[np.concatenate([borders, sharp])], outline,
-                _shaped(surface.Camera.framing(shown)), limits, beyond, caption)
+
+    moved, stress = {}, {}
+    for step in steps:
+        moved[step] = drawn.nodes + factor * drawn.displacement[step]
+        average, node, corner = recovery.nodal_average(
+            drawn.cells, drawn.von_mises(step), drawn.volumes, drawn.material)
+        used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
+        stress[step] = average[used]
+    triangles, node = triangles.reshape(-1, 3), node[used]
+    camera = shaped(surface.Camera.framing(
+        np.concatenate([*(moved[step][node] for step in steps), outline.reshape(-1, 3)])))
+    limits, beyond = colour_limits(np.concatenate(list(stress.values())))
+    return [View(moved[step][node], triangles, stress[step], moved[step][lines], outline, camera, limits, beyond,
+                 f"displacements drawn × {factor:g}   ·   largest displacement {largest[step]:.3g}   ·   "
+                 f"largest von Mises stress {stress[step].max():.3g}"
+                 + (f"   ·   load step {step + 1} of {fields.steps}" if fields.steps > 1 else ""), inches=inches)
+            for step in steps]
 
 
-def _limits(stress: np.ndarray) -> tuple[tuple[float, float], tuple[bool, bool]]:
+def _exaggeration(fields: Fields, steps: Sequence[int], size: float, largest: float) -> float:
+    """Factor that shows the displacements, and the openings where there are any."""
+    if largest == 0:
+        return 1.0
+    factor, i = _LARGEST * size / largest, fields.interfaces
+    opening = 0.0 if i is None else float((i.gap - i.initial_gap)[list(steps)].max(initial=0.0))
+    if opening > 0:
+        factor = max(factor, min(_OPENING * size / opening, _FARTHEST * size / largest))
+    return float(f"{factor:.1e}")
+
+
+def colour_limits(stress: np.ndarray) -> tuple[tuple[float, float], tuple[bool, bool]]:
     """Colour limits that a singular corner does not stretch, and whether values lie beyond them."""
     low, high = (float(q) for q in np.percentile(stress, [0.5, 99.5]))
     span = stress.max() - stress.min()
@@ -93,49 +123,48 @@ def _limits(stress: np.ndarray) -> tuple[tuple[float, float], tuple[bool, bool]]
     return (low, high), (bool(stress.min() < low), bool(stress.max() > high))
 
 
-def _shaped(camera: surface.Camera) -> surface.Camera:
+def shaped(camera: surface.Camera) -> surface.Camera:
     ratio = min(max(camera.height / camera.width, _FLATTEST), _TALLEST)
     return replace(camera, width=max(camera.width, camera.height / ratio),
                    height=max(camera.height, camera.width * ratio))
 
 
-def _palette() -> np.ndarray:
+def viridis() -> np.ndarray:
     colours = np.array([[int(c[i:i + 2], 16) for i in (1, 3, 5)] for c in _COLOURS]) / 255
     at = np.linspace(0, len(colours) - 1, 256)
     return np.stack([np.interp(at, np.arange(len(colours)), colours[:, i]) for i in range(3)], axis=1)
 
 
 class Drawing:
-    """A picture being drawn by VTK in another process, while this one does something else."""
+    """Pictures being drawn by VTK in another process, while this one does something else."""
 
-    def __init__(self, view: View):
-        camera, (low, high) = view.camera, view.limits
-        columns = int(_WIDTH * _DPI)
+    def __init__(self, *views: View):
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="orchestrator-")
-        job, self._picture = (Path(self._folder.name) / name for name in ("job.npz", "picture.npy"))
+        folder = Path(self._folder.name)
+        self._pictures = [folder / f"picture_{i}.npy" for i in range(len(views))]
         environment = dict(os.environ)
         if not environment.get("DISPLAY"):  # otherwise VTK tries X first and complains
             environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
         program = Path(__file__).with_name("offscreen.py")
         try:
-            np.savez(job, points=view.points, triangles=view.triangles, palette=_palette(),
-                     value=np.clip((view.stress - low) / (high - low), 0, 1), lines=view.lines,
-                     outline=view.outline, focus=camera.focus, toward=camera.toward, up=camera.up,
-                     height=camera.height, pixels=np.array([columns, round(columns * camera.height / camera.width)]))
+            files = []
+            for i, view in enumerate(views):
+                files += [folder / f"job_{i}.npz", self._pictures[i]]
+                np.savez(files[-2], **_job(view))
             # in the temporary folder, where a core dump would go away with it
             self._process = subprocess.Popen(
-                [sys.executable, "-P", str(program), str(job), str(self._picture)], env=environment,
+                [sys.executable, "-P", str(program), *map(str, files)], env=environment,
                 cwd=self._folder.name, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         except OSError:  # a full /tmp is no reason to lose the picture: matplotlib needs no room there
             pass
 
-    def finish(self) -> np.ndarray | None:
-        """(rows, columns, 3) uint8, or None when VTK could not draw here."""
+    def finish(self) -> list[np.ndarray] | None:
+        """(rows, columns, 3) uint8 each, or None when VTK could not draw here."""
         try:
             if self._process is None or self._process.wait(_PATIENCE) != 0:
                 return None
-            return np.load(self._picture)
+            return [np.load(picture) for picture in self._pictures]
         except (subprocess.TimeoutExpired, OSError, ValueError):
             return None
         finally:
@@ -149,30 +178,27 @@ class Drawing:
         self._folder.cleanup()
 
 
+def _job(view: View) -> dict[str, object]:
+    """What ``offscreen`` needs to know of a view."""
+    camera, (low, high), columns = view.camera, view.limits, int(view.inches * DPI)
+    return dict(points=view.points, triangles=view.triangles, palette=view.palette,
+                value=np.clip((view.stress - low) / (high - low), 0, 1), lines=view.lines,
+                outline=view.outline, focus=camera.focus, toward=camera.toward, up=camera.up,
+                height=camera.height, shaded=view.shaded, pixels=np.array([columns, round(columns * camera.height / camera.width)]))
+
+
 def compose(view: View, picture: np.ndarray | None, title: str) -> bytes:
     """PNG of the picture with colour scale and caption; matplotlib draws the surface if there is no picture."""
     from orchestrator.results.plotting import new_figure, png
 
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import ListedColormap, Normalize
-
     camera = view.camera
-    drawing = _WIDTH * camera.height / camera.width
+    drawing = WIDTH * camera.height / camera.width
     below, above = 1.0, 0.4
     total = drawing + below + above
-    figure = new_figure(_WIDTH, total)
-    axes = figure.add_axes((0, below / total, 1, drawing / total))
-    axes.set_axis_off()
-    colours = ScalarMappable(Normalize(*view.limits), ListedColormap(_palette()))
-    caption = view.caption
-    extent = (-camera.width / 2, camera.width / 2, -camera.height / 2, camera.height / 2)
-    if picture is not None:
-        axes.imshow(picture, extent=extent, aspect="auto", interpolation="none")
-    else:
-        _paint(axes, view, colours)
-        caption += "\n(drawn by matplotlib: VTK cannot draw on this machine)"
-    axes.set(xlim=extent[:2], ylim=extent[2:])
-    bar = figure.colorbar(colours, cax=figure.add_axes((0.25, (below - 0.2) / total, 0.5, 0.13 / total)),
+    figure = new_figure(WIDTH, total)
+    show(figure.add_axes((0, below / total, 1, drawing / total)), view, picture)
+    caption = view.caption + ("" if picture is not None else PAINTED)
+    bar = figure.colorbar(colours(view), cax=figure.add_axes((0.25, (below - 0.2) / total, 0.5, 0.13 / total)),
                           orientation="horizontal",
                           extend=("neither", "max", "min", "both")[2 * view.beyond[0] + view.beyond[1]])
     bar.set_label("von Mises stress", fontsize=9, labelpad=2)
@@ -180,10 +206,30 @@ def compose(view: View, picture: np.ndarray | None, title: str) -> bytes:
     bar.outline.set_linewidth(0.5)
     figure.text(0.5, 1 - 0.12 / total, title, ha="center", va="top", fontsize=12)
     figure.text(0.5, 0.08 / total, caption, ha="center", va="bottom", fontsize=8.5, color="0.3")
-    return png(figure, _DPI)
+    return png(figure, DPI)
 
 
-def _paint(axes: object, view: View, colours: object) -> None:
+def colours(view: View) -> object:
+    """Matplotlib's mapping from the values of a view to its colours."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    return ScalarMappable(Normalize(*view.limits), ListedColormap(view.palette))
+
+
+def show(axes: object, view: View, picture: np.ndarray | None) -> None:
+    """Puts a picture into its axes; paints it there if there is none."""
+    camera = view.camera
+    extent = (-camera.width / 2, camera.width / 2, -camera.height / 2, camera.height / 2)
+    axes.set_axis_off()
+    if picture is not None:
+        axes.imshow(picture, extent=extent, aspect="auto", interpolation="none")
+    else:
+        _paint(axes, view)
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+
+
+def _paint(axes: object, view: View) -> None:
     """The painter's algorithm: faces turned to the eye, farthest first."""
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -191,7 +237,8 @@ def _paint(axes: object, view: View, colours: object) -> None:
     front = np.flatnonzero(facing > 0)
     corners = view.camera.project(view.points)[view.triangles[front]]
     order = np.argsort(corners[:, :, 2].mean(axis=1))
-    rgb = colours.to_rgba(view.stress[view.triangles[front]].mean(axis=1))[:, :3]
-    rgb = np.clip(rgb * (0.65 + 0.38 * facing[front])[:, None], 0, 1)[order]
+    rgb = colours(view).to_rgba(view.stress[view.triangles[front]].mean(axis=1))[:, :3]
+    light = (0.65 + 0.38 * facing[front])[:, None] if view.shaded else 1.0
+    rgb = np.clip(rgb * light, 0, 1)[order]
     axes.add_collection(LineCollection(view.camera.project(view.outline)[..., :2], colors="0.45", linewidths=0.8))
     axes.add_collection(PolyCollection(corners[order, :, :2], facecolors=rgb, edgecolors=rgb, linewidths=0.2))

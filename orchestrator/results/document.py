@@ -45,6 +45,11 @@ class Listing:
     text: str
 
 
+def number(value: float | None) -> str:
+    """A number for a table; a dash where there is none."""
+    return "–" if value is None else f"{value:.5g}"
+
+
 Block = Heading | Paragraph | Table | Picture | Listing
 
 _STYLE = """body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem }

@@ -1,4 +1,4 @@
-"""figures/: convergence.png, time.png and deformed.png of one run."""
+"""figures/: convergence.png, time.png, deformed.png and, where interfaces open, interfaces.png of one run."""
 
 from __future__ import annotations
 
@@ -8,14 +8,35 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results import deformed
+from orchestrator.results import deformed, panels
 from orchestrator.results.fields import Fields
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, png, tidy
+from orchestrator.results.plotting import (
+    BLUE,
+    BROWN,
+    GREEN,
+    GREY,
+    OLIVE,
+    ORANGE,
+    PURPLE,
+    RED,
+    SKY,
+    new_figure,
+    png,
+    tidy,
+)
 from orchestrator.results.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
 
 # column, label, colour, marker
+_MAIN = {"error_bound", "law_residual"}
+_FLOOR = 1e-17  # rounding: values below only stretch the axis
 _CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
+           ("law_residual", "law residual (the largest)", "black", "o"),
+           ("true_error", "true error", RED, "*"),
+           ("penetration", "penetration", SKY, "<"),
+           ("tension", "tension", "0.5", ">"),
+           ("cone", "cone violation", BROWN, "P"),
+           ("slip_direction", "slip direction", OLIVE, "X"),
            ("residual", "residual ‖Δs‖", PURPLE, "v"),
            ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
            ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
@@ -30,7 +51,8 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     ----------
     summary : as in summary.json; history : as from ``read_history``
     fields : for deformed.png, which is left out without them
-    step : load step of deformed.png, zero-based; default: the one with the largest displacement
+    step : load step of deformed.png, zero-based; default: the one with the largest displacement. Where
+        interfaces open, all are shown
 
     Returns
     -------
@@ -40,18 +62,25 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     ------
     InputError : disk full or folder not writable
     """
-    written, drawing, view = [], None, None
+    written, drawing = [], None
+    opens = fields is not None and fields.interfaces is not None
     try:
         if fields is not None and fields.steps and len(fields.cells):
-            view = deformed.view(fields, step)
-            drawing = deformed.Drawing(view)  # VTK is busy while matplotlib draws the others
+            figures = [panels.opened(fields), panels.interfaces(fields)] if opens else []
+            views = [view for figure in figures for view in figure.views] or [deformed.view(fields, step)]
+            drawing = deformed.Drawing(*views)  # VTK is busy while matplotlib draws the others
         if len(history.get("iteration", ())):
             written.append(folder.write("figures/convergence.png", convergence(summary, history)))
         if (summary.get("timing") or {}).get("total"):
             written.append(folder.write("figures/time.png", time_per_stage(summary)))
         if drawing is not None:
-            picture = deformed.compose(view, drawing.finish(), str(summary.get("name") or ""))
-            written.append(folder.write("figures/deformed.png", picture))
+            pictures, title = drawing.finish(), str(summary.get("name") or "")
+            if not opens:
+                picture = deformed.compose(views[0], pictures[0] if pictures else None, title)
+                written.append(folder.write("figures/deformed.png", picture))
+            for name, figure in zip(("deformed", "interfaces"), figures):
+                mine, pictures = pictures and pictures[:len(figure.views)], pictures and pictures[len(figure.views):]
+                written.append(folder.write(f"figures/{name}.png", panels.compose(figure, mine, title)))
     finally:
         if drawing is not None:
             drawing.close()
@@ -60,19 +89,22 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
 
 def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> bytes:
     """PNG of the history's relative quantities over the iterations, with the tolerance."""
-    figure = new_figure(7.2, 4.6)
-    axes = figure.add_axes((0.1, 0.12, 0.86, 0.78))
+    contact = np.isfinite(history.get("law_residual", np.nan)).any()  # more curves: their names beside them
+    figure = new_figure(9.2 if contact else 7.2, 4.6)
+    axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if contact else (0.1, 0.12, 0.86, 0.78))
     x = np.asarray(history["iteration"])
     every = max(1, len(x) // 12)
     for column, label, colour, marker in _CURVES:
         y = np.array(history.get(column, np.full(len(x), np.nan)), float)
-        known = np.isfinite(y) & (y > 0)
+        known = np.isfinite(y) & (y > _FLOOR)
+        if contact and column == "displacement_jump":  # interfaces that open are meant to jump
+            continue
         if known.any():
-            main = column == "error_bound"
+            main = column in _MAIN
             axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker, markevery=every,
                           markersize=5 if main else 4, linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
     true = summary.get("true_error")
-    if true and math.isfinite(true):
+    if true and math.isfinite(true) and not np.isfinite(history.get("true_error", np.nan)).any():
         axes.semilogy(x[-1], true, color=RED, marker="*", markersize=13, linestyle="none", zorder=5,
                       label=f"true error {true:.1e}")
     target = tolerance(summary)
@@ -86,7 +118,8 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
-    axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", loc="best")
+    place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if contact else {"loc": "best"}
+    axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
     return png(figure)
 
 
@@ -97,7 +130,9 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
     given = (method or {}).get("tolerance")
     for key, value in (given.items() if isinstance(given, Mapping) else ()):
         if value:
-            return {"error": "error bound", "indicator": "indicator η"}.get(key, key), float(value)
+            contact = summary.get("status_counts") is not None
+            names = {"error": "law residual" if contact else "error bound", "indicator": "indicator η"}
+            return names.get(key, key), float(value)
     return None
 
 

@@ -1,6 +1,6 @@
 """Draws a triangulated surface with VTK, without a window; run as a program of its own.
 
-    python offscreen.py JOB.npz PICTURE.npy
+    python offscreen.py JOB.npz PICTURE.npy [JOB.npz PICTURE.npy …]
 
 Where neither a display nor EGL is to be had, VTK ends its process with a segmentation fault
 instead of an error: a process apart keeps that away from the run. It imports nothing of the
@@ -19,9 +19,9 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
 
     Parameters
     ----------
-    job : points (n, 3), triangles (k, 3), value (n,) in [0, 1], palette (256, 3) in [0, 1];
+    job : points (n, 3), triangles (k, 3), value (n,) in [0, 1], palette (c, 3) in [0, 1];
         lines (e, 2, 3) drawn dark on the surface, outline (e, 2, 3) drawn grey;
-        focus, toward, up (3,), height (model units), pixels (2,) width and height
+        focus, toward, up (3,), height (model units), pixels (2,) width and height, shaded bool
 
     Returns
     -------
@@ -50,6 +50,7 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     surface.GetProperty().SetInterpolationToFlat()
     surface.GetProperty().SetAmbient(0.65)
     surface.GetProperty().SetDiffuse(0.38)
+    surface.GetProperty().SetLighting(bool(job["shaded"]))
     renderer.AddActor(surface)
     scale = max(1.0, columns / 1000)
     for name, colour, width, opacity in (("lines", 0.0, 1.1, 0.45), ("outline", 0.35, 1.3, 1.0)):
@@ -107,6 +108,7 @@ def _actor(points: np.ndarray, cells: np.ndarray, lines: bool) -> tuple[object, 
 
 
 if __name__ == "__main__":
-    with np.load(sys.argv[1]) as archive:
-        picture = draw(dict(archive))
-    np.save(sys.argv[2], picture)
+    for job, result in zip(sys.argv[1::2], sys.argv[2::2]):
+        with np.load(job) as archive:
+            picture = draw(dict(archive))
+        np.save(result, picture)

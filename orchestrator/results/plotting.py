@@ -10,7 +10,8 @@ if TYPE_CHECKING:
 
 GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
-BLUE, ORANGE, GREEN, RED, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
+BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
 
 
 def new_figure(width: float, height: float) -> Figure:

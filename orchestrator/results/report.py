@@ -7,7 +7,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from orchestrator.results.document import Block, Heading, Listing, Paragraph, Picture, Table, to_html, to_markdown
+from orchestrator.results.document import Block, Heading, Listing, Paragraph, Picture, Table, number, to_html, to_markdown
+from orchestrator.results.contact_section import LAW_QUANTITIES, contact_section
 from orchestrator.results.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.result import Result
@@ -24,9 +25,11 @@ _QUANTITIES = [
     ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
     ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
     ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
+    *LAW_QUANTITIES,
 ]
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: borders of the "
                               "subdomains; grey: the undeformed outline."),
+             ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
@@ -64,8 +67,9 @@ def _blocks(result: Result) -> list[Block]:
         Heading(str(summary.get("name") or "Run"), 1), Paragraph(_in_words(result)),
         Table(("", ""), [row for row in summary_rows(summary) if row[0] != "time"])]
     blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary)]
-    for key, title in (("reactions", "Reactions"), ("energy", "Energy"), ("status_counts", "Interface status")):
-        table = {"reactions": _reactions, "energy": _energy, "status_counts": _status}[key](summary.get(key))
+    blocks += contact_section(summary)
+    for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
+        table = {"reactions": _reactions, "energy": _energy}[key](summary.get(key))
         if table is not None:
             blocks += [Heading(title), table]
     return blocks
@@ -117,7 +121,7 @@ def _time(summary: Mapping[str, object]) -> Table:
 def _reactions(reactions: object) -> Table | None:
     if not reactions:
         return None
-    rows = [(f"boundary[{entry}]", str(step), *(_number(component) for component in force))
+    rows = [(f"boundary[{entry}]", str(step), *(number(component) for component in force))
             for entry, steps in enumerate(reactions) for step, force in enumerate(steps or (), 1)]
     return Table(("entry", "load step", "x", "y", "z"), rows, numeric=True)
 
@@ -125,19 +129,7 @@ def _reactions(reactions: object) -> Table | None:
 def _energy(energy: object) -> Table | None:
     if not isinstance(energy, list) or not energy:
         return None
-    return Table(("load step", "energy"), [(str(step), _number(e)) for step, e in enumerate(energy, 1)], numeric=True)
-
-
-def _status(counts: object) -> Table | None:
-    # per step a mapping, or a mapping of lists; none without contact
-    if isinstance(counts, Mapping):
-        names = [name for name in counts if isinstance(counts[name], list)]
-        counts = [dict(zip(names, row)) for row in zip(*(counts[name] for name in names))]
-    if not isinstance(counts, list) or not any(isinstance(c, Mapping) and any(c.values()) for c in counts):
-        return None
-    names = ("open", "stick", "slip")
-    return Table(("load step", *names), [(str(step), *(str(c.get(n, 0)) for n in names))
-                                         for step, c in enumerate(counts, 1)], numeric=True)
+    return Table(("load step", "energy"), [(str(step), number(e)) for step, e in enumerate(energy, 1)], numeric=True)
 
 
 def _configuration(summary: Mapping[str, object]) -> list[Block]:
@@ -147,7 +139,3 @@ def _configuration(summary: Mapping[str, object]) -> list[Block]:
     if summary.get("config"):
         blocks.append(Listing("Configuration, defaults filled in", json.dumps(summary["config"], indent=1)))
     return blocks
-
-
-def _number(value: object) -> str:
-    return "–" if value is None else f"{value:.5g}"

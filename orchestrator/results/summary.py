@@ -180,7 +180,7 @@ def _status_text(summary: Mapping[str, object]) -> str | None:
 def hold_sentences(summary: Mapping[str, object]) -> list[str]:
     """Which bodies are detached or weakly held, at which load steps, in words."""
     result = []
-    for key, what in (("detached", "touched by no held body"), ("weakly_held", "held, but free to move as a whole")):
+    for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole")):
         when: dict[str, list[int]] = {}
         for step, names in enumerate(summary.get(key) or (), 1):
             for name in names:
