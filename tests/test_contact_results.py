@@ -153,7 +153,7 @@ def test_detached_body_is_named(loose):
     names = [s.name for s in loose.scene.subdomains]
     assert loose.summary["detached"] == [[], [names[1]]]
     assert loose.summary["weakly_held"] == [[], []]
-    text = dict(summary_rows(loose.summary))["detached"]
+    text = dict(summary_rows(loose.summary))["not held"]
     assert text.startswith(names[1]) and "load step 2" in text and "undetermined" in text
 
 
@@ -161,7 +161,7 @@ def test_frictionless_body_is_weakly_held():
     """Pressed between two plates without friction, the middle block may glide; the others may not."""
     found = case.solved(False, **stack(3, [[0, 0, -3e-3]], friction=0.0))
     assert found.summary["weakly_held"] == [[found.scene.subdomains[1].name]] and found.summary["detached"] == [[]]
-    assert "free to move" in dict(summary_rows(found.summary))["detached"]
+    assert "free to move" in dict(summary_rows(found.summary))["not held"]
 
 
 def test_prescribed_nodes_stay_on_their_places():
@@ -226,7 +226,7 @@ def test_from_the_configuration_to_the_report(tmp_path, capsys):
                                 "blackbox": {"workers": 1}, **data}))
     assert run(load_config(path), output=out) == 0
     printed = capsys.readouterr().out
-    for part in ("law residual", "detached", "block 0-0-1", "warning", "open"):
+    for part in ("law residual", "not held", "block 0-0-1", "warning", "open"):
         assert part in printed, part
     summary = read_summary(out)
     assert summary["error_bound"] is None and summary["detached"] == [[], ["block 0-0-1"]]

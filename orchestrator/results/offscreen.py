@@ -14,8 +14,19 @@ import sys
 import numpy as np
 
 
-def draw(job: dict[str, np.ndarray]) -> np.ndarray:
-    """Renders one picture.
+def new_window() -> object:
+    """A window that is never shown; opening one takes longer than drawing a small picture."""
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  registers the renderer
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow
+
+    window = vtkRenderWindow()
+    window.SetOffScreenRendering(1)
+    window.SetMultiSamples(8)
+    return window
+
+
+def draw(job: dict[str, np.ndarray], window: object) -> np.ndarray:
+    """Renders one picture in a window.
 
     Parameters
     ----------
@@ -27,10 +38,9 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     -------
     (rows, columns, 3) uint8
     """
-    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  registers the renderer
     from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
     from vtkmodules.vtkCommonCore import vtkLookupTable
-    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
+    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkWindowToImageFilter
 
     columns, rows = (int(p) for p in job["pixels"])
     table = vtkLookupTable()
@@ -74,9 +84,6 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     camera.SetParallelScale(0.5 * float(job["height"]))
     renderer.ResetCameraClippingRange()
 
-    window = vtkRenderWindow()
-    window.SetOffScreenRendering(1)
-    window.SetMultiSamples(8)
     window.SetSize(columns, rows)
     window.AddRenderer(renderer)
     window.Render()
@@ -84,6 +91,7 @@ def draw(job: dict[str, np.ndarray]) -> np.ndarray:
     grab.SetInput(window)
     grab.ReadFrontBufferOff()
     grab.Update()
+    window.RemoveRenderer(renderer)
     pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())
     return pixels.reshape(rows, columns, 3)[::-1].copy()
 
@@ -108,7 +116,8 @@ def _actor(points: np.ndarray, cells: np.ndarray, lines: bool) -> tuple[object, 
 
 
 if __name__ == "__main__":
+    window = new_window()
     for job, result in zip(sys.argv[1::2], sys.argv[2::2]):
         with np.load(job) as archive:
-            picture = draw(dict(archive))
+            picture = draw(dict(archive), window)
         np.save(result, picture)

@@ -152,7 +152,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
             ("law residual", _law_text(summary)),
             ("contact", _status_text(summary)),
-            ("detached", "\n".join(hold_sentences(summary))),
+            ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
             ("size", ", ".join(f"{shown(key)} {key.replace('_', ' ')}"
                                for key in ("dofs", "subdomains", "interfaces", "load_steps") if shown(key))),
