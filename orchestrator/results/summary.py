@@ -172,6 +172,8 @@ def _status_text(summary: Mapping[str, object]) -> str | None:
     counts = summary.get("status_counts")
     if not isinstance(counts, Mapping) or not all(counts.get(name) for name in ("open", "stick", "slip")):
         return None
+    if not any(any(column) for column in counts.values()):  # imposed jumps alone
+        return None
     steps = len(counts["open"])
     when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
     return ", ".join(f"{counts[name][-1]:,} {name}" for name in ("open", "stick", "slip")) + when
