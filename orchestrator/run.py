@@ -12,7 +12,7 @@ import numpy as np
 from orchestrator.blackbox.pool import default_workers
 from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.config import Config, Loaded
-from orchestrator.errors import CONVERGED, NOT_CONVERGED, OrchestratorError
+from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
 from orchestrator.method.criteria import make_criterion
 from orchestrator.method.events import Iteration
 from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
@@ -81,6 +81,10 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     watch = watch or Stopwatch()
     workers = default_workers() if config.blackbox.workers == "auto" else config.blackbox.workers
     exact = None
+    if reference and any(i.law != "perfect" for i in scene.interfaces):
+        raise InputError(Problem(("interfaces",), "--reference with interfaces that are not perfect",
+                                 "perfect interfaces: the undecomposed solution has no other",
+                                 "leave out --reference; judge by the law residuals in the summary"))
     if reference:
         stage("solving undecomposed")
         with watch("reference"), make_blackbox(config.blackbox) as whole:

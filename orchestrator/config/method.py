@@ -73,6 +73,9 @@ class Method(Part):
     coarse: Literal["affine", "none"] = Field("affine", description=(
         "where interfaces are not perfect: every body moves in its affine fields under the true laws, "
         "after every linear stage; it removes the plateau of the fixed point"))
+    increment: AutoCount = Field("auto", description=(
+        "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch "
+        "starting from the last"))
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(

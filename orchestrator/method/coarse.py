@@ -105,6 +105,14 @@ class CoarseCorrection:
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
 
+    def start_from(self, local: ContactStage) -> None:
+        """Take over the jumps that a local stage starts from; perfect interfaces have none."""
+        previous = np.zeros((len(self.pairs), 3))
+        begin = {i.index: a for i, a in zip(self.pairs.interfaces, self.pairs.bounds)}
+        for i, a, b in zip(local.pairs.interfaces, local.pairs.bounds[:-1], local.pairs.bounds[1:]):
+            previous[begin[i.index] : begin[i.index] + b - a] = local.previous[a:b]
+        self.predict = ContactStage(self.stage.direction, self.pairs, previous)
+
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
 

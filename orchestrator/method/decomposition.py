@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +59,27 @@ class Decomposition:
     def all_perfect(self) -> bool:
         """Whether there is no interface but perfect ones."""
         return self.bound is not None
+
+    @property
+    def steps(self) -> int:
+        """Number of load steps that are solved together."""
+        return self.loading.boundary.shape[1]
+
+    def batch(self, steps: slice, previous: np.ndarray | None) -> "Decomposition":
+        """The same decomposition for some of the load steps.
+
+        Parameters
+        ----------
+        previous : (P, 3) jump of the pairs that are not perfect at the end of the step before; None at the start
+        """
+        loading, stage = self.loading.batch(steps), copy(self.stage)
+        stage.loaded = loading.boundary
+        local, coarse = copy(self.local), copy(self.coarse)
+        if previous is not None:
+            local.previous = previous
+        if coarse is not None:
+            coarse.start_from(local)
+        return replace(self, loading=loading, stage=stage, local=local, coarse=coarse)
 
     def __repr__(self) -> str:
         macro = self.stage.macro
@@ -124,7 +146,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
         return None
     bases = []
     for interface, taken in zip(scene.interfaces, wanted):
-        points = scene.mesh.nodes[interface.global_nodes]
+        points = scene.points(interface)
         basis = interface_basis(points, interface.free, method.macro.basis)
         bases.append(basis if taken else basis[:, :0])
     return Macro(space, direction, bases, method.macro.strategy, blackbox)

@@ -82,6 +82,11 @@ class Loading:
     energy: np.ndarray
     sweeps: float
 
+    def batch(self, steps: slice) -> "Loading":
+        """The part that belongs to some of the load steps."""
+        return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift], self.boundary[:, steps],
+                       self.working[:, steps], self.energy[steps], self.sweeps)
+
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """(T,) ‖u‖²_K of the subdomains' fields, both boundary-borne and inner.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,6 +33,8 @@ STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
 RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
 CONTACT_MEMORY = 15
+TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
+INCREMENT = 4
 
 
 @dataclass
@@ -64,25 +66,78 @@ class Outcome:
 def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
             start: np.ndarray | None = None, first: int = 0, spent: float = 0.0,
             true_error: Callable | None = None) -> Outcome:
-    """Alternate linear and local stages until the stopping criterion holds.
+    """Solve all load steps, batch after batch; with perfect interfaces there is one batch.
+
+    Parameters as in ``iterate_batch``. ``method.increment`` load steps make a batch. Each starts from
+    the state that the one before ended with, and from its jumps: the history of friction goes on. A
+    batch that does not converge does not keep the next ones from being tried.
+    """
+    steps, size = d.steps, method.increment
+    if size == "auto":
+        size = steps if d.all_perfect or steps <= TOGETHER else INCREMENT
+    batches = [slice(a, min(a + size, steps)) for a in range(0, steps, size)]
+    if d.all_perfect:
+        batches = [slice(0, steps)]
+    whole = np.zeros((d.space.size, steps)) if start is None else start.copy()
+    outcomes: list[Outcome] = []
+    for batch in batches:
+        view = d
+        if len(batches) > 1:
+            view = d.batch(batch, outcomes[-1].local.jump[-1] if outcomes else None)
+        if outcomes and start is None:
+            whole[:, batch] = outcomes[-1].fields.s[:, -1:]
+
+        def tell(event: Iteration, batch=batch) -> None:
+            if len(batches) > 1:
+                whole[:, batch] = event.state
+                event = replace(event, state=whole)
+            for subscriber in subscribers:
+                subscriber(event)
+
+        outcomes.append(iterate_batch(view, method, [tell], watch, whole[:, batch], first, spent, true_error))
+        first, spent = outcomes[-1].iterations, outcomes[-1].sweeps
+    result = outcomes[0] if len(outcomes) == 1 else _joined(outcomes)
+    for subscriber in subscribers:
+        subscriber(Finished(result.converged, result.stop_reason, result.iterations))
+    return result
+
+
+def _joined(outcomes: list[Outcome]) -> Outcome:
+    """The outcome of all batches: columns side by side, the first failure's reason."""
+    f, l, b = ([getattr(o, name) for o in outcomes] for name in ("fields", "local", "bound"))
+    failed = next((o for o in outcomes if not o.converged), outcomes[-1])
+    return Outcome(
+        Admissible(*(np.hstack([getattr(x, n) for x in f]) for n in ("s", "u", "alpha", "w", "f"))),
+        LocalState(np.hstack([x.s for x in l]), tuple(np.hstack(h) for h in zip(*(x.hats for x in l))),
+                   *(np.concatenate([getattr(x, n) for x in l]) for n in ("force", "jump", "status"))),
+        Bound(math.nan, math.nan, np.concatenate([x.energy for x in b]), np.hstack([x.repositioned for x in b]),
+              np.hstack([x.correction for x in b])),
+        all(o.converged for o in outcomes), failed.stop_reason, outcomes[-1].iterations, outcomes[-1].sweeps,
+        failed.last, [e for o in outcomes for e in o.history])
+
+
+def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
+                  start: np.ndarray, first: int = 0, spent: float = 0.0,
+                  true_error: Callable | None = None) -> Outcome:
+    """Alternate linear and local stages until the stopping criterion holds for all steps of a batch.
 
     Parameters
     ----------
     method : ``method`` of the configuration: acceleration, relaxation, tolerance, max_iterations
-    subscribers : called with every ``Iteration`` and with ``Finished``
-    start, first, spent : state (D, T), iteration number and sweeps to resume from
+    subscribers : called with every ``Iteration``
+    start, first, spent : state (D, T), iteration number and sweeps to start from
     true_error : (fields, bound) → relative energy error, where the exact solution is known
     """
     direction = d.stage.direction
     acceleration, criterion = make_acceleration(d, method), make_criterion(d, method.tolerance)
-    s = np.zeros((d.space.size, d.scene.steps)) if start is None else start
-    sweeps, history = spent, []
+    s, sweeps, history = start, spent, []
+    last = first + method.max_iterations
     iteration, converged, reason = first, False, "max_iterations"
     reach = 0.0  # largest interface displacement of the first stage
     while True:
         iteration += 1
         with watch("linear_stage"):
-            sweeps += bool(s.any())
+            sweeps += bool(s.any()) * d.steps / d.scene.steps
             evaluated = d.stage(s)
         reach = reach or np.abs(evaluated.w).max(initial=0.0)
         if d.coarse is not None:
@@ -106,7 +161,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
                 true_error(fields, bound) if true_error else math.nan,
                 *((laws.largest, laws.penetration, laws.tension, laws.cone, laws.direction) if laws else ()),
             )
-        history.append(event)
+        history.append(replace(event, state=event.state[:0]))  # the states themselves are large
         for subscriber in subscribers:
             subscriber(event)
         if verdict.met:
@@ -115,7 +170,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
             reason = "diverged"
         elif _stalled(history):
             reason = "stagnated at rounding"
-        elif iteration < method.max_iterations:
+        elif iteration < last:
             with watch("acceleration"):
                 s = acceleration.next()
             continue
@@ -123,8 +178,6 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
     with watch("bound"):
         final = criterion.final(fields, bound)
         sweeps += final.sweeps if final is not bound else 0
-    for subscriber in subscribers:
-        subscriber(Finished(converged, reason, iteration))
     return Outcome(fields, local, final, converged, reason, iteration, sweeps, event, history)
 
 
