@@ -6,7 +6,7 @@ from pathlib import Path
 import gmsh
 import meshio
 import numpy as np
-from monolithic import OPEN, Monolithic, normals
+from monolithic import OPEN, Monolithic, free_normals
 
 from orchestrator.blackbox.extended import boundary_dofs, sides_of
 from orchestrator.blackbox.registry import make_blackbox
@@ -61,7 +61,8 @@ class Contacts:
     ----------
     force : (T, P, 3) on side 1; imbalance : (T, P, 3) what the sides' forces do not cancel
     jump : (T, P, 3) u₂ − u₁; status : (T, P)
-    normal : (P, 3) from side 1 to side 2; area, gap, friction : (P,); points : (P, 3)
+    normal : (P, 3) from side 1 to side 2; area, gap, friction : (P,); points : (P, 3); normal, gap and
+        friction as they are felt within the components that are not prescribed
     """
 
     force: np.ndarray
@@ -129,9 +130,10 @@ def contacts(solved: Solved) -> Contacts:
         share = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6, 3)
         one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))
         force = 0.5 * (both[i.index][0] - both[i.index][1]), both[i.index][0] + both[i.index][1]
+        normal, length = free_normals(scene, i)
         found.append(((force[0][:, mobile], force[1][:, mobile], np.where(i.free, two - one, 0.0)[:, mobile], status),
-                      (normals(scene, i)[mobile], np.bincount(i.triangles.ravel(), share, len(x))[mobile],
-                       i.gap[mobile], np.full(status.shape[1], i.friction), x[mobile])))
+                      (normal[mobile], np.bincount(i.triangles.ravel(), share, len(x))[mobile],
+                       (i.gap / length)[mobile], (i.friction / length)[mobile], x[mobile])))
     return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),
                     *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))
 

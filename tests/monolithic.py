@@ -30,6 +30,7 @@ MAX_NEWTON = 60
 SOFT = 1e-7  # compliance of a pair over 1/c, in the Newton direction alone
 PROXIMAL = 1e-9  # stiffness added to K's diagonal likewise: bodies that nothing holds
 BACKTRACKS = 5
+NORMAL = 1e-6  # share of a normal that prescribed components must leave for the contact to press on
 SCALES = (1.0, 10.0, 0.1, 100.0)  # c over the local stiffness; the next one when Newton cycles
 
 
@@ -211,7 +212,8 @@ class Monolithic:
         sliding = N - p.friction[:, None, None] * e[:, :, None] * n[:, None, :] \
             + ratio * (np.eye(3) - N - e[:, :, None] * e[:, None, :])
         slope = np.where(slips[:, None, None], sliding, np.eye(3))
-        status = np.where(closed, np.where(slips, SLIP, STICK), OPEN)
+        status = np.where(closed & p.contact, np.where(slips, SLIP, STICK), OPEN)
+        closed &= p.contact
         answer, slope = answer * closed[:, None], slope * closed[:, None, None]
         # bonded: whatever force makes the jump what it must be
         tied = force + c[:, None] * (jump - p.jump)
@@ -232,15 +234,16 @@ class Monolithic:
                 rows.append(row[i.free])
                 columns.append(dofs[side][i.free])
                 values.append(np.full(i.free.sum(), sign))
-            mobile = i.free.any(axis=1)
+            mobile, (normal, length) = i.free.any(axis=1), free_normals(scene, i)
+            presses = normal.any(axis=1)
             found["free"].append(i.free)
-            found["normal"].append(normals(scene, i))
-            found["gap"].append(np.zeros(n) if i.gap is None else i.gap)
-            found["friction"].append(np.full(n, i.friction))
+            found["normal"].append(normal)
+            found["gap"].append((np.zeros(n) if i.gap is None else i.gap) / length)
+            found["friction"].append(i.friction / length)
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
             found["jump"].append(np.broadcast_to(np.zeros(3) if i.jump is None else i.jump, (n, 3)) * i.free)
             found["bonded"].append(mobile & (i.law != "contact"))
-            found["contact"].append(mobile & (i.law == "contact"))
+            found["contact"].append(mobile & presses & (i.law == "contact"))
             bounds.append(slice(count, count + n))
             count += n
         D = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
@@ -272,6 +275,20 @@ def normals(scene: Scene, interface: Interface) -> np.ndarray:
             normal = np.cross(u, v)
             result[at] += normal / np.linalg.norm(normal) * np.arctan2(np.linalg.norm(normal), u @ v)
     return result / np.linalg.norm(result, axis=1, keepdims=True)
+
+
+def free_normals(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (n, 3) within the components that are not prescribed, and the length (n,) left of each.
+
+    What is prescribed on both sides neither opens nor slips. The law lives on the other components, where
+    g + d·n ≥ 0 with the shorter normal is a larger gap, and p n a smaller force beside the same friction.
+    A normal that is prescribed altogether becomes zero, with length 1.
+    """
+    normal = normals(scene, interface) * interface.free
+    length = np.linalg.norm(normal, axis=1)
+    normal[length <= NORMAL] = 0.0
+    length[length <= NORMAL] = 1.0
+    return normal / length[:, None], length
 
 
 def _blocks(matrices: np.ndarray) -> sp.csr_array:

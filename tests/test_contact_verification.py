@@ -8,9 +8,10 @@ from monolithic import SLIP, STICK
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.rigid import motions
+from orchestrator.scene.rigid import rigid_modes
 
 YOUNG = 200e3
+ROLLERS = [{"on": {"plane": axis, "at": 0.0}, "displacement": [0.0 if axis == a else None for a in "xyz"]} for axis in "xyz"]
 
 
 # --- the monolithic solver --------------------------------------------------------------------------------
@@ -22,44 +23,51 @@ PROBLEMS = [("two blocks", mu) for mu in (0.0, 0.1, 0.3, 0.5)] \
 def reactions(one_piece, t, parts):
     """Force on every boundary entry of a displacement."""
     nodal = one_piece.reactions(t, parts)
-    return np.array([nodal[entry.nodes].sum(axis=0) for entry in one_piece.scene.boundary])
+    return np.array([nodal[entry.nodes].sum(axis=0) * entry.fixed for entry in one_piece.scene.boundary])
 
 
-def distance(scene, one, two, force):
-    """Largest difference of two displacements; where a subdomain carries no force, up to rigid motion."""
-    carries = np.zeros(len(scene.subdomains), bool)
-    start = 0
-    for i in scene.interfaces:
-        own = np.abs(force[start:start + len(i.global_nodes)]).max()
-        carries[list(i.subdomains)] |= own > 1e-6 * np.abs(force).max()
-        start += len(i.global_nodes)
+def distance(scene, one, two, loose=False):
+    """Largest difference of two displacements; if bodies are loose, apart from their rigid motions."""
     largest = 0.0
-    for s, a, b, held in zip(scene.subdomains, one, two, carries):
+    for s, a, b in zip(scene.subdomains, one, two):
         difference = (a - b).ravel()
-        if not held and not s.fixed.any():
-            rigid = motions(scene.mesh.nodes[s.nodes])
-            difference = difference - rigid @ np.linalg.lstsq(rigid, difference, rcond=None)[0]
+        if loose:
+            rigid = rigid_modes(scene.mesh.nodes[s.nodes], s.fixed)
+            difference = difference - rigid @ (rigid.T @ difference)
         largest = max(largest, np.abs(difference).max())
     return largest
 
 
-@pytest.mark.parametrize("name, friction", PROBLEMS)
-def test_monolithic_solver_agrees(name, friction):
-    """Pressed, sheared, unloaded: ours solves the independent formulation, which finds the same on its own."""
-    made = contact(friction, **CASES[name])
+def assert_agrees(made, loose):
+    """Ours solves the independent formulation, and what that finds on its own from a cold start is the same."""
     solved = converged(made)
     scene, one_piece = solved.scene, monolithic(solved, made)
     ours = np.array(solved.summary["reactions"]).transpose(1, 0, 2)
     for start in (start_from(solved), None):
         for t, step in enumerate(one_piece.solve(start)):
             assert step.converged, f"the monolithic solver stops at {step.residual:.1e}"
+            assert start is None or step.started <= 1e-9, f"ours leaves {step.started:.1e} in its equations"
             parts = [u[t] for u in solved.parts]
-            if start is not None:
-                assert step.started <= 1e-9, f"ours leaves {step.started:.1e} in the independent formulation"
             largest = max(np.abs(u).max() for u in parts)
-            assert distance(scene, parts, step.parts, step.force) <= 1e-6 * largest
+            assert distance(scene, parts, step.parts, loose and start is None) <= 1e-6 * largest
             theirs = reactions(one_piece, t, step.parts)
-            assert np.abs(ours[t] - theirs).max() <= 1e-6 * np.abs(theirs).max()
+            held = [entry.kind == "displacement" for entry in scene.boundary]
+            assert np.abs(ours[t] - theirs)[held].max() <= 1e-6 * np.abs(theirs).max()
+
+
+@pytest.mark.parametrize("name, friction", PROBLEMS)
+def test_monolithic_solver_agrees(name, friction):
+    """Pressed, sheared, unloaded; grains that come loose stand where either solver leaves them."""
+    assert_agrees(contact(friction, **CASES[name]), loose=name == "ten grains")
+
+
+@pytest.mark.xfail(reason="oblique normals at nodes that are prescribed in part", run=False)
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_monolithic_solver_agrees_on_rollers(friction):
+    """Interfaces that meet planes of symmetry at an angle: their nodes there are prescribed in part."""
+    press = {"on": TOP, "displacement": [[None, None, z] for z in (-0.002, -0.004, -0.001)]}
+    grains = {"mesh": {"polycrystal": {"grains": 6, "size": 1.0, "h": 0.25, "seed": 1}}, "subdomains": "groups"}
+    assert_agrees(contact(friction, **grains, boundary=[*ROLLERS, press]), loose=True)
 
 
 def test_perfect_and_contact_interfaces_meet():
@@ -92,9 +100,6 @@ def test_press_fit():
         own = z[s.nodes]
         exact = -0.001 * own if own.max() < 0.6 else 0.001 * (1 - own)
         assert u[0, :, 2] == pytest.approx(exact, abs=1e-11) and np.abs(u[0, :, :2]).max() < 1e-11
-
-
-ROLLERS = [{"on": {"plane": axis, "at": 0.0}, "displacement": [0.0 if axis == a else None for a in "xyz"]} for axis in "xyz"]
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
