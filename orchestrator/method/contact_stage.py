@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.method.local_state import LocalState
 from orchestrator.method.pairs import Pairs
-from orchestrator.method.search_direction import SearchDirection
+from orchestrator.method.search_direction import SearchDirection, conditioning
 
 
 class ContactStage:
@@ -31,6 +31,25 @@ class ContactStage:
     def __init__(self, direction: SearchDirection, pairs: Pairs, previous: np.ndarray | None = None):
         self.direction, self.pairs = direction, pairs
         self.previous = np.zeros((len(pairs), 3)) if previous is None else previous
+
+    def conditioning(self) -> tuple[float, float]:
+        """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
+        pairs, points = self.pairs, self.pairs.points
+        stiff_n, stiff_t = 1 / np.sqrt(2 * points.stiff_n), 1 / np.sqrt(2 * points.stiff_t)
+        mine = np.concatenate([pairs.one[pairs.free], pairs.two[pairs.free]])
+
+        def root(x: np.ndarray) -> np.ndarray:
+            result = np.empty_like(x)
+            for side, part in ((pairs.one, x[: len(x) // 2]), (pairs.two, x[len(x) // 2 :])):
+                values = np.zeros(pairs.free.shape)
+                values[pairs.free] = part
+                scaled = stiff_t[:, None] * values + (
+                    (stiff_n - stiff_t) * points.along(values))[:, None] * points.normal
+                half = slice(None, len(x) // 2) if side is pairs.one else slice(len(x) // 2, None)
+                result[half] = scaled[pairs.free]
+            return result
+
+        return conditioning(self.direction.k[mine][:, mine], root)
 
     def predicted(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(P, 3) F from traces (D,) of one step."""

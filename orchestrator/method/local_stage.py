@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.local_state import LocalState
-from orchestrator.method.search_direction import SearchDirection, factorised
+from orchestrator.method.search_direction import SearchDirection, conditioning, factorised
 
 
 class PerfectInterfaces:
@@ -56,6 +56,13 @@ class PerfectInterfaces:
         kw = self.k @ w - f
         w_hat = self._sum_solve(kw + kw[p])
         return w_hat, f - self.k @ (w - w_hat)
+
+    def conditioning(self) -> tuple[float, float]:
+        """Extreme eigenvalues of (k⁻, k⁺); both 1 but for the diagonal."""
+        if self.kplus != "diagonal":
+            return 1.0, 1.0
+        root = 1 / np.sqrt(self.direction.diagonal)
+        return conditioning(self.direction.k, lambda x: root * x)
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""

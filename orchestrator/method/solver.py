@@ -184,17 +184,23 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
 def make_acceleration(d: Decomposition, method) -> Relaxation | ResidualMinimisation | Anderson:
     """The acceleration that a configuration asks for, in the norm of the inverse search direction.
 
-    ``relaxation: auto`` is 1 where the residual is minimised over affine maps, 0.8 (the paper's) where
-    it is not minimised at all, and with contact.
+    ``relaxation: auto`` is 1 where the residual is minimised over affine maps and 0.8 with contact. Where
+    it is not minimised at all it is 0.8 (the paper's), or less if the two search directions differ much.
     """
     weight, auto = 1 / d.stage.direction.diagonal, method.relaxation == "auto"
     memory = None if method.memory == "auto" else method.memory
     if method.acceleration == "none":
-        return Relaxation(0.8 if auto else method.relaxation)
+        return Relaxation(stable_relaxation(*d.local.conditioning()) if auto else method.relaxation)
     if d.all_perfect:
         return ResidualMinimisation(weight, None if method.acceleration == "gmres" else memory,
                                     1.0 if auto else method.relaxation)
     return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation)
+
+
+def stable_relaxation(low: float, high: float) -> float:
+    """0.8, or 0.9 of the limit 2/(1 + max(λ, 1/λ)) where that is less; λ the eigenvalues of (k⁻, k⁺)."""
+    worst = max(high, 1 / low if low > 0 else np.inf)
+    return max(min(0.8, 0.9 * 2 / (1 + worst)), 0.01)
 
 
 def _stalled(history: list[Iteration]) -> bool:
