@@ -333,10 +333,11 @@ def test_rotation_about_a_hinge_is_named():
     assert "rigid body: rotation about the y axis through (2, 0.5, 1)" in found.found[0].found
 
 
-def test_parts_numbered_separately_are_said_to_touch(tmp_path):
+def test_parts_whose_faces_do_not_match_are_said_to_touch(tmp_path):
+    """The other part is mirrored: its nodes coincide with the first one's, its diagonals cross them."""
     one = bricks(np.ones(3), np.array([1, 1, 1]), "box")
-    mesh = Mesh(np.r_[one.nodes, one.nodes + [1, 0, 0]], np.r_[one.cells, one.cells + 8], np.repeat([0, 1], 6),
-                ["a", "b"], {}, "")
+    mesh = Mesh(np.r_[one.nodes, one.nodes * [1, -1, 1] + [1, 1, 0]], np.r_[one.cells, one.cells[:, [1, 0, 2, 3]] + 8],
+                np.repeat([0, 1], 6), ["a", "b"], {}, "")
     wrong = problem(mesh=saved(mesh, tmp_path / "a.mesh"), subdomains="groups")
     assert wrong.path == ("boundary",) and "volume_2 (one of 2 separate bodies" in wrong.found
     assert "4 of its nodes coincide" in wrong.cure and "merge" in wrong.cure

@@ -59,11 +59,10 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
     """One model per different sole, with the (interface, side) it belongs to."""
     models = []
     for interface, pair in zip(scene.interfaces, soles):
-        inner = scene.mesh.nodes[interface.global_nodes]
         for side in (0,) if pair[0] is pair[1] else (0, 1):
             sole = pair[side]
             region, materials = _regions(np.column_stack([sole.young, sole.poisson]))
-            nodes = np.vstack([inner, sole.points])
+            nodes = np.vstack([scene.side_points(interface, side), sole.points])
             models.append((
                 Model(f"sole of {interface.name}", nodes, sole.cells, region, materials,
                       np.zeros((len(nodes), 3), bool), np.empty(0, int)),

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from .base import Name, PartlyFree, Part, Vector, as_list, either, one_or_per_step
+from .base import Name, PartlyFree, Part, Positive, Vector, as_list, either, one_or_per_step
 
 
 class Place(Part):
@@ -51,7 +51,10 @@ class InterfaceLaw(Part):
         ["*", "*"], description="names of the two parts, shell wildcards allowed, in either order")
     law: Literal["perfect", "contact", "jump"] = Field("perfect", description="perfect: bonded, the undamaged body")
     friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above, for contact; none: 0")
-    gap: Gap | None = Field(None, description="initial gap for contact, negative for a press fit; none: 0")
+    gap: Gap | None = Field(None, description=(
+        "initial gap for contact, negative for a press fit, or geometry: as far as the sides are apart; none: 0"))
+    within: Positive | None = Field(None, description=(
+        "search distance of gap: geometry, a length; none: twice the local element size"))
     jump: Vector | None = Field(None, description="imposed jump from the first part to the second, for jump")
 
 

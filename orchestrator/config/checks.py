@@ -51,6 +51,9 @@ def belongs_to(data: Any) -> Iterator[Problem]:
             if isinstance(law, str) and entry.get(key) is not None and law != partner:
                 yield Problem((*path, key), f"{key} with law: {law}", f"{key} with law: {partner} only",
                               f"remove {key}, or write law: {partner}")
+        if isinstance(law, str) and entry.get("within") is not None and entry.get("gap") != "geometry":
+            yield Problem((*path, "within"), "within without gap: geometry", "within beside gap: geometry only",
+                          "remove within, or write gap: geometry")
         if law == "jump" and entry.get("jump") is None:
             yield Problem(path, "law: jump without a jump", "jump: three numbers", "add jump: [0, 0, 0.01]")
 

@@ -27,7 +27,7 @@ class InterfaceFields:
     names, laws : (I,) texts
     subdomains : (I, 2) int, side 1 and side 2
     offsets : (I + 1,) int, where each interface's nodes start
-    nodes : (N,) int, global node ids
+    nodes, others : (N,) int, global node ids on side 1 and on side 2; they differ where the sides share no faces
     triangles : (M, 3) int, indices into the N nodes, oriented outward of side 1
     owner : (M,) int, the interface of each triangle
     normal : (N, 3) unit normals from side 1 to side 2; area : (N,) each node's share of its interface
@@ -45,6 +45,7 @@ class InterfaceFields:
     subdomains: np.ndarray
     offsets: np.ndarray
     nodes: np.ndarray
+    others: np.ndarray
     triangles: np.ndarray
     owner: np.ndarray
     normal: np.ndarray
@@ -99,7 +100,7 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
     chosen = sorted(pairs.interfaces, key=lambda i: i.index)
     offsets = np.cumsum([0] + [len(i.global_nodes) for i in chosen])
     place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
-    normal, area = (np.concatenate([of(d.scene.mesh.nodes[i.global_nodes], i.triangles) for i in chosen])
+    normal, area = (np.concatenate([of(d.scene.points(i), i.triangles) for i in chosen])
                     for of in (node_normals, node_areas))
     initial = np.concatenate([np.zeros(len(i.global_nodes)) if i.gap is None else i.gap for i in chosen])
 
@@ -115,7 +116,8 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
     resultant = np.stack([force[:, a:b].sum(axis=1) for a, b in zip(offsets[:-1], offsets[1:])], axis=1)
     return InterfaceFields(
         np.array([i.name for i in chosen]), np.array([i.law for i in chosen]),
-        np.array([i.subdomains for i in chosen]), offsets, np.concatenate([i.global_nodes for i in chosen]),
+        np.array([i.subdomains for i in chosen]), offsets,
+        *(np.concatenate([d.scene.side_nodes(i, side) for i in chosen]) for side in (0, 1)),
         np.concatenate([i.triangles + a for i, a in zip(chosen, offsets)]),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
         initial + opening, jump - opening[:, :, None] * normal, -push / area, traction, status, resultant)

@@ -84,7 +84,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
         sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
         for side in (0, 1):
             sides[side][i.free] = space.slots[i.index][side]
-        points = scene.mesh.nodes[i.global_nodes]
+        points = scene.points(i)
         mobile = i.free.any(axis=1)  # the others are prescribed: nothing is left to a law
         n = int(mobile.sum())
         one.append(sides[0][mobile])

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import InputError, Problem
 from orchestrator.scene.model import Scene
 
 
@@ -40,7 +41,13 @@ def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
     Raises
     ------
     BlackBoxError : from the code, also when memory runs out
+    InputError : parts are joined by pairs of nodes, so that the mesh is not in one piece
     """
+    apart = [i.name for i in scene.interfaces if not np.array_equal(i.global_nodes, scene.side_nodes(i, 1))]
+    if apart:
+        raise InputError(Problem(("mesh",), f"{len(apart)} interfaces whose sides share no nodes, the first {apart[0]}",
+                                 "a mesh in one piece, which is what --reference solves",
+                                 "leave out --reference, or merge coincident nodes (gmsh: Coherence)"))
     model = whole_model(scene)
     stiffness = blackbox.stiffness([model])[0]
     blackbox.load([model])

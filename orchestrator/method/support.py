@@ -70,9 +70,9 @@ class _Motions:
             mine = [s for s, owner in zip(scene.subdomains, body) if owner == b]
             nodes = np.unique(np.concatenate([s.nodes for s in mine]))
             columns = motions(scene.mesh.nodes[nodes]).reshape(-1, 3, 6)
-            for side in (0, 1):
+            for side, own in enumerate((interfaces.nodes, interfaces.others)):
                 here = self.sides[:, side] == b
-                self.columns[side, here] = columns[np.searchsorted(nodes, interfaces.nodes[here])]
+                self.columns[side, here] = columns[np.searchsorted(nodes, own[here])]
             held = columns[scene.fixed[nodes]]
             self.support[b] = held.T @ held
 

@@ -74,7 +74,8 @@ class Fields:
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
         i = self.interfaces
-        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side], i.nodes)]
+        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side],
+                                                                  (i.nodes, i.others)[side])]
 
     @cached_property
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:

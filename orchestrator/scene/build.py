@@ -32,9 +32,6 @@ def build_scene(config: Config) -> Scene:
     boundary = resolve_boundary(mesh, faces, config.boundary, vectors, problems)
     unresolved = any(path[0] == "boundary" for path in (p.path for p in problems.found))
     fixed, prescribed = prescribe(mesh, boundary, count, problems)
-    if not unresolved:
-        # A selection that failed holds nothing: a second complaint would only distract.
-        check_held(mesh, faces, fixed, problems)
     try:
         partition = make_partition(mesh, faces, config.subdomains)
     except InputError as error:
@@ -50,6 +47,10 @@ def build_scene(config: Config) -> Scene:
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
                problems)
     interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, fixed, config.interfaces, problems)
+    if not unresolved:
+        # A selection that failed holds nothing: a second complaint would only distract.
+        links = [i.cells for i in interfaces]
+        check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
     subdomains = _subdomains(partition, numbering, cell_material, fixed, prescribed, split)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,

@@ -1,7 +1,8 @@
-"""Interfaces: the faces two subdomains share, one per connected patch."""
+"""Interfaces: the faces two subdomains share, or that lie opposite each other; one per connected patch."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,20 @@ from orchestrator.errors import Problems
 from orchestrator.scene.faces import Faces, components
 from orchestrator.scene.laws import Laws
 from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.names import matching
 from orchestrator.scene.numbering import SplitNumbering
+from orchestrator.scene.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.partition import Partition
+from orchestrator.scene.quality import place
+from orchestrator.scene.soles import local_size, node_normals
+
+# Pairs of parts beyond which it is not said how far apart the nearest ones are.
+MOST = 50
 
 
 def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
                     entries: list[Any], problems: Problems) -> list[Interface]:
-    """Finds all interfaces, ordered by pair of subdomains, then by their lowest face.
+    """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
 
     Pairs that touch along an edge or in a node are none. Patches on which everything is prescribed are
     left out: nothing is to be found there.
@@ -45,7 +53,13 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own, local.reshape(-1, 3), cells[first:last],
                                free))
         laws.apply(entry, found[-1], known[0])
-    laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems)
+    bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
+    for interface, names in _opposite(mesh, bodies, partition, numbering, fixed, laws, problems):
+        interface.index = len(found)
+        found.append(interface)
+        pairs.append(names)
+    laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems,
+                       lambda entry: _how_far(mesh, bodies, partition, entry))
     _number_patches(found)
     return found
 
@@ -104,6 +118,71 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
     if len(np.intersect1d(*volumes)):
         return (names[0],), (names[1],)
     return tuple((name, *(mesh.volumes[v] for v in own)) for name, own in zip(names, volumes))
+
+
+def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+              laws: Laws, problems: Problems) -> Iterator[tuple[Interface, tuple[str, str]]]:
+    """Interfaces of parts that share no faces there, and the names of their subdomains."""
+    within = max((getattr(e, "within", None) or 0.0 for e in laws.entries), default=0.0)
+    for pair in close_bodies(bodies, within):
+        names = tuple(partition.names[b.subdomain] for b in pair)
+        known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))
+        index = laws.foreseen(*known)
+        measured, reach = laws.measures(index), getattr(laws.entries[index], "within", None) if index >= 0 else None
+        patches, mismatch = match(*pair, measured, reach)
+        if mismatch:
+            problems.add(("interfaces", index, "gap"), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
+                         f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
+                         f"{place(mismatch.place)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
+                         "mesh both sides alike, or lower within: to what is meant to touch")
+        for patch in patches:
+            laws.between(*known)
+            nodes, at, local = np.unique(patch.triangles, return_index=True, return_inverse=True)
+            others = patch.opposite.ravel()[at]
+            own = tuple(numbering.find(np.int64(b.subdomain), ids) - numbering.offsets[b.subdomain]
+                        for b, ids in zip(pair, (nodes, others)))
+            uneven = (fixed[nodes] != fixed[others]).any(axis=1)
+            if uneven.any():
+                problems.add(("interfaces", max(index, 0)), f"{uneven.sum()} node pairs of {' | '.join(names)} are prescribed "
+                             f"on one side only, the first at {place(mesh.nodes[nodes[uneven][0]])}",
+                             "the same components prescribed on both sides of a pair",
+                             "select boundary faces by a plane or box that holds both sides, or neither")
+            interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
+                                  local.reshape(-1, 3), patch.cells, ~(fixed[nodes] | fixed[others]))
+            if not interface.free.any():
+                continue
+            laws.apply(index, interface, known[0])
+            if measured:
+                interface.gap = _measured(mesh, interface, others, index, problems)
+            yield interface, names
+
+
+def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, index: int, problems: Problems) -> np.ndarray:
+    """(n,) distance of the sides along the normal; zero where they coincide."""
+    one, two = mesh.nodes[interface.global_nodes], mesh.nodes[others]
+    middle = (one + two) / 2
+    gap = np.einsum("ij,ij->i", node_normals(middle, interface.triangles), two - one)
+    rounding = COINCIDE * local_size(middle, interface.triangles)
+    deep = gap < -rounding
+    if deep.any():
+        worst = int(gap.argmin())
+        problems.add(("interfaces", index, "gap"), f"{interface.name} penetrate each other in the initial geometry, at "
+                     f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {place(middle[worst])}", "sides that touch or are apart",
+                     "move the parts, or ask for a press fit by a number: gap: -0.01")
+    return np.where(np.abs(gap) <= rounding * 1e-3, 0.0, np.maximum(gap, 0.0))
+
+
+def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -> str:
+    """How far apart the nearest nodes are of the parts that an entry names."""
+    sides = [[b for b in bodies if matching(pattern, [partition.names[b.subdomain], mesh.volumes[b.volume]])]
+             for pattern in entry.between]
+    found = [nearest(a, b) for a in sides[0] for b in sides[1] if a is not b and a.volume != b.volume]
+    if not found or len(found) > MOST:
+        return ""
+    distance, where, size = min(found, key=lambda f: f[0])
+    allowed = (f"faces are sought within {getattr(entry, 'within', None) or REACH * size:.3g} along the normal"
+               if getattr(entry, "gap", None) == "geometry" else f"nodes coincide within {COINCIDE * size:.3g}")
+    return f"; their nearest nodes are {distance:.3g} apart, at {place(where)}, and {allowed}"
 
 
 def _number_patches(found: list[Interface]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any
 
@@ -33,13 +33,15 @@ class Laws:
         ----------
         first, second : the names each side goes by (its subdomain's, its volume's)
         """
-        chosen = -1
-        for i, entry in enumerate(self.entries):
-            a, b = entry.between
-            if (self._any(a, first) and self._any(b, second)) or (self._any(b, first) and self._any(a, second)):
-                self.used[i] = True
-                chosen = i
-        return chosen
+        hits = self._matching(first, second)
+        for i in hits:
+            self.used[i] = True
+        return hits[-1] if hits else -1
+
+    def foreseen(self, first: Iterable[str], second: Iterable[str]) -> int:
+        """The same for two sides that may turn out to have no interface: no entry counts as used."""
+        hits = self._matching(first, second)
+        return hits[-1] if hits else -1
 
     def apply(self, index: int, interface: Interface, first: Iterable[str]) -> None:
         """Give an interface the law of an entry; it stays perfect when none matched.
@@ -55,18 +57,24 @@ class Laws:
         if entry.law == "contact":
             interface.friction = float(entry.friction or 0.0)
             # faces that are shared touch: a gap read from the geometry is zero there
-            interface.gap = np.full(count, 0.0 if entry.gap in (None, "geometry") else float(entry.gap))
+            interface.gap = np.full(count, 0.0 if entry.gap is None or self.measures(index) else float(entry.gap))
         elif entry.law == "jump":
             sign = 1.0 if self._any(entry.between[0], first) else -1.0
             interface.jump = sign * np.asarray(entry.jump, dtype=float)
 
-    def report_unused(self, names: list[str], pairs: list[tuple[str, str]], problems: Problems) -> None:
+    def measures(self, index: int) -> bool:
+        """Whether an entry reads its gap from the geometry, so that sides may be apart."""
+        return index >= 0 and getattr(self.entries[index], "gap", None) == "geometry"
+
+    def report_unused(self, names: list[str], pairs: list[tuple[str, str]], problems: Problems,
+                      nearest: Callable[[Any], str] = lambda entry: "") -> None:
         """Adds a problem for each entry that matched no interface.
 
         Parameters
         ----------
         names : everything an entry could have named
         pairs : names of the two sides of existing interfaces, for the cure
+        nearest : what to say of how far apart the parts of an entry are
         """
         for i, (entry, used) in enumerate(zip(self.entries, self.used)):
             if used:
@@ -76,14 +84,23 @@ class Laws:
                 found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
                 cure = "; ".join(suggestion(p, names, "part") for p in unknown)
             else:
-                found = f"no interface between {entry.between[0]!r} and {entry.between[1]!r}: they share no face"
+                found = f"no interface between {entry.between[0]!r} and {entry.between[1]!r}: they share no face" \
+                    + nearest(entry)
                 beside = [f"{a} | {b}" for a, b in pairs
                           if any(matching(p, [a, b]) for p in entry.between if p != "*")] or \
                          [f"{a} | {b}" for a, b in pairs]
                 cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
                     if pairs else "there are no interfaces at all"
-            problems.add(("interfaces", i, "between"), found,
-                         "names of two parts that share faces, shell wildcards allowed", cure)
+            where = "gap" if self.measures(i) and not unknown else "between"
+            problems.add(("interfaces", i, where), found,
+                         "names of two parts that share faces, or have opposite faces with matching nodes; "
+                         "shell wildcards allowed", cure)
+
+    def _matching(self, first: Iterable[str], second: Iterable[str]) -> list[int]:
+        """Indices of all entries that match, ascending."""
+        sides = [(entry.between[0], entry.between[1]) for entry in self.entries]
+        return [i for i, (a, b) in enumerate(sides)
+                if (self._any(a, first) and self._any(b, second)) or (self._any(b, first) and self._any(a, second))]
 
     def _any(self, pattern: str, names: Iterable[str]) -> bool:
         return any(self._hits(pattern, name) for name in names)

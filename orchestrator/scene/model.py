@@ -65,13 +65,14 @@ class Subdomain:
 
 @dataclass
 class Interface:
-    """One connected patch of faces shared by two subdomains.
+    """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are paired.
 
     Parameters
     ----------
     index, name : position in ``Scene.interfaces`` and a name for messages
     subdomains : (E1, E2), indices of the two sides
-    global_nodes : (n,) int, global node ids of the patch, ascending
+    global_nodes : (n,) int, global node ids of the patch on side 1, ascending; on side 2 they are the same
+        unless the sides share no faces, see ``Scene.side_nodes``
     nodes : two (n,) int arrays, local node indices in E1 and E2, paired
     triangles : (k, 3) int, indices into the patch's nodes, oriented outward of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
@@ -162,6 +163,18 @@ class Scene:
     prescribed: np.ndarray
     loads: np.ndarray
     steps: int
+
+    def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
+        """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""
+        return self.subdomains[interface.subdomains[side]].nodes[interface.nodes[side]]
+
+    def side_points(self, interface: Interface, side: int) -> np.ndarray:
+        """(n, 3) where an interface's nodes are on side 0 (the first) or 1."""
+        return self.mesh.nodes[self.side_nodes(interface, side)]
+
+    def points(self, interface: Interface) -> np.ndarray:
+        """(n, 3) where an interface is: halfway between its sides, which gives normals and areas without a favourite."""
+        return 0.5 * (self.side_points(interface, 0) + self.side_points(interface, 1))
 
     def __repr__(self) -> str:
         return (f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} interfaces, "

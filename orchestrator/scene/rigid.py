@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from orchestrator.errors import Problems
-from orchestrator.scene.faces import Faces, pieces
+from orchestrator.scene.faces import Faces, components, pieces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import place
 
@@ -63,9 +63,18 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     return modes
 
 
-def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems) -> None:
-    """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts."""
+def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
+               links: np.ndarray | None = None) -> None:
+    """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
+
+    Parameters
+    ----------
+    links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
+    """
     count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
+    if links is not None:
+        count, joined = components(*piece[links].T, count)
+        piece = joined[piece]
     order = np.argsort(piece, kind="stable")
     ranges = np.searchsorted(piece[order], np.arange(count + 1))
     own = [np.unique(mesh.cells[order[a:b]]) for a, b in zip(ranges[:-1], ranges[1:])]

@@ -195,13 +195,14 @@ def merge(first: Sole, second: Sole, n: int) -> Sole:
     )
 
 
-def facets_of(scene: Scene, interface: Interface, settings, kind: str) -> Facets:
+def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int = 0) -> Facets:
     """The facets of an interface with the moduli and the thickness their sole should have.
 
     Parameters
     ----------
     settings : ``method.sole`` of the configuration: modulus_ratio or contact_ratio, thickness, poisson
     kind : of the sole
+    side : 0 or 1, where the points are taken from; the triangles are outward of the first side anyway
 
     Notes
     -----
@@ -211,7 +212,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str) -> Facets
     """
     young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
     poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
-    points = scene.mesh.nodes[interface.global_nodes]
+    points = scene.side_points(interface, side)
     if settings.thickness == "auto":
         thickness = local_size(points, interface.triangles)
     else:
@@ -225,8 +226,15 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str) -> Facets
     return Facets(points, interface.triangles, thin * ratio * young.max(axis=1), nu, thin * thickness)
 
 
-def soles_of(facets: Facets, kind: str) -> tuple[Sole, Sole]:
-    """The soles of the first and the second side; one and the same object when ``symmetric``."""
+def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[Sole, Sole]:
+    """The soles of the first and the second side; one and the same object when ``symmetric``.
+
+    Parameters
+    ----------
+    second : the facets where the second side is, if not on the first
+    """
+    if second is not None:
+        return soles_of(facets, kind)[0], soles_of(second, kind)[1]
     if kind in ("layer", "springs"):
         return prisms(facets, +1), prisms(facets, -1)
     half = Facets(facets.points, facets.triangles, facets.young / 2, facets.poisson, facets.thickness)
@@ -237,4 +245,9 @@ def soles_of(facets: Facets, kind: str) -> tuple[Sole, Sole]:
 def make_soles(scene: Scene, settings) -> list[tuple[Sole, Sole]]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration."""
     kinds = [settings.kind if i.law == "perfect" else settings.contact for i in scene.interfaces]
-    return [soles_of(facets_of(scene, i, settings, kind), kind) for i, kind in zip(scene.interfaces, kinds)]
+    soles = []
+    for interface, kind in zip(scene.interfaces, kinds):
+        first, second = (facets_of(scene, interface, settings, kind, side) for side in (0, 1))
+        together = np.array_equal(first.points, second.points)
+        soles.append(soles_of(first, kind, None if together else second))
+    return soles
