@@ -125,7 +125,7 @@ def contacts(solved: Solved) -> Contacts:
         start = end
         if i.law != "contact":
             continue
-        x = scene.mesh.nodes[i.global_nodes]
+        x = scene.points(i)
         a, b, c = np.moveaxis(x[i.triangles], 1, 0)
         share = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6, 3)
         one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))

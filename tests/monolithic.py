@@ -267,7 +267,7 @@ def _plain(scene: Scene, s) -> Model:
 def normals(scene: Scene, interface: Interface) -> np.ndarray:
     """(n, 3) unit normals out of the first side: the facets' own, weighted by their angle at the node."""
     result = np.zeros((len(interface.global_nodes), 3))
-    x = scene.mesh.nodes[interface.global_nodes]
+    x = scene.points(interface)
     for corners in interface.triangles:
         for j in range(3):
             at, b, c = corners[j], corners[j - 2], corners[j - 1]
