@@ -30,6 +30,7 @@ from orchestrator.method.loading import Loading
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more than this to b²
 MAX_STEPS = 30
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
+ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
 UNBALANCED = 1e-9  # resultants above this fraction of the forces need the coarse balance
 
 
@@ -184,7 +185,7 @@ class ErrorBound:
         mono-scale strategy leaves it to this one coarse problem, of least norm.
         """
         resultant = self.modes.T @ (self.space.scatter @ change)
-        scale = np.abs(self.modes.T) @ (self.space.scatter @ np.abs(f))
+        scale = np.abs(self.modes.T) @ (self.space.scatter @ np.abs(change))
         if not resultant.size or np.abs(resultant).max() <= UNBALANCED * max(scale.max(), np.finfo(float).tiny):
             return change, True
         if self._balance is None:
@@ -217,10 +218,13 @@ def _tail(steps: list[float]) -> float:
 
 
 def _relative(error: float, size: float) -> float:
-    """error / ‖u_exact‖, with ‖u_exact‖ ≥ ‖u_D‖ − error: infinite while the error is that large."""
+    """error / ‖u_exact‖, with ‖u_exact‖ ≥ ‖u_D‖ − error: infinite while the error is that large.
+
+    What rounding may add is part of it, so that no tolerance below ``ROUNDING`` is ever reported as met.
+    """
     if error == 0:
         return 0.0
-    return float(error / (size - error)) if size > error else np.inf
+    return float(np.hypot(error / (size - error), ROUNDING)) if size > error else np.inf
 
 
 def _safe_ratio(top: np.ndarray, bottom: np.ndarray) -> np.ndarray:

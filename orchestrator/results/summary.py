@@ -147,15 +147,17 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     rows = [("run", shown("name", "{}")),
             ("result", state if reason in ("", "converged") else f"{state} ({reason})"),
             ("iterations", shown("iterations") and f"{shown('iterations')}"
-             + (f", {total:g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
+             + (f", {total:.4g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
             ("error bound", shown("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
             ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
             ("law residual", _law_text(summary)),
             ("contact", _status_text(summary)),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
-            ("size", ", ".join(f"{shown(key)} {key.replace('_', ' ')}"
-                               for key in ("dofs", "subdomains", "interfaces", "load_steps") if shown(key))),
+            ("size", ", ".join(f"{shown(key)} {word if summary[key] == 1 else word + 's'}"
+                               for key, word in (("dofs", "dof"), ("subdomains", "subdomain"),
+                                                 ("interfaces", "interface"), ("load_steps", "load step"))
+                               if shown(key))),
             ("time", _time_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]
