@@ -12,10 +12,9 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.laws.points import BONDED, OPEN, SLIP, STICK
-from orchestrator.method.pairs import node_areas
+from orchestrator.method.pairs import node_areas, pair_normals
 from orchestrator.method.solver import Outcome
 from orchestrator.scene.model import Interface
-from orchestrator.scene.soles import node_normals
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,8 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
     chosen = sorted(pairs.interfaces, key=lambda i: i.index)
     offsets = np.cumsum([0] + [len(i.global_nodes) for i in chosen])
     place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
-    normal, area = (np.concatenate([of(d.scene.points(i), i.triangles) for i in chosen])
-                    for of in (node_normals, node_areas))
+    normal = np.concatenate([pair_normals(d.scene.points(i), i) for i in chosen])
+    area = np.concatenate([node_areas(d.scene.points(i), i.triangles) for i in chosen])
     initial = np.concatenate([np.zeros(len(i.global_nodes)) if i.gap is None else i.gap for i in chosen])
 
     jump, force = np.zeros((2, steps, len(normal), 3))

@@ -17,6 +17,9 @@ from orchestrator.method.traces import TraceSpace
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles import node_normals
 
+# Prescribed components are taken out of a normal that keeps this much of its length.
+UPRIGHT = 0.7
+
 
 @dataclass
 class Pairs:
@@ -90,7 +93,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
         one.append(sides[0][mobile])
         two.append(sides[1][mobile])
         free.append(i.free[mobile])
-        normal.append(node_normals(points, i.triangles)[mobile])
+        normal.append(pair_normals(points, i)[mobile])
         area.append(node_areas(points, i.triangles)[mobile])
         gap.append(i.gap[mobile] if i.gap is not None else np.zeros(n))
         friction.append(np.full(n, i.friction))
@@ -106,6 +109,19 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate(gap), np.concatenate(friction),
                     np.concatenate(jump))
     return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area))
+
+
+def pair_normals(points: np.ndarray, interface: Interface) -> np.ndarray:
+    """(n, 3) unit normals from side 1 to side 2, in the space of the components that are not prescribed.
+
+    At the rim of a symmetric half the mean of the facets' normals leans off the plane of symmetry, which the true
+    normal does not. Where the normal itself is prescribed it stays what it is.
+    """
+    normal = node_normals(points, interface.triangles)
+    inside = np.where(interface.free, normal, 0.0)
+    length = np.linalg.norm(inside, axis=1, keepdims=True)
+    leans = (length > UPRIGHT) & ~interface.free.all(axis=1, keepdims=True)
+    return np.where(leans, inside / np.where(leans, length, 1.0), normal)
 
 
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
