@@ -61,7 +61,6 @@ def test_monolithic_solver_agrees(name, friction):
     assert_agrees(contact(friction, **CASES[name]), loose=name == "ten grains")
 
 
-@pytest.mark.xfail(reason="oblique normals at nodes that are prescribed in part", run=False)
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_monolithic_solver_agrees_on_rollers(friction):
     """Interfaces that meet planes of symmetry at an angle: their nodes there are prescribed in part."""
@@ -199,7 +198,6 @@ NOTHING = {
 }
 
 
-@pytest.mark.xfail(reason="residuals are compared with forces that vanish", strict=True)
 @pytest.mark.parametrize("name", NOTHING)
 def test_interfaces_that_carry_nothing(name):
     """No force, no strain: that is a solution like any other."""

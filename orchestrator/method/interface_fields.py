@@ -99,7 +99,7 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
     chosen = sorted(pairs.interfaces, key=lambda i: i.index)
     offsets = np.cumsum([0] + [len(i.global_nodes) for i in chosen])
     place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
-    normal = np.concatenate([pair_normals(d.scene.points(i), i) for i in chosen])
+    normal, length = (np.concatenate(x) for x in zip(*(pair_normals(d.scene.points(i), i) for i in chosen)))
     area = np.concatenate([node_areas(d.scene.points(i), i.triangles) for i in chosen])
     initial = np.concatenate([np.zeros(len(i.global_nodes)) if i.gap is None else i.gap for i in chosen])
 
@@ -119,7 +119,8 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
         *(np.concatenate([d.scene.side_nodes(i, side) for i in chosen]) for side in (0, 1)),
         np.concatenate([i.triangles + a for i, a in zip(chosen, offsets)]),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
-        initial + opening, jump - opening[:, :, None] * normal, -push / area, traction, status, resultant)
+        initial + length * opening, jump - opening[:, :, None] * normal, -push / (length * area), traction, status,
+        resultant)
 
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:

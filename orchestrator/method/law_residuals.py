@@ -1,7 +1,9 @@
 """How well equilibrium and the interface laws hold together, each relative and dimensionless.
 
 The linear stage satisfies equilibrium, the local stage the laws; the run has converged when one
-set of fields does both. Each measure is taken on the linear stage's fields, which are delivered:
+set of fields does both. Each measure is taken on the linear stage's fields, which are delivered.
+Forces and pressures are compared with the largest there are, or with a small share of k⁺ w where
+the interfaces carry next to nothing:
 
 - residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
@@ -21,6 +23,9 @@ import numpy as np
 from orchestrator.method.local_state import LocalState
 from orchestrator.method.laws.points import SLIP
 from orchestrator.method.pairs import Pairs
+
+# Forces are differences of k w: below this share of it they count as none, as where all contacts are open.
+REST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,7 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
         contact[a:b] = i.law == "contact"
     top = bottom = unbalanced = penetration = tension = cone = direction = pressure = 0.0
+    moved = reach = 0.0
     previous = first_previous
     for t in range(w.shape[1]):
         f1, f2 = pairs.gather(f[:, t], pairs.one), pairs.gather(f[:, t], pairs.two)
@@ -61,7 +67,10 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
         bottom += _norm2(points, f1) + _norm2(points, f2)
         unbalanced += _norm2(points, f1 + f2)
 
-        d = pairs.gather(w[:, t], pairs.two) - pairs.gather(w[:, t], pairs.one)
+        w1, w2 = pairs.gather(w[:, t], pairs.one), pairs.gather(w[:, t], pairs.two)
+        moved += float(np.sum(w1 * points.stiffness(w1)) + np.sum(w2 * points.stiffness(w2)))
+        reach = max(reach, (points.stiff_n * np.abs(w1 + w2).max(axis=1) / pairs.area)[contact].max(initial=0.0))
+        d = w2 - w1
         carried = 0.5 * (f1 - f2)
         normal = points.along(carried) / pairs.area
         shear = points.across(carried) / pairs.area[:, None]
@@ -76,8 +85,9 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
         rubbing = contact & (local.status[t] == SLIP) & (points.friction > 0)
         direction = max(direction, wrong[rubbing].max(initial=0.0))
         previous = local.jump[t]
+    bottom = max(bottom, REST**2 * moved)
+    pressure = max(pressure, REST * reach) or 1.0
     scale = scale or 1.0
-    pressure = pressure or 1.0
     return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), penetration / scale, tension / pressure,
                         cone / pressure, direction / (pressure * scale))
 

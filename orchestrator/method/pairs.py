@@ -18,7 +18,7 @@ from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles import node_normals
 
 # Prescribed components are taken out of a normal that keeps this much of its length.
-UPRIGHT = 0.7
+UPRIGHT = 1e-6
 
 
 @dataclass
@@ -93,10 +93,11 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
         one.append(sides[0][mobile])
         two.append(sides[1][mobile])
         free.append(i.free[mobile])
-        normal.append(pair_normals(points, i)[mobile])
+        upright, length = pair_normals(points, i)
+        normal.append(upright[mobile])
         area.append(node_areas(points, i.triangles)[mobile])
-        gap.append(i.gap[mobile] if i.gap is not None else np.zeros(n))
-        friction.append(np.full(n, i.friction))
+        gap.append((i.gap / length)[mobile] if i.gap is not None else np.zeros(n))
+        friction.append((i.friction / length)[mobile])
         jump.append(np.broadcast_to(i.jump if i.jump is not None else np.zeros(3), (n, 3)))
     bounds = np.cumsum([0] + [len(x) for x in area])
     one, two, free, normal = (np.concatenate(x) for x in (one, two, free, normal))
@@ -111,17 +112,19 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area))
 
 
-def pair_normals(points: np.ndarray, interface: Interface) -> np.ndarray:
-    """(n, 3) unit normals from side 1 to side 2, in the space of the components that are not prescribed.
+def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (n, 3) from side 1 to side 2 within the components that are free, and the length (n,) left of each.
 
-    At the rim of a symmetric half the mean of the facets' normals leans off the plane of symmetry, which the true
-    normal does not. Where the normal itself is prescribed it stays what it is.
+    What is prescribed on both sides neither opens nor slips: the law lives on the other components, where only
+    that part of the pressure is felt, so that gap and friction coefficient grow by 1/length. At the rim of a
+    symmetric half the facets' mean normal leans off the plane of symmetry; the true normal does not. Where the
+    normal itself is prescribed it stays what it is: nothing presses.
     """
     normal = node_normals(points, interface.triangles)
     inside = np.where(interface.free, normal, 0.0)
-    length = np.linalg.norm(inside, axis=1, keepdims=True)
-    leans = (length > UPRIGHT) & ~interface.free.all(axis=1, keepdims=True)
-    return np.where(leans, inside / np.where(leans, length, 1.0), normal)
+    length = np.linalg.norm(inside, axis=1)
+    length = np.where((length > UPRIGHT) & ~interface.free.all(axis=1), length, 1.0)
+    return np.where((length < 1.0)[:, None], inside / length[:, None], normal), length
 
 
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
