@@ -128,8 +128,7 @@ class CoarseCorrection:
         previous = self.predict.previous
         for t in range(steps):
             F0 = self.predict.predicted(fields.w[:, t], fields.f[:, t])
-            y[t] = self._solve(F0, resultant[t], previous)
-            F = F0 + self._spread(y[t])
+            y[t], F = self._solve(F0, resultant[t], previous)
             previous = self.predict.jump(F, self.pairs.force(F, previous).force)
         s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
         r = self.response
@@ -141,31 +140,34 @@ class CoarseCorrection:
             u[boundary] += self.boundary_response[boundary] @ change
         return Admissible(s, u, fields.alpha, w, f)
 
-    def _solve(self, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(bodies, 12) y of one load step."""
+    def _solve(self, F0: np.ndarray, resultant: np.ndarray,
+               previous: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(bodies, 12) y of one load step, and (P, 3) F = F₀ + L y."""
         y = np.zeros((self.bodies, FIELDS))
         delta, matrix = LEVENBERG, None
-        rho = self._residual(y, F0, resultant, previous)
+        F = F0
+        rho = self._residual(y, F, resultant, previous)
         size = start = np.linalg.norm(rho)
         for _ in range(MAX_STEPS):
             if size <= REDUCTION * start or size == 0:
                 break
             self.newton_steps += 1
             if matrix is None:
-                matrix = self._matrix(F0 + self._spread(y), previous)
+                matrix = self._matrix(F, previous)
             dy = self._clipped(self._newton(matrix, rho, delta))
+            dF = self._spread(dy)
             for theta in (1.0, 0.5, 0.25):
-                trial = y + theta * dy
-                rho_new = self._residual(trial, F0, resultant, previous)
+                trial, F_new = y + theta * dy, F + theta * dF
+                rho_new = self._residual(trial, F_new, resultant, previous)
                 size_new = np.linalg.norm(rho_new)
                 if size_new <= (1 - 0.2 * theta) * size:
-                    y, rho, size, matrix = trial, rho_new, size_new, None
+                    y, F, rho, size, matrix = trial, F_new, rho_new, size_new, None
                     break
             else:
                 delta *= 30
                 if delta > 1e3:
                     break
-        return y
+        return y, F
 
     def _clipped(self, dy: np.ndarray) -> np.ndarray:
         """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
@@ -175,9 +177,9 @@ class CoarseCorrection:
                 dy[e] *= self.radius / move
         return dy
 
-    def _residual(self, y: np.ndarray, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(bodies, 12) ρ."""
-        force = self.pairs.force(F0 + self._spread(y), previous).force
+    def _residual(self, y: np.ndarray, F: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """(bodies, 12) ρ, for F = F₀ + L y."""
+        force = self.pairs.force(F, previous).force
         rho = resultant + np.einsum("bij,bj->bi", self.K0, y)
         flat, T = force.ravel(), self.T.reshape(-1, 2 * FIELDS)
         sums = np.stack([flat[a:b] @ T[a:b] for a, b in zip(self.ends[:-1], self.ends[1:])])

@@ -29,8 +29,8 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
     n = points.normal
     p = points.along(F) + points.stiff_n * points.gap
     closed = p < 0
-    trial = points.across(F) - points.stiff_t[:, None] * points.across(previous)
-    size = np.linalg.norm(trial, axis=1)
+    trial = points.across(F - points.stiff_t[:, None] * previous)
+    size = np.sqrt(np.einsum("pi,pi->p", trial, trial))
     limit = points.friction * np.abs(p)
     slips = closed & ((size > limit) | (points.friction == 0))
     direction = trial / np.where(size > 0, size, 1.0)[:, None]
