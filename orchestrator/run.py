@@ -114,7 +114,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
             displacement, own = sides(decomposition, outcome, parts)
         contact = _contact(scene, decomposition, config, outcome, opening)
         forces = reactions(decomposition, parts)
-        clock, memory = blackbox.clock(), blackbox.memory_peak_mb()
+        clock, memory, version = blackbox.clock(), blackbox.memory_peak_mb(), blackbox.version()
     setup = decomposition.setup_sweeps
     last = outcome.last
     summary = {
@@ -128,7 +128,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         | contact.pop("law_residuals", {}),
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
         **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
-        "timing": {"blackbox": clock}, "versions": versions(), "workers": workers,
+        "timing": {"blackbox": clock}, "versions": versions(version), "workers": workers,
         "memory_peak_mb": memory_peak_mb() + memory, "config": config.complete(),
     }
     return Solved(scene, outcome, displacement, parts, summary, exact, own, opening)

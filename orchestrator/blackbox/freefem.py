@@ -9,6 +9,8 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import subprocess
+import tempfile
 from pathlib import Path
 
 from orchestrator.blackbox import meshb
@@ -56,6 +58,15 @@ class FreeFem:
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a subdomain server that reads and writes these paths."""
         return [self.executable, "-ne", "-nw", "-v", "0", str(SCRIPT), requests, replies]
+
+    def version(self) -> str:
+        """What FreeFEM says it is, e.g. "4.9"; empty when it does not answer."""
+        with tempfile.NamedTemporaryFile("w", suffix=".edp", prefix="orchestrator-version-") as script:
+            script.write("cout << version << endl;\n")
+            script.flush()
+            answer = subprocess.run([self.executable, "-ne", "-nw", "-v", "0", script.name], env=self.environment(),
+                                    stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")
 
     @staticmethod
     def mesh(model: Model) -> bytes:

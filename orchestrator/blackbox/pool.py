@@ -59,7 +59,7 @@ class Pool:
         self._folder = workdir.make()
         lifetime.watch(self)
         self._make = lambda number: worker_class(code, element, self._folder, number, timeout)
-        self._count = workers
+        self._code, self._count = code, workers
         self._workers: list[Worker] = []
         self._queues: list[queue.SimpleQueue] = []
         self._threads: list[threading.Thread] = []
@@ -130,6 +130,10 @@ class Pool:
             for stage, seconds in worker.seconds.items():
                 total[stage] += seconds
         return total
+
+    def version(self) -> dict[str, str]:
+        """Name and version of the code."""
+        return {self._code.name: self._code.version()}
 
     def memory_peak_mb(self) -> float:
         """Largest resident memory of the code's processes, MB, summed over workers."""

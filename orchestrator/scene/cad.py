@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -12,14 +10,14 @@ import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.scene.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import unique_names
 
-HXT, DELAUNAY = 10, 1
+DELAUNAY = 1
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
 # on coarse curved surfaces; there finer circles help, where Delaunay does not.
 ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
-TRIANGLE, TET = 2, 4
 
 
 def step(mesh: Any) -> Mesh:
@@ -51,19 +49,6 @@ def locate(name: str) -> Path:
     return Path(name)
 
 
-@contextmanager
-def _session() -> Iterator[None]:
-    """gmsh switched on, quiet, with a model of its own; always switched off again."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        # With several threads gmsh gives another mesh at every call; alone it is hardly slower.
-        gmsh.option.setNumber("General.NumThreads", 1)
-        yield
-    finally:
-        gmsh.finalize()
-
-
 def load(path: Path, h: float | None, source: str) -> Mesh:
     """Imports, joins and meshes a model.
 
@@ -80,7 +65,7 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
     """
     complaint = ""
     for algorithm, per_circle in ATTEMPTS:
-        with _session():
+        with session():
             names, owner = _import(path, source)
             if h is not None:
                 gmsh.option.setNumber("Mesh.MeshSizeMax", h)
@@ -89,7 +74,7 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
             try:
                 gmsh.model.mesh.generate(3)
             except Exception as error:
-                complaint = _last(error)
+                complaint = last_complaint(error)
                 continue
             # gmsh passes over solids it cannot fill without raising an error.
             empty = {names[solid] for tag, solid in owner.items()
@@ -106,7 +91,7 @@ def _import(path: Path, source: str) -> tuple[list[str], dict[int, int]]:
     try:
         solids = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
     except Exception as error:
-        raise InputError(Problem(("mesh", "step"), f"{source}: cannot be read: {_last(error)}",
+        raise InputError(Problem(("mesh", "step"), f"{source}: cannot be read: {last_complaint(error)}",
                                  "a STEP or BREP file", "export the model again")) from None
     solids = [s for s in solids if s[0] == 3]
     if not solids:
@@ -137,15 +122,10 @@ def _join(solids: list[tuple[int, int]]) -> dict[int, int]:
 
 
 def _arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    order = np.argsort(tags)
-    tags, points = tags[order].astype(np.int64), coordinates.reshape(-1, 3)[order]
-    blocks, volume = [], []
-    for _, tag in gmsh.model.getEntities(3):
-        block = gmsh.model.mesh.getElementsByType(TET, tag)[1].reshape(-1, 4).astype(np.int64)
-        blocks.append(block)
-        volume.append(np.full(len(block), owner[tag]))
-    used, inverse = np.unique(np.concatenate(blocks), return_inverse=True)
+    """The mesh that gmsh holds; parameters as ``_import`` returns them."""
+    pieces = [tag for _, tag in gmsh.model.getEntities(3)]
+    cells, piece = elements(TET, pieces)
+    used, inverse = np.unique(cells, return_inverse=True)
     surfaces: dict[str, np.ndarray] = {}
     counts = dict.fromkeys(names, 0)
     for _, tag in gmsh.model.getEntities(2):
@@ -154,14 +134,7 @@ def _arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
             continue
         name = names[owner[int(beside[0])]]
         counts[name] += 1
-        triangles = gmsh.model.mesh.getElementsByType(TRIANGLE, tag)[1].reshape(-1, 3).astype(np.int64)
-        surfaces[f"{name}:{counts[name]}"] = np.searchsorted(used, triangles)
-    kept, volume_index = np.unique(np.concatenate(volume), return_inverse=True)
-    return Mesh(points[np.searchsorted(tags, used)], inverse.reshape(-1, 4), volume_index,
+        surfaces[f"{name}:{counts[name]}"] = np.searchsorted(used, elements(TRIANGLE, [tag])[0])
+    kept, volume_index = np.unique(np.array([owner[tag] for tag in pieces])[piece], return_inverse=True)
+    return Mesh(points(used), inverse.reshape(-1, 4), volume_index,
                 [names[i] for i in kept], surfaces, source)
-
-
-def _last(error: Exception) -> str:
-    """The last line of gmsh's complaint."""
-    lines = str(error).strip().splitlines() or gmsh.logger.getLastError().strip().splitlines()
-    return lines[-1] if lines else type(error).__name__
