@@ -116,3 +116,109 @@ def test_alternating_beam_fills_the_box(tmp_path):
     assert len(volume) == 5 * 16 and volume.min() > 0 and volume.sum() == pytest.approx(16 * 8)
     scene = build_scene(config_from({**tiny(), "mesh": {"file": str(path)}}))
     assert [len(i.triangles) for i in scene.interfaces] == [8]
+
+
+# --- contact: each study on a problem that takes a second ---------------------------------------------------
+
+
+def few_grains(count=4, h=0.3):
+    from orchestrator.studies.cases import grains
+
+    return grains(count, h)
+
+
+def test_a_trail_keeps_some_of_all_components_and_measures_distances():
+    from orchestrator.studies import following
+
+    rng = np.random.default_rng(0)
+    end = rng.normal(size=(3 * following._KEPT - 7, 2))
+    trail = following.Trail(len(end))
+    assert trail.stride > 1 and trail.stride % 3
+    for error in (1e-1, 1e-3):
+        change = rng.normal(size=end.shape)
+        trail(SimpleNamespace(w=end + error * np.linalg.norm(end) / np.linalg.norm(change) * change), None)
+    assert trail.errors(end) == pytest.approx([1e-1, 1e-3], rel=0.03)
+    assert following.Trail(10).stride == 1
+
+
+def test_a_run_is_continued_to_where_it_tends(tmp_path):
+    from orchestrator.studies.cases import contact_defaults, paper_contact, with_method
+    from orchestrator.studies.following import follow, sweeps_to
+    from orchestrator.studies.framework import Case, Study
+
+    study = Study("tiny", "tiny contact", tmp_path)
+    ours = follow(study, Case(with_method(few_grains(), contact_defaults()), {"settings": "defaults"}))
+    paper = follow(study, Case(with_method(few_grains(), paper_contact(kind="springs", iterations=6)),
+                               {"settings": "paper"}), ours)
+    assert ours.outcome.converged and ours.history[-1].true_error == 0
+    assert sweeps_to(ours, "true_error", 1e-3) % 4 == 0
+    assert not paper.outcome.converged and paper.outcome.iterations == 6
+    assert paper.accuracy < 1e-8 and paper.history[-1].true_error > 1e-3 > paper.accuracy
+    assert paper.history[0].true_error > paper.history[-1].true_error
+    rows = rows_of(tmp_path / "table.csv")
+    assert [row["settings"] for row in rows] == ["defaults", "paper"]
+    assert rows[0]["stop_reason"] == "converged" and rows[1]["apart"] != ""
+    assert rows_of(tmp_path / "curves.csv")[0]["law_residual"] != ""
+
+
+def test_contact_studies(tmp_path, monkeypatch):
+    from orchestrator.studies import contact
+    from orchestrator.studies.framework import Study
+
+    monkeypatch.setattr(contact, "LONG", 8)
+    monkeypatch.setattr(contact, "pressed_cubes", lambda friction, make=contact.pressed_cubes: make(friction, 2, 2))
+    monkeypatch.setattr(contact, "grains", lambda count, h: few_grains())
+    monkeypatch.setattr(contact, "GRAINS", {15: {1e-2: 60}})
+    monkeypatch.setattr(contact, "FRICTIONS", (0.3,))
+    monkeypatch.setattr(contact, "FACTORS", (0.3, 1.0))
+    for name, function, cases in (("cubes", contact.cubes, 4), ("grains", contact.polycrystals, 4),
+                                  ("soles", contact.soles, 4)):
+        study = Study(name, name, tmp_path / name)
+        function(study)
+        study.close()
+        assert len(rows_of(tmp_path / name / "table.csv")) == cases
+        assert (tmp_path / name / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        # small problems are easy: what the defaults have to reach, they reach
+        assert {row["met"] for row in rows_of(tmp_path / name / "targets.csv")} == {"yes"}
+
+
+def test_ten_grains_from_the_command_line(tmp_path):
+    from orchestrator.studies import ten_grains
+    from orchestrator.studies.framework import Study
+
+    study = Study("ten", "ten", tmp_path)
+    small = {**ten_grains.problem(), "mesh": few_grains()["mesh"], "output": {"figures": False}}
+    ten_grains.run(study, small, repeats=1)
+    study.close()
+    row, = rows_of(tmp_path / "table.csv")
+    assert row["stop_reason"] == "converged" and float(row["in_the_program"]) <= float(row["seconds"]) + 0.1
+    assert rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
+
+
+def test_ten_grains_tells_why_a_run_failed(tmp_path):
+    from orchestrator.studies import ten_grains
+    from orchestrator.studies.framework import Study
+
+    with pytest.raises(BlackBoxError, match="subdomains"):
+        ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.problem(), "subdomains": "grans"})
+
+
+def test_polycrystal_in_small(tmp_path, monkeypatch):
+    from orchestrator.studies import polycrystal
+    from orchestrator.studies.framework import Study
+
+    for name, value in (("SMALL_GRAINS", 4), ("SMALL_H", 0.3), ("CUT", 10)):
+        monkeypatch.setattr(polycrystal, name, value)
+    study = Study("polycrystal_small", "small", tmp_path)
+    polycrystal.small(study)
+    study.close()
+    rows = {row["settings"]: row for row in rows_of(tmp_path / "table.csv")}
+    assert rows["defaults"]["stop_reason"] == "converged"
+    for name in ("paper, multiscale", "paper, mono-scale"):
+        assert rows[name]["iterations"] == "10" and float(rows[name]["true_error"]) > 1e-2
+    assert rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
+    tables = (tmp_path / "tables.csv").read_text()
+    assert '"nodes of the subdomain",529,' in tables and '"linear stage",26341,' in tables
+    for picture in ("polycrystal_small.png", "figure13.png", "run/figures/deformed.png"):
+        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    assert not (tmp_path / "run/scratch").exists()

@@ -21,6 +21,12 @@ _REGISTRY = {
     "cubes": ("scaling", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
     "metis": ("parts", "metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
     "assembly": ("parts", "assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
+    "contact_cubes": ("contact", "cubes", "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
+    "contact_grains": ("contact", "polycrystals", "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
+    "contact_soles": ("contact", "soles", "soles ten times softer to stiffer, with contact"),
+    "ten_grains": ("ten_grains", "run", "a contact problem of 8,235 dofs from the command line, with wall time"),
+    "polycrystal": ("polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
+    "polycrystal_small": ("polycrystal", "small", "the same with 15 grains"),
     "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}

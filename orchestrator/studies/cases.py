@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from orchestrator.config.method import Sole
+
 STEEL = [{"young": 200e3, "poisson": 0.3}]  # N, mm
 SLICES = (8, 16, 32, 64, 128)
 CUT = 70  # iterations the paper's figures show
+CONTACT_RATIO = Sole().contact_ratio
 NEVER = {"indicator": 1e-300}  # a tolerance that only rounding meets: the number of iterations decides
 
 
@@ -47,6 +50,35 @@ def assembly() -> dict[str, Any]:
     }
 
 
+def pressed_cubes(friction: float, count: int = 3, elements: int = 4) -> dict[str, Any]:
+    """count³ unit cubes in contact: compressed, sheared, partly unloaded; no cube comes loose."""
+    return {
+        "name": f"pressed-cubes-{count}",
+        "mesh": {"box": {"size": [count] * 3, "cells": [elements * count] * 3}},
+        "subdomains": {"grid": [count] * 3},
+        "materials": STEEL,
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": count}, "displacement": [
+                         [0, 0, -0.01], [0, 0, -0.02], [0.01, 0, -0.02], [0.02, 0.01, -0.02], [0.01, 0.01, -0.015],
+                         [0.01, 0, -0.01]]}],
+        "interfaces": [{"law": "contact", "friction": friction}],
+    }
+
+
+def grains(count: int, h: float, friction: float = 0.1) -> dict[str, Any]:
+    """The paper's polycrystal: a unit cube of grains in contact, compressed further, then unloaded in two steps."""
+    return {
+        "name": f"grains-{count}",
+        "mesh": {"polycrystal": {"grains": count, "size": 1.0, "h": h}},
+        "subdomains": "groups",
+        "materials": STEEL,
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "displacement": [
+                         [0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]}],
+        "interfaces": [{"law": "contact", "friction": friction}],
+    }
+
+
 def paper(strategy: str, *, kplus: str = "full", relaxation: float = 0.8, modulus_ratio: float = 0.008,
           iterations: int = CUT) -> dict[str, Any]:
     """The paper's method: a soft one-sided layer one element thick, relaxed fixed point, no acceleration."""
@@ -69,6 +101,37 @@ def defaults(strategy: str = "equilibrium", *, modulus_ratio: float | None = Non
                               "tolerance": NEVER if error is None else {"error": error}}
     if modulus_ratio is not None:
         method["sole"] = {"modulus_ratio": modulus_ratio, "allow_extreme": True}
+    return method
+
+
+def paper_contact(strategy: str = "equilibrium", *, kind: str = "layer", ratio: float = 1.0, relaxation: float = 0.5,
+                  iterations: int = CUT) -> dict[str, Any]:
+    """The paper's method with contact: the relaxed fixed point with a linear macro problem on all interfaces.
+
+    Parameters
+    ----------
+    kind, ratio : of the soles; a layer has a diagonal k⁺, for which the fixed point needs relaxation 0.5
+    """
+    return {
+        "sole": {"contact": kind, "contact_ratio": ratio, "allow_extreme": True},
+        "macro": {"strategy": strategy, "on": "all"}, "coarse": "none",
+        "acceleration": "none", "relaxation": relaxation, "tolerance": {"error": 1e-9}, "max_iterations": iterations,
+    }
+
+
+def contact_defaults(*, factor: float = 1.0, coarse: str = "affine", error: float = 1e-9,
+                     iterations: int = 500) -> dict[str, Any]:
+    """This program's defaults with contact, but for what is given.
+
+    Parameters
+    ----------
+    factor : on the soles' modulus
+    coarse : "none" leaves Anderson's acceleration alone
+    error : tolerance of the law residual
+    """
+    method: dict[str, Any] = {"coarse": coarse, "tolerance": {"error": error}, "max_iterations": iterations}
+    if factor != 1:
+        method["sole"] = {"contact_ratio": factor * CONTACT_RATIO, "allow_extreme": True}
     return method
 
 

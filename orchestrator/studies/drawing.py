@@ -43,16 +43,17 @@ def grid(rows: int, columns: int, width: float = 11.0, row_height: float = 3.3) 
 
 
 def draw(axes: Any, curves: Sequence[Curve], quantity: str, *, limits: tuple[float, float], last: int,
-         mark: tuple[float, str] | None = None) -> None:
+         mark: tuple[float, str] | None = None, sweeps: int = 1) -> None:
     """Curves of one quantity over the iterations, on a logarithmic ordinate.
 
     Parameters
     ----------
-    limits : of the ordinate; last : iteration shown
+    limits : of the ordinate; last : of the abscissa
     mark : a level to reach and its name
+    sweeps : units of the abscissa per iteration
     """
     for curve in curves:
-        x = np.array([event.iteration for event in curve.history])
+        x = sweeps * np.array([event.iteration for event in curve.history])
         y = np.array([getattr(event, quantity) for event in curve.history], float)
         known = np.isfinite(y) & (y > 0)
         axes.semilogy(x[known], y[known], curve.style, color=curve.colour, linewidth=1.3,
@@ -68,9 +69,10 @@ def draw(axes: Any, curves: Sequence[Curve], quantity: str, *, limits: tuple[flo
     tidy(axes)
 
 
-def label_rows(axes: np.ndarray, names: Sequence[str]) -> None:
+def label_rows(axes: np.ndarray, names: Sequence[str],
+               abscissa: str = "iteration (linear stages after set-up)") -> None:
     """Names of the ordinates at the left, of the abscissa at the bottom."""
     for row, name in zip(axes, names):
         row[0].set_ylabel(name, fontsize=9.5)
     for bottom in axes[-1]:
-        bottom.set_xlabel("iteration (linear stages after set-up)", fontsize=9)
+        bottom.set_xlabel(abscissa, fontsize=9)

@@ -26,7 +26,7 @@ from orchestrator.timing import Stopwatch
 
 ETA, ACCURATE = 1e-5, 1e-6  # the paper's η, and the true relative energy error that studies count stages to
 QUANTITIES = ("iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance", "residual",
-              "error_bound", "macro_imbalance", "true_error")  # columns of curves.csv
+              "error_bound", "macro_imbalance", "law_residual", "true_error")  # columns of curves.csv
 _HOW = ("name", "method", "blackbox", "output")  # keys that do not shape a scene
 
 
@@ -94,14 +94,23 @@ class Study:
             with watch("mesh"):
                 scene = self.scene(case.config)
             solved = solve(config, scene, reference=True, watch=watch)
-        row = {**case.labels, **_measured(solved), "seconds": round(watch.total - watch.seconds["reference"], 2),
-               **measure(solved)}
-        self.rows.append(row)
-        self.histories.append(solved.outcome.history)
+        row = {**_measured(solved), "seconds": round(watch.total - watch.seconds["reference"], 2), **measure(solved)}
+        self.add(case, row, solved.outcome.history, f"true error {row['true_error']:.1e}")
+        return solved
+
+    def add(self, case: Case, row: Mapping[str, Any], history: list[Iteration], accuracy: str) -> None:
+        """Add the row and the curves of a finished case, write all, say so in a line.
+
+        Parameters
+        ----------
+        row : columns beside the labels; with iterations, stop_reason and seconds
+        accuracy : what the line says of the result
+        """
+        self.rows.append({**case.labels, **row})
+        self.histories.append(history)
         self.write()
         self.console.print(f"  {len(self.rows):3}  {case}: {row['iterations']} iterations, {row['stop_reason']}, "
-                           f"true error {row['true_error']:.1e}, {row['seconds']:.1f} s")
-        return solved
+                           f"{accuracy}, {row['seconds']:.1f} s")
 
     def target(self, what: str, wanted: str, measured: Any, met: bool) -> None:
         """Note a figure to reach, what was measured and whether that is enough."""

@@ -1,0 +1,193 @@
+"""Contact cases: no undecomposed reference exists, so each run is judged by the solution it tends to.
+
+The solution of a frictional problem need not be unique. Every run is therefore continued, from where it
+stopped and on the same soles, until its laws hold as well as they will; the error of each of its
+iterations is the distance of the interface displacements from that end. How far the ends of two runs are
+apart, and in how many statuses they differ, is reported beside.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from orchestrator.blackbox.pool import default_workers
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.config import Config, config_from
+from orchestrator.method.bound import Bound
+from orchestrator.method.decomposition import Decomposition, prepare
+from orchestrator.method.events import Iteration
+from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
+from orchestrator.method.linear_stage import Admissible
+from orchestrator.method.recovery import recover
+from orchestrator.method.solver import Outcome, iterate
+from orchestrator.results.fields import Fields
+from orchestrator.results.summary import memory_peak_mb
+from orchestrator.scene.model import Scene
+from orchestrator.scene.soles import make_soles
+from orchestrator.studies.framework import Case, Study, first
+from orchestrator.timing import Stopwatch
+
+CONTINUED = 600  # iterations at most, to find where a run tends to
+LEVELS = (1e-1, 1e-2, 1e-3, 1e-6)
+_KEPT = 60_000  # trace dofs that a trail keeps; of more, evenly many
+
+
+class Trail:
+    """Interface displacements of every iteration, in single precision; called by the loop.
+
+    Parameters
+    ----------
+    size : trace dofs
+    """
+
+    def __init__(self, size: int):
+        stride = -(-size // _KEPT)
+        self.stride = stride + (stride > 1 and stride % 3 == 0)  # all three components are seen
+        self.places: list[np.ndarray] = []
+
+    def __call__(self, fields: Admissible, bound: Bound) -> float:
+        self.places.append(self.seen(fields.w))
+        return math.nan
+
+    def seen(self, w: np.ndarray) -> np.ndarray:
+        """The kept part of (D, T)."""
+        return w[:: self.stride].astype(np.float32)
+
+    def errors(self, w: np.ndarray) -> list[float]:
+        """Relative distance of every iteration from w."""
+        end = self.seen(w)
+        return [apart(place, end) for place in self.places]
+
+
+@dataclass
+class Followed:
+    """A contact case and the solution it tends to.
+
+    Parameters
+    ----------
+    outcome : of the run itself; its history knows the true error
+    w, status : (D, T) and (T, P) of the end, where the run was continued to
+    accuracy : law residual of the end
+    fields : for pictures, if asked for
+    watch, setup : seconds, of the run without its continuation, and back-substitutions per load step at set-up
+    clock : the black box's CPU seconds; memory_mb : largest, of all processes
+    """
+
+    scene: Scene
+    outcome: Outcome
+    w: np.ndarray
+    status: np.ndarray
+    accuracy: float
+    fields: Fields | None
+    interfaces: InterfaceFields
+    watch: Stopwatch
+    setup: float
+    seconds: float
+    clock: dict[str, float]
+    memory_mb: float
+
+    @property
+    def history(self) -> list[Iteration]:
+        return self.outcome.history
+
+
+def follow(study: Study, case: Case, beside: Followed | None = None, *, towards: Followed | None = None,
+           mesh_seconds: float | None = None, wants_fields: bool = False,
+           measure: Mapping[str, Any] | None = None) -> Followed:
+    """Solve a case, continue it to its end, add its row and its curves.
+
+    Parameters
+    ----------
+    beside : the row says how far the end is from this one's
+    towards : take the end of this case in the place of a continuation
+    mesh_seconds : what the mesh took, when another case made it
+    wants_fields : recover the fields, which counts in the seconds
+    measure : further columns of the row
+    """
+    config, watch = config_from(dict(case.config)), Stopwatch()
+    with study.console.status(str(case)), np.errstate(over="ignore", invalid="ignore"):  # some cases diverge
+        with watch("mesh"):
+            scene = study.scene(case.config)
+        if mesh_seconds is not None:
+            watch.start -= mesh_seconds - watch.seconds["mesh"]
+            watch.seconds["mesh"] = mesh_seconds
+        followed = _solve(config, scene, watch, towards, wants_fields)
+    apart_from = {} if beside is None else {
+        "apart": apart(followed.w, beside.w), "other_statuses": int((followed.status != beside.status).sum())}
+    outcome, steps = followed.outcome, scene.steps
+    row = {"subdomains": len(scene.subdomains), "dofs": 3 * len(scene.mesh.nodes), "steps": steps,
+           "iterations": outcome.iterations, "setup_sweeps": round(followed.setup * steps),
+           **{f"sweeps_{level:.0e}": sweeps_to(followed, "true_error", level) for level in LEVELS},
+           "true_error": outcome.history[-1].true_error, "law_residual": outcome.last.law_residual,
+           "indicator": outcome.last.indicator, "end_law_residual": followed.accuracy, **apart_from,
+           **dict(zip(("open", "stick", "slip"), (int((followed.status == kind).sum()) for kind in range(3)))),
+           "stop_reason": outcome.stop_reason, "seconds": round(followed.seconds, 2), **(measure or {})}
+    study.add(case, row, followed.history, f"law residual {row['law_residual']:.1e}, error {row['true_error']:.1e}")
+    return followed
+
+
+def sweeps_to(followed: Followed, quantity: str, value: float) -> int | None:
+    """Back-substitutions per subdomain, over all load steps and without set-up, until a quantity is at most ``value``."""
+    found = first(followed.history, quantity, value)
+    return found and found.iteration * followed.scene.steps
+
+
+def apart(w: np.ndarray, end: np.ndarray) -> float:
+    """‖w − end‖ / ‖end‖."""
+    return float(np.linalg.norm(w - end) / np.linalg.norm(end)) if w.shape == end.shape else math.nan
+
+
+def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | None, wants_fields: bool) -> Followed:
+    workers = default_workers() if config.blackbox.workers == "auto" else config.blackbox.workers
+    method, fields = config.method, None
+    with watch("soles"):
+        soles = make_soles(scene, method.sole)
+    with watch("start"):
+        blackbox = make_blackbox(config.blackbox)
+    with blackbox:
+        d = prepare(scene, soles, method, blackbox, workers, watch)
+        trail = Trail(d.space.size)
+        outcome = iterate(d, method, (), watch, true_error=trail)
+        with watch("linear_stage"):
+            displacement, parts = recover(d, outcome.fields, outcome.bound)
+        interfaces = interface_fields(d, outcome)
+        if wants_fields:
+            displacement, own = sides(d, outcome, parts)
+            lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
+            fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, displacement, own, interfaces)
+        seconds, clock = watch.total, blackbox.clock()
+        memory = memory_peak_mb() + blackbox.memory_peak_mb()
+        if towards is not None:
+            w, status, accuracy = towards.w, towards.status, towards.accuracy
+        else:
+            end = _end(d, config, scene, outcome)
+            w, status, accuracy = end.fields.w, end.local.status, end.last.law_residual
+    outcome.history[:] = [replace(event, true_error=error)
+                          for event, error in zip(outcome.history, trail.errors(w))]
+    return Followed(scene, outcome, w, status, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
+
+
+def _end(d: Decomposition, config: Config, scene: Scene, outcome: Outcome) -> Outcome:
+    """Where a run tends to: itself if it came there; else continued with the defaults, on its own soles."""
+    if outcome.converged or not np.isfinite(outcome.fields.s).all():
+        return outcome
+    plain = config_from({**config.complete(), "method": {
+        "tolerance": config.method.tolerance.model_dump(exclude_none=True), "max_iterations": CONTINUED}}).method
+    stage = copy(d.stage)
+    stage.macro = None  # at a solution its multiplier is zero
+    view = replace(d, stage=stage, coarse=d.coarse or _coarse(d, scene))
+    end = iterate(view, plain, (), Stopwatch(), outcome.fields.s)
+    return end if end.last.law_residual < outcome.last.law_residual else outcome
+
+
+def _coarse(d: Decomposition, scene: Scene):
+    from orchestrator.method.coarse import CoarseCorrection
+    from orchestrator.method.pairs import make_pairs
+
+    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, scene.interfaces))
