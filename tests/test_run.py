@@ -183,11 +183,33 @@ SHIPPED = {  # configuration: what shortens it, iterations at most
     "assembly": (["mesh.h=8", "output.fields=false"], 25),
     "metis_box": ([], 25),
 }
+SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show
+    "two_blocks": ([], 40, lambda s, f: statuses(s, "stick")[0] == statuses(s, "slip")[1] == statuses(s, "open")[3] == 81),
+    "sliding_block": ([], 40, lambda s, f: abs(s["reactions"][1][2][0] - 20) < 1e-3 and statuses(s, "slip") == [0, 0, 81]),
+    "press_fit": ([], 20, lambda s, f: close(f["pressure"], 200.0, 1e-5)),
+    "hertz": ([], 60, lambda s, f: abs(f["pressure"][-1].max() / hertz_pressure(s["reactions"][0][-1][2]) - 1) < 0.03),
+    "assembly_contact": (["mesh.h=10", "method.tolerance.error=1e-3"], 150, lambda s, f: s["interfaces"] == 32 and all(
+        700 < abs(i["resultant"][0][2]) < 1200 for i in s["interface_resultants"] if set(i["name"].split()[::2]) & {"plate"}
+        and "nut" in i["name"])),
+    "polycrystal_10": (["mesh.polycrystal.h=0.2"], 120, lambda s, f: statuses(s, "open")[3] > statuses(s, "open")[1]),
+    "polycrystal_100": (["mesh.polycrystal.grains=8", "mesh.polycrystal.h=0.25"], 150,
+                        lambda s, f: statuses(s, "slip")[2] > 0),
+}
+
+
+def statuses(summary, kind):
+    return summary["status_counts"][kind]
+
+
+def hertz_pressure(force):
+    """Closed form for half a cylinder of radius 2 on a slice 0.02 thick, from the force on it."""
+    per_length, effective = 2 * force / 0.02, 200e3 / (2 * (1 - 0.3**2))
+    return np.sqrt(per_length * effective / (np.pi * 2))
 
 
 def test_every_shipped_configuration_is_run(configs_dir):
     """No example without a test."""
-    assert {path.stem for path in configs_dir.glob("*.yaml")} == set(SHIPPED)
+    assert {path.stem for path in configs_dir.glob("*.yaml")} == {*SHIPPED, *SHIPPED_CONTACT}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -203,6 +225,20 @@ def test_shipped_configurations(name, tmp_path, temporary, configs_dir):
     if name != "metis_box":  # weight is no entry of the boundary
         reactions = np.array(summary["reactions"])
         assert np.abs(reactions.sum(axis=0)).max() <= 1e-9 * np.abs(reactions).max()
+
+
+@pytest.mark.parametrize("name", SHIPPED_CONTACT)
+def test_shipped_contact_configurations(name, tmp_path, temporary, configs_dir):
+    """Converged within the stages expected: laws and equilibrium hold, and each shows what it is there for."""
+    changes, iterations, shows = SHIPPED_CONTACT[name]
+    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
+    code, _, err = ended(launch(temporary, "run", configs_dir / f"{name}.yaml", "--quiet", "--output", tmp_path / "out", *settings))
+    assert code == 0, err
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["iterations"] <= iterations
+    assert summary["residuals"]["law_residual"] <= summary["config"]["method"]["tolerance"]["error"]
+    with np.load(tmp_path / "out" / "fields.npz") as fields:
+        assert shows(summary, fields)
 
 
 # --- runs that do not converge ----------------------------------------------------------------------------
