@@ -69,7 +69,7 @@ class Method(Part):
     search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
     acceleration: Literal["none", "anderson", "gmres"] = Field("anderson", description=(
         "anderson: within one or two iterations of gmres, and right for contact too"))
-    memory: AutoCount = Field("auto", description="depth of anderson; auto: the whole history for perfect interfaces, 15 with contact")
+    memory: AutoCount = Field("auto", description="depth of anderson; auto: the whole history for perfect interfaces, 30 with contact")
     coarse: Literal["affine", "none"] = Field("affine", description=(
         "where interfaces are not perfect: every body moves in its affine fields under the true laws, "
         "after every linear stage; it removes the plateau of the fixed point"))

@@ -32,7 +32,7 @@ from orchestrator.timing import Stopwatch
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
 RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
-CONTACT_MEMORY = 15
+CONTACT_MEMORY = 30
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
 INCREMENT = 4
 
