@@ -89,9 +89,11 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
         shown = ", ".join(parts[:6]) + (f" and {len(parts) - 6} more" if len(parts) > 6 else "")
         cure = "prescribe more displacement components, on faces that do not lie on one line"
         if hint is not None and hint[i]:
-            cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately: if the "
-                    "parts are meant to be joined, merge them (gmsh: Coherence; Mesh.removeDuplicateNodes) "
-                    "so that they share nodes; otherwise " + cure)
+            cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "
+                    "faces do not match: if the parts are meant to touch, mesh both sides alike or merge them (gmsh: "
+                    "Coherence; Mesh.removeDuplicateNodes); otherwise " + cure)
+        elif hint is not None:
+            cure += "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
         problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
 
