@@ -203,6 +203,16 @@ def test_laws_the_last_match_wins_in_either_order():
     assert not wrong
 
 
+def test_contact_where_everything_is_prescribed():
+    """A law that no node is free to follow is a mistake in the boundary conditions."""
+    mesh = cubes([3, 1, 1], [0, 1, 2], ["plate", "bolt", "nut"])
+    held = np.isclose(mesh.nodes[:, :1], mesh.nodes[interfaces_of(mesh)[0][0].global_nodes[0], 0])
+    entries = [SimpleNamespace(between=["plate", "bolt"], law="contact", friction=0.1, gap=None)]
+    found, (problem,) = interfaces_of(mesh, np.repeat(held, 3, axis=1), entries)
+    assert [i.name for i in found] == ["bolt | nut"]
+    assert problem.path == ("interfaces", 0, "law") and "prescribe every node on both sides" in problem.found
+
+
 def test_interface_that_matches_no_pair():
     mesh = cubes([3, 1, 1], [0, 1, 2], ["plate", "bolt", "nut"])
     entries = [SimpleNamespace(between=["bollt", "plate"], law="a"), SimpleNamespace(between=["plate", "nut"], law="a")]

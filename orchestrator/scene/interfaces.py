@@ -39,6 +39,8 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     laws = Laws(entries)
     found: list[Interface] = []
     pairs: list[tuple[str, str]] = []
+    kept: list[int] = []  # entry behind each patch that stays, and that is left out
+    lost: list[int] = []
     for first, last in zip(bounds[:-1], bounds[1:]):
         one, other = (int(i) for i in sides[first])
         names = partition.names[one], partition.names[other]
@@ -48,11 +50,19 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
         free = ~fixed[nodes]
         if not free.any():
+            lost.append(entry)
             continue
+        kept.append(entry)
         own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
         found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own, local.reshape(-1, 3), cells[first:last],
                                free))
         laws.apply(entry, found[-1], known[0])
+    for entry in sorted(set(lost) - set(kept)):
+        if entry >= 0 and entries[entry].law != "perfect":
+            problems.add(("interfaces", entry, "law"),
+                         f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
+                         "interfaces with nodes that are free to open or slip",
+                         "hold the parts elsewhere, or leave the law out")
     bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
     for interface, names in _opposite(mesh, bodies, partition, numbering, fixed, laws, problems):
         interface.index = len(found)
