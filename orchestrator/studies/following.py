@@ -9,7 +9,7 @@ apart, and in how many statuses they differ, is reported beside.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -98,7 +98,7 @@ class Followed:
 
 
 def follow(study: Study, case: Case, beside: Followed | None = None, *, towards: Followed | None = None,
-           mesh_seconds: float | None = None, wants_fields: bool = False,
+           mesh_seconds: float | None = None, wants_fields: bool = False, continued: int = CONTINUED,
            measure: Mapping[str, Any] | None = None) -> Followed:
     """Solve a case, continue it to its end, add its row and its curves.
 
@@ -108,16 +108,22 @@ def follow(study: Study, case: Case, beside: Followed | None = None, *, towards:
     towards : take the end of this case in the place of a continuation
     mesh_seconds : what the mesh took, when another case made it
     wants_fields : recover the fields, which counts in the seconds
+    continued : iterations at most after the run's own; 0: its last iteration is its end
     measure : further columns of the row
     """
     config, watch = config_from(dict(case.config)), Stopwatch()
-    with study.console.status(str(case)), np.errstate(over="ignore", invalid="ignore"):  # some cases diverge
+    with study.console.status(str(case)) as status, np.errstate(over="ignore", invalid="ignore"):  # some cases diverge
         with watch("mesh"):
             scene = study.scene(case.config)
         if mesh_seconds is not None:
             watch.start -= mesh_seconds - watch.seconds["mesh"]
             watch.seconds["mesh"] = mesh_seconds
-        followed = _solve(config, scene, watch, towards, wants_fields)
+
+        def tell(event) -> None:
+            if isinstance(event, Iteration):
+                status.update(f"{case}: iteration {event.iteration}, law residual {event.law_residual:.1e}")
+
+        followed = _solve(config, scene, watch, towards, wants_fields, tell, continued)
     apart_from = {} if beside is None else {
         "apart": apart(followed.w, beside.w), "other_statuses": int((followed.status != beside.status).sum())}
     outcome, steps = followed.outcome, scene.steps
@@ -143,7 +149,8 @@ def apart(w: np.ndarray, end: np.ndarray) -> float:
     return float(np.linalg.norm(w - end) / np.linalg.norm(end)) if w.shape == end.shape else math.nan
 
 
-def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | None, wants_fields: bool) -> Followed:
+def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | None, wants_fields: bool,
+           tell: Callable, continued: int) -> Followed:
     workers = default_workers() if config.blackbox.workers == "auto" else config.blackbox.workers
     method, fields = config.method, None
     with watch("soles"):
@@ -153,7 +160,7 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
     with blackbox:
         d = prepare(scene, soles, method, blackbox, workers, watch)
         trail = Trail(d.space.size)
-        outcome = iterate(d, method, (), watch, true_error=trail)
+        outcome = iterate(d, method, (tell,), watch, true_error=trail)
         with watch("linear_stage"):
             displacement, parts = recover(d, outcome.fields, outcome.bound)
         interfaces = interface_fields(d, outcome)
@@ -166,19 +173,19 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
         if towards is not None:
             w, status, accuracy = towards.w, towards.status, towards.accuracy
         else:
-            end = _end(d, config, scene, outcome)
+            end = _end(d, config, scene, outcome, continued)
             w, status, accuracy = end.fields.w, end.local.status, end.last.law_residual
     outcome.history[:] = [replace(event, true_error=error)
                           for event, error in zip(outcome.history, trail.errors(w))]
     return Followed(scene, outcome, w, status, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
 
 
-def _end(d: Decomposition, config: Config, scene: Scene, outcome: Outcome) -> Outcome:
+def _end(d: Decomposition, config: Config, scene: Scene, outcome: Outcome, continued: int) -> Outcome:
     """Where a run tends to: itself if it came there; else continued with the defaults, on its own soles."""
-    if outcome.converged or not np.isfinite(outcome.fields.s).all():
+    if outcome.converged or not continued or not np.isfinite(outcome.fields.s).all():
         return outcome
     plain = config_from({**config.complete(), "method": {
-        "tolerance": config.method.tolerance.model_dump(exclude_none=True), "max_iterations": CONTINUED}}).method
+        "tolerance": config.method.tolerance.model_dump(exclude_none=True), "max_iterations": continued}}).method
     stage = copy(d.stage)
     stage.macro = None  # at a solution its multiplier is zero
     view = replace(d, stage=stage, coarse=d.coarse or _coarse(d, scene))

@@ -30,6 +30,7 @@ from orchestrator.studies.table import print_table
 GRAINS, H = 100, 0.018
 SMALL_GRAINS, SMALL_H = 15, 0.16
 ERROR, END = 1e-3, 1e-6  # error wanted; law residual of the solution that it is measured against
+LONG = 110  # iterations at most to get there; the last one stands for the solution
 PAPER_SECONDS, ITERATIONS, SECONDS, MEMORY = 100, 80, 180, 16  # limits: of each of the paper's runs, of the defaults; GB
 COLUMNS = ("settings", "subdomains", "interfaces", "dofs", "dofs_decomposed", "iterations", "indicator", "law_residual",
            "true_error", "open", "stick", "slip", "mesh", "prepare", "iterate", "recover_and_write", "seconds", "GB",
@@ -54,7 +55,8 @@ def full(study: Study) -> None:
                  multi[-1].true_error > 0.05)
     row, found = _row(study, "defaults"), first(runs["defaults"].history, "true_error", ERROR)
     writing = row["recover_and_write"]
-    study.target(f"defaults: error ≤ {ERROR:g}", f"at most {ITERATIONS} iterations", found and found.iteration,
+    study.target(f"defaults: error ≤ {ERROR:g} against the last iteration (law residual {row['law_residual']:.0e})",
+                 f"at most {ITERATIONS} iterations", found and found.iteration,
                  found is not None and found.iteration <= ITERATIONS)
     study.target("the same, everything included", f"at most {SECONDS} s",
                  found and f"{found.seconds + writing:.0f} s, of which {writing:.0f} s for writing results",
@@ -75,7 +77,7 @@ def _run(study: Study, problem: Mapping[str, Any], iterations: int) -> dict[str,
     study.columns = COLUMNS
     h = problem["mesh"]["polycrystal"]["h"]
     methods = {
-        "defaults": contact_defaults(error=END),
+        "defaults": contact_defaults(error=END, iterations=LONG),
         "paper, multiscale": paper_contact("equilibrium", ratio=h, iterations=iterations),
         "paper, mono-scale": paper_contact("none", ratio=h, iterations=iterations),
     }
@@ -84,7 +86,7 @@ def _run(study: Study, problem: Mapping[str, Any], iterations: int) -> dict[str,
     for name, method in methods.items():
         ours = runs.get("defaults")
         run = follow(study, Case(with_method(problem, method), {"settings": name}), towards=ours, wants_fields=True,
-                     mesh_seconds=ours and ours.watch.seconds["mesh"])
+                     continued=0, mesh_seconds=ours and ours.watch.seconds["mesh"])
         runs[name] = run
         before = time.perf_counter()
         _write(output, run, problem, keep=ours is None)
