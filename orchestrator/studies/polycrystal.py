@@ -52,10 +52,12 @@ def full(study: Study) -> None:
     multi = runs["paper, multiscale"].history
     study.target("the paper's plateau: its multiscale fixed point ends far from the solution",
                  "η small, error large", f"η {multi[-1].indicator:.1e}, error {multi[-1].true_error:.1e}",
-                 multi[-1].true_error > 0.05)
+                 multi[-1].indicator < 1e-4 and multi[-1].true_error > 0.05)
     row, found = _row(study, "defaults"), first(runs["defaults"].history, "true_error", ERROR)
+    if row["stop_reason"] != "converged":  # the last iteration is no solution yet: nothing is known of the error
+        found = None
     writing = row["recover_and_write"]
-    study.target(f"defaults: error ≤ {ERROR:g} against the last iteration (law residual {row['law_residual']:.0e})",
+    study.target(f"defaults: error ≤ {ERROR:g} against its own end (law residual {row['law_residual']:.0e})",
                  f"at most {ITERATIONS} iterations", found and found.iteration,
                  found is not None and found.iteration <= ITERATIONS)
     study.target("the same, everything included", f"at most {SECONDS} s",
@@ -76,10 +78,11 @@ def _run(study: Study, problem: Mapping[str, Any], iterations: int) -> dict[str,
     """The defaults first: their solution is what the paper's runs are compared with."""
     study.columns = COLUMNS
     h = problem["mesh"]["polycrystal"]["h"]
-    methods = {
-        "defaults": contact_defaults(error=END, iterations=LONG),
-        "paper, multiscale": paper_contact("equilibrium", ratio=h, iterations=iterations),
-        "paper, mono-scale": paper_contact("none", ratio=h, iterations=iterations),
+    methods = {"defaults": contact_defaults(error=END, iterations=LONG)}
+    methods |= {
+        # soles of the paper's stiffness, E h / length; as springs: with a layer and its diagonal as k⁺ both diverge
+        name: paper_contact(strategy, kind="springs", ratio=h, relaxation=0.8, iterations=iterations)
+        for name, strategy in (("paper, multiscale", "equilibrium"), ("paper, mono-scale", "none"))
     }
     startup, runs = _startup(), {}
     output = ResultsFolder(study.folder / "run")
