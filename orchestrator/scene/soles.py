@@ -206,8 +206,11 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
 
     Notes
     -----
-    E_S = ratio × the larger modulus of the two sides: with a contrast across the interface it is
-    the one simple choice that converges well from both sides. ν_S is the smaller ratio, at most
+    E_S = ratio × the larger modulus E of the two sides: with a contrast across the interface it is
+    the one simple choice that converges well from both sides. Under other laws than the perfect one
+    the coarse problem moves whole bodies only, and the sole has to serve all waves between the mesh
+    size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
+    Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
     0.3: a nearly incompressible sole is stiff in the wrong direction.
     """
     young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
@@ -221,7 +224,12 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
         nu = np.minimum(poisson.min(axis=1), 0.3)
     else:
         nu = np.full(len(young), float(settings.poisson))
-    ratio = settings.modulus_ratio if interface.law == "perfect" else settings.contact_ratio
+    if interface.law == "perfect":
+        ratio = settings.modulus_ratio
+    else:
+        h = local_size(points, interface.triangles)
+        reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())
+        ratio = settings.contact_ratio * (thickness / reach)[interface.triangles].mean(axis=1)
     thin = THIN if kind == "springs" else 1.0
     return Facets(points, interface.triangles, thin * ratio * young.max(axis=1), nu, thin * thickness)
 
