@@ -31,6 +31,7 @@ from orchestrator.scene.model import Scene
 FIELDS = 12
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
 MAX_STEPS = 12
+FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
@@ -160,7 +161,9 @@ class CoarseCorrection:
                 trial, F_new = y + theta * dy, F + theta * dF
                 rho_new = self._residual(trial, F_new, resultant, previous)
                 size_new = np.linalg.norm(rho_new)
-                if size_new <= (1 - 0.2 * theta) * size:
+                # a loose body feels nothing until it touches: once the shift is raised, standing still is allowed
+                idle = theta == 1 and delta > LEVENBERG and size_new <= FLAT * size
+                if size_new <= (1 - 0.2 * theta) * size or idle:
                     y, F, rho, size, matrix = trial, F_new, rho_new, size_new, None
                     break
             else:
