@@ -125,7 +125,7 @@ class ErrorBound:
 
         change = -self.share * (fields.f + fields.f[self.space.partner])
         self._add_local_stage_exchange(change, u)
-        change, balanced = self._balanced(change, fields.f)
+        change, balanced = self._balanced(change)
         h = self.space.scatter @ change
         b2, sweeps = self._dual_energy(h)
         gap = np.sqrt(np.maximum(a2 + b2 - 2 * np.sum(delta * h, axis=0), 0.0).max(initial=0.0))
@@ -178,7 +178,7 @@ class ErrorBound:
         share = step.sum(axis=0) / max(steps[-1], np.finfo(float).tiny)
         return (1 + RELATIVE_TAIL) * (np.sum(total, axis=0) + tail * share), sweeps
 
-    def _balanced(self, change: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, bool]:
+    def _balanced(self, change: np.ndarray) -> tuple[np.ndarray, bool]:
         """Add self-balanced rigid force fields per interface so that no floating subdomain is pushed.
 
         The macro problem has done it already where its basis holds the rigid motions; the

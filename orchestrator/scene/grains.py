@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from orchestrator.scene.facets import corner_angles, cut, narrowest
+from orchestrator.scene.facets import cut, narrowest
 from orchestrator.scene.voronoi import Tessellation, area_vector, without_repeats
 
 # Edges are removed below 2.2 h, so that they have two elements, but never above a fifth of a grain's size,
