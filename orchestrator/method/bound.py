@@ -26,6 +26,7 @@ import scipy.sparse.linalg as sla
 
 from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.loading import Loading
+from orchestrator.method.macro import both_sides
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more than this to b²
 MAX_STEPS = 30
@@ -190,17 +191,14 @@ class ErrorBound:
             return change, True
         if self._balance is None:
             mode_traces = sp.csr_array(self.modes[self.space.gather])
-            fields = []  # per interface: rigid motions of either side span the force fields
+            bases = []  # per interface: rigid motions of either side span the force fields
             for one, two in self.space.slots:
                 block = mode_traces[one] if mode_traces[one].nnz else mode_traces[two]
                 block = sp.csc_array(block)
                 local = block[:, np.flatnonzero(np.diff(block.indptr))].toarray()
                 left, s, _ = np.linalg.svd(local, full_matrices=False) if local.size else (local, np.zeros(0), None)
-                left = left[:, s > 1e-10 * s.max(initial=0.0)]
-                spread = sp.lil_array((self.space.size, left.shape[1]))
-                spread[one], spread[two] = left, -left
-                fields.append(sp.csr_array(spread))
-            spread = sp.csr_array(sp.hstack(fields))
+                bases.append(left[:, s > 1e-10 * s.max(initial=0.0)])
+            spread = both_sides(self.space, bases, (1.0, -1.0))
             work = sp.csr_array(mode_traces.T @ spread)
             self._balance = spread, work, _semidefinite_solver(work @ work.T)
         spread, work, solve = self._balance

@@ -46,12 +46,12 @@ class Macro:
     def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
                  strategy: str, blackbox: BlackBox):
         self.space, self.strategy = space, strategy
-        C = _both_sides(space, bases, (1.0, 1.0))
+        C = both_sides(space, bases, (1.0, 1.0))
         if strategy == "equilibrium":
             self.G = sp.csr_array(direction.k @ C)
         else:
             mirrored = direction.k + direction.other  # A k Aᵀ, written on either side
-            self.G = sp.csr_array(mirrored @ _both_sides(space, bases, (-1.0, 1.0)))
+            self.G = sp.csr_array(mirrored @ both_sides(space, bases, (-1.0, 1.0)))
         self.C = C
         self.size = self.G.shape[1]
 
@@ -85,7 +85,7 @@ class Macro:
         return result
 
 
-def _both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
+def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
     """(D, size) the bases of all interfaces on both sides, with a sign for each side."""
     rows, columns, values, start = [], [], [], 0
     for slots, basis in zip(space.slots, bases):
