@@ -29,6 +29,7 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary import memory_peak_mb, print_summary, versions, write_summary
+from orchestrator.results.workload import Workload
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles import make_soles
@@ -95,7 +96,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     with watch("start"):
         blackbox = make_blackbox(config.blackbox)
     with blackbox:
+        workload = Workload(blackbox, watch)
         decomposition = prepare(scene, soles, config.method, blackbox, workers, watch)
+        workload.end("set_up")
 
         def true_error(fields, bound) -> float:
             before = watch.seconds["reference"]
@@ -107,6 +110,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         earlier = (start.state, start.iteration, start.sweeps - decomposition.setup_sweeps) if start else ()
         outcome = iterate(decomposition, config.method, subscribers, watch, *earlier,
                           true_error=true_error if exact else None)
+        workload.end("iterations")
         with watch("linear_stage"):
             displacement, parts = recover(decomposition, outcome.fields, outcome.bound)
         own, opening = None, interface_fields(decomposition, outcome)
@@ -128,7 +132,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         | contact.pop("law_residuals", {}),
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
         **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
-        "timing": {"blackbox": clock}, "versions": versions(version), "workers": workers,
+        "timing": {"blackbox": clock}, "workload": workload.record, "versions": versions(version), "workers": workers,
         "memory_peak_mb": memory_peak_mb() + memory, "config": config.complete(),
     }
     return Solved(scene, outcome, displacement, parts, summary, exact, own, opening)

@@ -10,11 +10,12 @@ from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up wall-clock seconds under names; stages do not overlap."""
+    """Adds up wall-clock seconds and calls under names; stages do not overlap."""
 
     def __init__(self) -> None:
         self.start = time.perf_counter()
         self.seconds: dict[str, float] = defaultdict(float)
+        self.calls: dict[str, int] = defaultdict(int)
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
@@ -23,6 +24,7 @@ class Stopwatch:
             yield
         finally:
             self.seconds[stage] += time.perf_counter() - begin
+            self.calls[stage] += 1
 
     @property
     def total(self) -> float:

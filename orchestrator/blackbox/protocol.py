@@ -14,6 +14,8 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.blackbox.activity import Activity
+
 
 @dataclass
 class Model:
@@ -60,6 +62,9 @@ class BlackBox(Protocol):
 
     def clock(self) -> dict[str, float]:
         """The code's own CPU seconds, summed over workers: start, assemble, factorise, solve."""
+
+    def activity(self) -> list[Activity]:
+        """What each worker has done with its time so far."""
 
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""

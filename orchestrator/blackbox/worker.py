@@ -61,6 +61,7 @@ class Worker:
     def __init__(self, code: Code, element: str, folder: Path, number: int, timeout: float):
         self.code, self.element, self.folder, self.number, self.timeout = code, element, folder, number, timeout
         self.seconds = {"start": 0.0, "assemble": 0.0, "factorise": 0.0, "solve": 0.0}
+        self.calls, self.working = 0, 0.0  # tasks, and seconds spent on them
         self.peak_mb = 0.0
         self.process: subprocess.Popen | None = None
         self._lock = threading.RLock()  # reentrant: a signal may interrupt its holder

@@ -13,6 +13,7 @@ from orchestrator.results.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.result import Result
 from orchestrator.results.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, summary_rows
+from orchestrator.results.workload import PERIODS, STAGE_HEAD, WORKER_HEAD, stage_rows, worker_rows
 
 # quantity, its formula, what it tells
 _QUANTITIES = [
@@ -65,8 +66,8 @@ def _blocks(result: Result) -> list[Block]:
     summary = result.summary
     blocks: list[Block] = [
         Heading(str(summary.get("name") or "Run"), 1), Paragraph(_in_words(result)),
-        Table(("", ""), [row for row in summary_rows(summary) if row[0] != "time"])]
-    blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary)]
+        Table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers")])]
+    blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary), *_workload(summary)]
     blocks += contact_section(summary)
     for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
         table = {"reactions": _reactions, "energy": _energy}[key](summary.get(key))
@@ -116,6 +117,22 @@ def _time(summary: Mapping[str, object]) -> Table:
     if blackbox_seconds(timing):
         lines.append(("black box: all, on its own clock, summed over its workers", f"{blackbox_seconds(timing):.2f}", ""))
     return Table(("stage", "seconds", "share"), lines, numeric=True)
+
+
+def _workload(summary: Mapping[str, object]) -> list[Block]:
+    record, blocks = summary.get("workload") or {}, []
+    for period, name in PERIODS.items():
+        if period not in record:
+            continue
+        blocks += [Heading(f"Who did what: {name}, {record[period]['seconds']:.2f} s", 3),
+                   Table(STAGE_HEAD, stage_rows(record[period], STAGES), numeric=True)]
+        if record[period]["workers"]:
+            blocks.append(Table(WORKER_HEAD, worker_rows(record[period]), numeric=True))
+    if blocks:
+        blocks.append(Paragraph(
+            "Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
+            "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed."))
+    return blocks
 
 
 def _reactions(reactions: object) -> Table | None:

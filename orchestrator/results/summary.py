@@ -15,12 +15,13 @@ import numpy as np
 import orchestrator
 from orchestrator.errors import InputError, Problem
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.workload import idle_text
 
 NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
-        "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "versions",
-        "memory_peak_mb", "config"]
+        "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload",
+        "versions", "memory_peak_mb", "config"]
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
           "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",
@@ -159,6 +160,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
                                                  ("interfaces", "interface"), ("load_steps", "load step"))
                                if shown(key))),
             ("time", _time_text(summary)),
+            ("workers", idle_text(summary.get("workload"))),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]
 

@@ -1,0 +1,102 @@
+"""Where the workers' time goes: it adds up, and the summary, console and report tell it."""
+
+import io
+import time
+
+import pytest
+import results_case as case
+from blackbox_case import box, forces, settings
+from rich.console import Console
+
+from orchestrator.blackbox.pool import place
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.config import config_from
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.history import write_history
+from orchestrator.results.report import report
+from orchestrator.results.summary import print_summary, write_summary
+from orchestrator.results.workload import Workload, idle_share, joined
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.studies.cases import grains
+from orchestrator.timing import Stopwatch
+
+
+@pytest.mark.parametrize("transport", ["pipe", "file"])
+def test_seconds_of_every_worker_add_up_to_the_wall_clock(transport):
+    models = [box(seed=i) for i in range(3)]
+    with make_blackbox(settings(workers=2, transport=transport)) as pool:
+        begin, before = time.perf_counter(), pool.activity()
+        pool.load(models)
+        pool.traces({i: forces(m) for i, m in enumerate(models)})
+        pool.traces({0: forces(models[0])})
+        time.sleep(0.2)
+        spent = [now.since(then) for now, then in zip(pool.activity(), before)]
+        elapsed, clock = time.perf_counter() - begin, pool.clock()
+    assert sorted(a.models for a in spent) == [1, 2] and sorted(a.calls for a in spent) == [2, 3]
+    assert sum(a.dofs for a in spent) == sum((~m.fixed).sum() for m in models)
+    for a in spent:
+        assert a.seconds == pytest.approx(elapsed, abs=0.02)
+        assert a.idle >= 0.2 and a.waiting >= 0 and a.messages > 0
+    assert sum(a.factorise for a in spent) == pytest.approx(clock["factorise"])
+    lazy = min(spent, key=lambda a: a.calls)  # it waited while the other one answered the last request
+    assert lazy.waiting > 0
+
+
+def test_places_by_predicted_cost_not_by_count():
+    dofs = [16000, 4000, 4000, 4000, 4000, 4000, 4000]
+    first, second = place([n**1.6 for n in dofs], 2)
+    assert [first, second] == [[0], [1, 2, 3, 4, 5, 6]]
+
+
+@pytest.fixture(scope="module")
+def solved():
+    config = config_from({**grains(10, 0.2), "blackbox": {"workers": 2}, "method": {"max_iterations": 6}})
+    watch = Stopwatch()
+    return solve(config, build_scene(config), watch=watch)
+
+
+def test_record_of_a_run(solved):
+    record = solved.summary["workload"]
+    assert list(record) == ["set_up", "iterations"]
+    for period in record.values():
+        assert [row["worker"] for row in period["workers"]] == [0, 1]
+        assert sum(row["models"] for row in period["workers"]) == 10
+        for row in period["workers"]:
+            assert row["seconds"] == pytest.approx(period["seconds"], abs=0.02)
+        assert sum(row["seconds"] for row in period["stages"]) <= period["seconds"]
+    own = solved.summary["timing"]["blackbox"]
+    assert sum(row["factorise"] for row in record["set_up"]["workers"]) == pytest.approx(own["factorise"])
+    calls = {row["stage"]: row["calls"] for row in record["iterations"]["stages"]}
+    assert calls["linear_stage"] == calls["local_stage"] == calls["coarse"] == 6
+    assert all(row["factorise"] == 0 and row["solve"] > 0 for row in record["iterations"]["workers"])
+    assert 0 < idle_share(record["iterations"]) < 1
+
+
+def test_ranks_are_joined_and_shown(solved, tmp_path):
+    record = solved.summary["workload"]
+    other = {p: {**part, "seconds": 2 * part["seconds"],
+                 **{t: [{**row, "rank": 1} for row in part[t]] for t in ("stages", "workers")}}
+             for p, part in record.items()}
+    both = joined([record, other])
+    assert both["iterations"]["seconds"] == 2 * record["iterations"]["seconds"]
+    assert [row["rank"] for row in both["iterations"]["workers"]] == [0, 0, 1, 1]
+    summary = {**solved.summary, "workload": both}
+    stream = io.StringIO()
+    print_summary(summary, console=Console(file=stream, width=200))
+    assert f"idle for {100 * idle_share(both['iterations']):.0f} % of the" in stream.getvalue()
+    folder = ResultsFolder(tmp_path)
+    write_summary(folder, summary)
+    write_history(folder, case.history())
+    text = report(tmp_path).read_text()
+    assert "Who did what: iterations" in text
+    for row in both["iterations"]["workers"]:
+        assert f"| {row['rank']} | {row['worker']} | {row['models']} | {row['dofs']:,} | {row['calls']} |" in text
+
+
+def test_period_without_anything_is_empty():
+    with make_blackbox(settings(workers=1)) as pool:
+        workload = Workload(pool, Stopwatch())
+        workload.end("iterations")
+    (row,) = workload.record["iterations"]["workers"]
+    assert row["calls"] == 0 and row["idle_share"] == 1 and not workload.record["iterations"]["stages"]
