@@ -1,4 +1,4 @@
-"""What a worker did with its time: its code's own seconds, messages, waiting, idleness. They add up to the wall clock."""
+"""What a worker did with its time: the code's own seconds, messages, waiting and idleness make up the wall clock."""
 
 from __future__ import annotations
 

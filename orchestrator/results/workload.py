@@ -1,4 +1,4 @@
-"""Who did what, and who waited: stages of the orchestrator and seconds of the workers, as in the paper's tables 3 and 4.
+"""Who did what, and who waited: stages of each rank and seconds of its workers, like the paper's tables 3 and 4.
 
 A record is plain data. Rows carry the rank they were measured on, so that those of several ranks are joined by
 putting their lists one after the other (``joined``).
@@ -80,8 +80,9 @@ def idle_text(record: Mapping[str, object] | None) -> str | None:
         return None
     workers, total = period["workers"], sum(row["seconds"] for row in period["workers"])
     share = {name: 100 * sum(row[name] for row in workers) / total for name in ("waiting", "idle", "messages")}
-    return (f"idle for {100 * idle_share(period):.0f} % of the {period['seconds']:.2f} s of iterations (for the orchestrator "
-            f"{share['idle']:.0f} %, for each other {share['waiting']:.0f} %); messages {share['messages']:.0f} %")
+    return (f"idle for {100 * idle_share(period):.0f} % of the {period['seconds']:.2f} s of iterations (for the "
+            f"orchestrator {share['idle']:.0f} %, for each other {share['waiting']:.0f} %); "
+            f"messages {share['messages']:.0f} %")
 
 
 def stage_rows(period: Mapping[str, object], names: Mapping[str, str]) -> list[tuple[str, ...]]:
