@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.blackbox.pool import default_workers
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.registry import make_blackbox, spared
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
 from orchestrator.method.criteria import make_criterion
@@ -30,6 +30,7 @@ from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary import memory_peak_mb, print_summary, versions, write_summary
 from orchestrator.results.workload import Workload
+from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles import make_soles
@@ -93,11 +94,12 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     with watch("soles"):
         soles = make_soles(scene, config.method.sole)
     stage("assembling and factorising")
+    savings = Savings()
     with watch("start"):
-        blackbox = make_blackbox(config.blackbox)
+        blackbox = spared(make_blackbox(config.blackbox), config.method.skip, workers, scene.steps, savings)
     with blackbox:
         workload = Workload(blackbox, watch)
-        decomposition = prepare(scene, soles, config.method, blackbox, workers, watch)
+        decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings)
         workload.end("set_up")
 
         def true_error(fields, bound) -> float:
@@ -133,7 +135,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
         **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
         "timing": {"blackbox": clock}, "workload": workload.record, "versions": versions(version), "workers": workers,
-        "memory_peak_mb": memory_peak_mb() + memory, "config": config.complete(),
+        "memory_peak_mb": memory_peak_mb() + memory, "skipped": savings.table(), "config": config.complete(),
     }
     return Solved(scene, outcome, displacement, parts, summary, exact, own, opening)
 

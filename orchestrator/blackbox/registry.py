@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from orchestrator.blackbox.compliance import Compliance
 from orchestrator.blackbox.file import FileWorker
 from orchestrator.blackbox.freefem import FreeFem
 from orchestrator.blackbox.pipe import PipeWorker
 from orchestrator.blackbox.pool import Pool, default_workers
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.blackbox.shared import SharedModels
 from orchestrator.errors import Problems
+from orchestrator.savings import Savings
 
 CODES = {"freefem": FreeFem}
 TRANSPORTS = {"pipe": PipeWorker, "file": FileWorker}
@@ -48,3 +52,19 @@ def make_blackbox(settings: Settings) -> Pool:
     problems.raise_if_any()
     timeout = float(getattr(settings, "timeout", 600.0))
     return Pool(TRANSPORTS[settings.transport], CODES[settings.code](), settings.element, workers, timeout)
+
+
+def spared(blackbox: BlackBox, skip, workers: int, steps: int, savings: Savings) -> BlackBox:
+    """The black box with the layers that save it work.
+
+    Parameters
+    ----------
+    skip : ``method.skip`` of a configuration: congruent, repeated, compliance
+    workers : processes behind the black box
+    steps : load steps that are solved together
+    savings : where what is saved is noted
+    """
+    if skip.compliance:
+        blackbox = Compliance(blackbox, workers=workers, savings=savings)
+    return SharedModels(blackbox, congruent=skip.congruent, repeated=skip.repeated, workers=workers, steps=steps,
+                        savings=savings)

@@ -64,6 +64,18 @@ class Tolerance(Part):
     indicator: Positive | None = Field(None, description="the paper's indicator, a squared ratio; for studies")
 
 
+class Skip(Part):
+    """What a scene does not need is not done; true leaves it to the program where it pays."""
+
+    congruent: bool = Field(True, description=(
+        "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation"))
+    repeated: bool = Field(True, description=(
+        "right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
+    compliance: bool = Field(True, description=(
+        "one solve per interface dof and dense products from then on replace the solves of the iterations, "
+        "where measured costs say that it pays"))
+
+
 class Method(Part):
     sole: Sole = Field(Sole(), description="the search direction k⁻ as a layer of matter")
     macro: Macro = Field(Macro(), description="the coarse problem")
@@ -79,6 +91,7 @@ class Method(Part):
         "starting from the last"))
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
+    skip: Skip = Field(Skip(), description="work that is left out because the result does not need it; all of it by default")
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
     max_iterations: Count = Field(500, description="far above what a healthy run needs, so it only stops sick ones")

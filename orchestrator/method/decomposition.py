@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orchestrator.blackbox.congruence import first_alike, same_shape
 from orchestrator.blackbox.extended import extended_model, sides_of
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.bound import ErrorBound
@@ -21,6 +22,7 @@ from orchestrator.method.macro_basis import interface_basis
 from orchestrator.method.pairs import make_pairs
 from orchestrator.method.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.traces import TraceSpace
+from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 from orchestrator.scene.rigid import rigid_modes
 from orchestrator.scene.soles import Sole
@@ -88,7 +90,7 @@ class Decomposition:
 
 
 def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int,
-            watch: Stopwatch) -> Decomposition:
+            watch: Stopwatch, savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
     Parameters
@@ -96,12 +98,14 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     soles : per interface, the soles of its two sides
     method : ``method`` of the configuration
     workers : number of packets small requests are joined in
+    savings : where it is noted what need not be done
 
     Raises
     ------
     BlackBoxError : from the code
     InputError : the macro problem is singular
     """
+    savings, share = savings or Savings(), method.skip.congruent
     sides = [sides_of(scene, s.index) for s in scene.subdomains]
     models = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
     traces = [m.trace for m in models]
@@ -110,9 +114,9 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     with watch("load"):
         blackbox.load(models)
     with watch("search_direction"):
-        direction = assemble_search_direction(scene, space, soles, blackbox, workers)
+        direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
         # energies of boundary corrections are needed where there is an error bound; reactions always
-        rims = assemble_rims(scene, sides if all_perfect else [[] for _ in sides], blackbox, workers)
+        rims = assemble_rims(scene, sides if all_perfect else [[] for _ in sides], blackbox, workers, share, savings)
     with watch("linear_stage"):
         loading = apply_loads(scene, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
@@ -144,9 +148,15 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     wanted = [i.law == "perfect" or method.macro.on == "all" for i in scene.interfaces]
     if method.macro.strategy == "none" or not any(wanted):
         return None
-    bases = []
-    for interface, taken in zip(scene.interfaces, wanted):
-        points = scene.points(interface)
-        basis = interface_basis(points, interface.free, method.macro.basis)
+    points = [scene.points(i) for i in scene.interfaces]
+    first = range(len(points))
+    if method.skip.congruent:
+        first = first_alike([i.free.tobytes() for i in scene.interfaces], lambda i, j: same_shape(points[i], points[j]))
+    bases: list[np.ndarray] = []
+    for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
+        if taken and wanted[first[index]] and first[index] < index:
+            bases.append(bases[first[index]])
+            continue
+        basis = interface_basis(points[index], interface.free, method.macro.basis)
         bases.append(basis if taken else basis[:, :0])
     return Macro(space, direction, bases, method.macro.strategy, blackbox)

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.extended import Rim, batch, rim_model
+from orchestrator.blackbox.assembly import assembled
+from orchestrator.blackbox.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.traces import TraceSpace
+from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 
 
@@ -36,20 +38,14 @@ class RimStiffness:
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
 
 
-def assemble_rims(scene: Scene, sides, blackbox: BlackBox, workers: int) -> list[RimStiffness]:
-    """Rim stiffness of every subdomain, assembled by the black box."""
+def assemble_rims(scene: Scene, sides, blackbox: BlackBox, workers: int, share: bool,
+                  savings: Savings) -> list[RimStiffness]:
+    """Rim stiffness of every subdomain, assembled by the black box; congruent rims once if they ``share``."""
     rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in scene.subdomains]
-    filled = [i for i, r in enumerate(rims) if len(r.model.cells)]
-    result = [RimStiffness(sp.csr_array((3 * len(r.nodes),) * 2), r.nodes) for r in rims]
-    packets = batch([rims[i].model for i in filled], workers) if filled else []
-    for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
-        start = 0
-        for member in members:
-            rim = rims[filled[member]]
-            end = start + 3 * len(rim.nodes)
-            result[filled[member]].stiffness = sp.csr_array(stiffness[start:end, start:end])
-            start = end
-    return result
+    filled = [r for r in rims if len(r.model.cells)]
+    stiffness = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
+    return [RimStiffness(next(stiffness) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes)
+            for r in rims]
 
 
 def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:

@@ -13,9 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.extended import batch, sole_models
+from orchestrator.blackbox.assembly import assembled
+from orchestrator.blackbox.extended import sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.traces import TraceSpace
+from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 
 
@@ -52,30 +54,29 @@ def factorised(matrix: sp.csr_array):
     return lu.solve
 
 
-def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox,
-                              workers: int) -> SearchDirection:
+def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,
+                              share: bool, savings: Savings) -> SearchDirection:
     """Have the black box assemble every sole and place the results on the trace dofs.
+
+    Parameters
+    ----------
+    share : congruent soles are assembled once
 
     Raises
     ------
     BlackBoxError : from the code
     """
     requests = sole_models(scene, soles)
-    packets = batch([model for model, _ in requests], workers) if requests else []
     rows, columns, values = [], [], []
-    for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
-        start = 0
-        for member in members:
-            model, (index, side) = requests[member]
-            interface = scene.interfaces[index]
-            dofs = start + np.flatnonzero(interface.free.ravel())
-            block = sp.coo_array(stiffness[dofs][:, dofs])
-            both = soles[index][0] is soles[index][1]
-            for slot in space.slots[index] if both else (space.slots[index][side],):
-                rows.append(slot[block.row])
-                columns.append(slot[block.col])
-                values.append(block.data)
-            start += 3 * len(model.nodes)
+    for stiffness, (_, (index, side)) in zip(
+            assembled([model for model, _ in requests], blackbox, workers, share, savings), requests):
+        dofs = np.flatnonzero(scene.interfaces[index].free.ravel())
+        block = sp.coo_array(stiffness[dofs][:, dofs])
+        both = soles[index][0] is soles[index][1]
+        for slot in space.slots[index] if both else (space.slots[index][side],):
+            rows.append(slot[block.row])
+            columns.append(slot[block.col])
+            values.append(block.data)
     d = space.size
     if not rows:
         return SearchDirection(sp.csr_array((d, d)), space.partner)

@@ -21,7 +21,7 @@ NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
         "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload",
-        "versions", "memory_peak_mb", "config"]
+        "versions", "memory_peak_mb", "skipped", "config"]
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
           "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",
@@ -161,6 +161,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
                                if shown(key))),
             ("time", _time_text(summary)),
             ("workers", idle_text(summary.get("workload"))),
+            ("skipped", _skipped_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]
 
@@ -199,6 +200,12 @@ def hold_sentences(summary: Mapping[str, object]) -> list[str]:
             result.append(f"{shown}: {what} at load step {', '.join(map(str, steps))}; "
                           f"{'its' if len(names) == 1 else 'their'} rigid position is undetermined")
     return result
+
+
+def _skipped_text(summary: Mapping[str, object]) -> str:
+    """What was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
+    return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
+                     for entry in summary.get("skipped") or ())
 
 
 def _time_text(summary: Mapping[str, object]) -> str | None:

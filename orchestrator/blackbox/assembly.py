@@ -1,0 +1,39 @@
+"""Stiffness of many small models: congruent ones once, the others side by side in few requests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.congruence import representatives
+from orchestrator.blackbox.extended import batch
+from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.savings import Savings
+
+
+def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: bool,
+              savings: Savings) -> list[sp.csr_array]:
+    """Stiffness (3n, 3n) of every model; congruent ones get the very same matrix.
+
+    Parameters
+    ----------
+    workers : number of requests that the models are joined in
+    share : whether to look for congruent models
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    """
+    if not models:
+        return []
+    first = representatives(models) if share else np.arange(len(models))
+    kinds = np.unique(first)
+    savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
+    packets = batch([models[k] for k in kinds], workers)
+    found: dict[int, sp.csr_array] = {}
+    for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
+        ends = np.cumsum([0] + [3 * len(models[kinds[m]].nodes) for m in members])
+        found |= {int(kinds[m]): sp.csr_array(stiffness[a:b, a:b]) for m, a, b in zip(members, ends[:-1], ends[1:])}
+    return [found[int(k)] for k in first]

@@ -1,0 +1,130 @@
+"""What is skipped changes no result: every switch of ``method.skip``, on and off, through FreeFEM."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from blackbox_case import box, settings
+from method_case import CLAMP, CUBES, METIS, PULL, method, solved
+
+from orchestrator.blackbox.compliance import Compliance
+from orchestrator.blackbox.congruence import representatives
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.shared import SharedModels
+from orchestrator.savings import Savings
+
+NOTHING = {"congruent": False, "repeated": False, "compliance": False}
+LONG = {"mesh": {"box": {"size": [16.0, 1.0, 1.0], "cells": [32, 2, 2]}},
+        "subdomains": {"slices": {"axis": "x", "count": 16}},
+        "boundary": [CLAMP, {"on": {"plane": "x", "at": 16.0}, "traction": [10.0, 1.0, 0.0]}]}
+
+
+def with_skip(skip, **changes):
+    """A solution, accurate enough that what is left of the iterations does not count."""
+    return solved(reference=False, **changes, **method(skip={**NOTHING, **skip}, tolerance={"error": 1e-9}))
+
+
+def saved(result) -> dict:
+    """switch → what → count."""
+    return {entry["skip"]: entry["saved"] for entry in result.summary["skipped"]}
+
+
+def same(one, two, tolerance=1e-10):
+    """Displacements and reactions."""
+    assert one.outcome.converged and two.outcome.converged
+    assert np.abs(one.displacement - two.displacement).max() <= tolerance * np.abs(two.displacement).max()
+    forces, others = np.array(one.summary["reactions"]), np.array(two.summary["reactions"])
+    assert np.abs(forces - others).max() <= tolerance * np.abs(others).max()
+
+
+# --- congruent models -------------------------------------------------------------------------------------
+
+
+def test_models_are_congruent_up_to_a_translation_only():
+    """Another place is the same model; another numbering, matter, clamping, trace, size or shape is not."""
+    model = box()
+    fixed, region = model.fixed.copy(), model.region.copy()
+    fixed[-1] = True
+    region[0] = 1 - region[0]
+    bent = model.nodes.copy()
+    bent[-1] += 1e-6
+    others = [
+        replace(model, name="there", nodes=model.nodes + [3.0, -40.0, 7.0]),
+        replace(model, fixed=fixed), replace(model, region=region), replace(model, trace=model.trace[::-1]),
+        replace(model, materials=model.materials * [1.001, 1.0]), replace(model, nodes=model.nodes * 2),
+        replace(model, nodes=bent), replace(model, nodes=model.nodes * [1, 1, -1]),
+        replace(model, cells=model.cells[::-1], region=model.region[::-1]),
+        replace(model, materials=model.materials[::-1], region=1 - model.region)]  # other words for the same matter
+    assert representatives([model, *others]).tolist() == [0, 0, 2, 3, 4, 5, 6, 7, 8, 9, 0]
+    metres = [replace(m, nodes=m.nodes / 1000) for m in [model, *others]]
+    assert representatives(metres).tolist() == [0, 0, 2, 3, 4, 5, 6, 7, 8, 9, 0]
+
+
+@pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), (METIS, 7)], ids=["slices", "cubes", "metis"])
+def test_congruent_subdomains_share(case, factorised):
+    """Slices: both ends and one for all between; a grid: one per position beside the outer faces; METIS: none."""
+    plain, shared = with_skip({}, **case), with_skip({"congruent": True}, **case)
+    same(shared, plain)
+    assert shared.outcome.iterations == plain.outcome.iterations
+    count = saved(shared).get("congruent", {}).get("factorisations", 0)
+    assert len(shared.scene.subdomains) - count == factorised
+
+
+def test_a_model_with_much_to_solve_is_loaded_once_per_worker():
+    """Many right-hand sides of one model are spread over the workers; few are not worth a factorisation."""
+    for steps, models in ((1, 1), (20, 2)):
+        with make_blackbox(settings(workers=2)) as pool:
+            shared = SharedModels(pool, congruent=True, repeated=True, workers=2, steps=steps, savings=Savings())
+            shared.load([box(), replace(box(), nodes=box().nodes + 1.0)])
+            assert shared.model_of.tolist() == [0, models - 1]
+
+
+# --- repeated right-hand sides ----------------------------------------------------------------------------
+
+
+def test_a_right_hand_side_is_solved_once():
+    """Zero, twice in one request, in two congruent subdomains, or again in the next request: all answered alike."""
+    model = box()
+    f = np.random.default_rng(0).standard_normal((3, len(model.trace)))
+    savings = Savings()
+    with make_blackbox(settings()) as pool:
+        shared = SharedModels(pool, congruent=True, repeated=True, workers=1, steps=1, savings=savings)
+        shared.load([model, replace(model, nodes=model.nodes + 1.0), box(seed=4)])
+        expected = pool.traces({0: f, 1: f})
+        first = shared.traces({0: f[[0, 1, 0]], 1: np.vstack([f[1], 0 * f[1], f[2]]), 2: f[:1]})
+        before = savings.counts["repeated"]["back-substitutions"]
+        second = shared.traces({0: f[[2, 0]], 2: np.vstack([f[:1], f[1:2]])})
+    assert np.array_equal(first[0], expected[0][[0, 1, 0]])
+    assert np.array_equal(first[1], np.vstack([expected[0][1], 0 * f[1], expected[0][2]]))
+    assert np.array_equal(second[0], expected[0][[2, 0]]) and np.array_equal(second[2], expected[1][:2])
+    assert before == 3  # one twice, one in the twin, one zero
+    assert savings.counts["repeated"]["back-substitutions"] == before + 3
+
+
+@pytest.mark.parametrize("case", [LONG, METIS], ids=["slices", "metis"])
+def test_repeated_right_hand_sides_change_nothing(case):
+    """One macro block for all congruent slices; nothing else repeats in a run."""
+    plain, spared = with_skip({"congruent": True}, **case), with_skip({"congruent": True, "repeated": True}, **case)
+    same(spared, plain)
+    if case is LONG:
+        assert saved(spared)["repeated"]["back-substitutions"] >= 13 * 18  # of 14 slices between, 18 macro unknowns each
+
+
+# --- explicit compliance ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", [LONG, {**METIS, "boundary": [CLAMP, PULL]}], ids=["slices", "metis"])
+def test_compliance_changes_nothing(case, monkeypatch):
+    """The dense products give what back-substitutions give."""
+    plain = with_skip({"congruent": True}, **case)
+    monkeypatch.setattr(Compliance, "_pays", lambda self, model: True)
+    explicit = with_skip({"congruent": True, "compliance": True}, **case)
+    same(explicit, plain)
+    assert explicit.outcome.iterations == plain.outcome.iterations
+    assert "compliance" in saved(explicit)
+
+
+def test_compliance_is_chosen_where_it_pays():
+    """A slice that stands for many has fewer trace dofs than right-hand sides to come; METIS parts have more."""
+    assert saved(with_skip({"congruent": True, "compliance": True}, **LONG))["compliance"]["back-substitutions"] > 0
+    assert "compliance" not in saved(with_skip({"congruent": True, "compliance": True}, **METIS))
