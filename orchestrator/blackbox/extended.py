@@ -95,7 +95,7 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
     matter = np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material[chosen]]
     region, materials = _regions(matter.reshape(-1, 2))
     model = Model(
-        name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]], cells=cells.reshape(-1, 4),
+        name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]], cells=cells.reshape(-1, subdomain.connectivity.shape[1]),
         region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
     )
     return Rim(model, nodes)

@@ -31,6 +31,7 @@ _MEANINGS = {
     8: "runtime error in the script",
     64: "the server script was started without its two paths",
     65: "the server script received an unknown operation",
+    66: "the node numbers sent do not fit the mesh",
     250: "the script was not found",
     139: "segmentation fault",
     127: "the executable or one of its libraries was not found",
@@ -45,7 +46,7 @@ class FreeFem:
     """
 
     name = "freefem"
-    elements = ("P1",)
+    elements = ("P1", "P2")
 
     def __init__(self) -> None:
         problems = _missing()

@@ -10,6 +10,9 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import Model
 
+# Of the ten nodes of a tet in our order, FreeFEM's: its edges are 01, 02, 03, 12, 13, 23.
+FREEFEM_ORDER = [0, 1, 2, 3, 4, 6, 7, 5, 8, 9]
+
 # readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and
 # never ends when 512 does.
 BAD_DIVISOR = 64
@@ -28,20 +31,25 @@ def padding(nodes: np.ndarray) -> np.ndarray:
 def encode(model: Model) -> bytes:
     """The file's bytes. Regions are written as they are, vertex and tet order is kept, padding comes last.
 
+    Of ten-node tets the corners alone are written: FreeFEM numbers the other nodes itself.
+
     Raises ValueError when a node belongs to no tet (FreeFEM ends on such meshes).
     """
-    n = len(model.nodes)
-    if not (np.bincount(model.cells.ravel(), minlength=n) > 0).all():
+    if not (np.bincount(model.cells.ravel(), minlength=len(model.nodes)) > 0).all():
         raise ValueError(f"{model.name}: a node belongs to no tet")
-    extra = padding(model.nodes)
+    nodes, cells = model.nodes, model.cells
+    if cells.shape[1] == 10:
+        used, cells = np.unique(cells[:, :4], return_inverse=True)
+        nodes, cells = nodes[used], cells.reshape(-1, 4)
+    n, extra = len(nodes), padding(nodes)
     padded = int(len(extra) > 0)
 
     vertices = np.zeros(n + len(extra), dtype=[("x", "<f8", 3), ("label", "<i4")])
-    vertices["x"][:n] = model.nodes
+    vertices["x"][:n] = nodes
     vertices["x"][n:] = extra
-    tets = np.empty((len(model.cells) + padded, 5), "<i4")
-    tets[: len(model.cells), :4] = model.cells
-    tets[: len(model.cells), 4] = model.region
+    tets = np.empty((len(cells) + padded, 5), "<i4")
+    tets[: len(cells), :4] = cells
+    tets[: len(cells), 4] = model.region
     if padded:
         tets[-1] = [n, n + 1, n + 2, n + 3, model.region[0]]
     tets[:, :4] += 1

@@ -25,7 +25,8 @@ class Model:
     ----------
     name : for messages and logs
     nodes : (n, 3) float
-    cells : (m, 4) int, positively oriented tets
+    cells : (m, 4 or 10) int, positively oriented tets; with ten nodes, those in the middle of the edges 01, 12, 02,
+        03, 13, 23 come last (VTK's order)
     region : (m,) int, index into ``materials``
     materials : (r, 2) float, Young's modulus and Poisson's ratio of each region
     fixed : (n, 3) bool, dofs clamped to zero

@@ -12,7 +12,6 @@ ANY = object()
 # where, the value concerned, what it is called, what to do meanwhile
 NOT_YET: list[tuple[KeyPath, Any, str, str]] = [
     (("subdomains", "split_above"), ANY, "splitting large groups", "remove split_above, or use metis"),
-    (("blackbox", "element"), "P2", "the P2 element", "use element: P1 on a finer mesh"),
 ]
 
 

@@ -70,7 +70,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray]) -> list[list[list[float
         if entry.kind == "displacement":
             total = np.where(owner == entry.index, nodal, 0.0).sum(axis=1)
         else:
-            a, b, c = np.moveaxis(scene.mesh.nodes[entry.triangles], 1, 0)
+            a, b, c = np.moveaxis(scene.mesh.nodes[entry.triangles[:, :3]], 1, 0)
             area = 0.5 * np.cross(b - a, c - a)
             if entry.kind == "pressure":
                 total = -entry.values[:, :1] * area.sum(axis=0)

@@ -13,6 +13,7 @@ from orchestrator.scene.materials import assign_materials
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition import Partition, make_partition
+from orchestrator.scene.quadratic import quadratic
 from orchestrator.scene.rigid import check_held
 from orchestrator.scene.sources import make_mesh
 
@@ -26,6 +27,8 @@ def build_scene(config: Config) -> Scene:
         a bad mesh is reported alone, since nothing else can be judged without it
     """
     mesh, faces = make_mesh(config.mesh)
+    if config.blackbox.element == "P2":
+        mesh, faces = quadratic(mesh, faces)
     problems, count = Problems(), steps(config)
     materials, cell_material = assign_materials(mesh, config.materials, problems)
     vectors = [vectors_per_step(entry, config) for entry in config.boundary]

@@ -21,8 +21,8 @@ class Faces:
 
     Parameters
     ----------
-    nodes : number of nodes of the mesh
-    triangles : (f, 3) int, oriented outward of the owner
+    nodes : number of corner nodes of the mesh
+    triangles : (f, 3) int, oriented outward of the owner; (f, 6) on ten-node tets, the corners first
     keys : (f,) int, ascending; equal keys mean the same three nodes
     owner, neighbour : (f,) int, the tets on both sides; the neighbour is -1 on the outer boundary
     crowded : indices of faces that three or more tets claim

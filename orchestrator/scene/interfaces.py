@@ -54,8 +54,8 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
             continue
         kept.append(entry)
         own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
-        found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own, local.reshape(-1, 3), cells[first:last],
-                               free))
+        found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own,
+                               local.reshape(-1, triangles.shape[1]), cells[first:last], free))
         laws.apply(entry, found[-1], known[0])
     for entry in sorted(set(lost) - set(kept)):
         if entry >= 0 and entries[entry].law != "perfect":
@@ -91,7 +91,7 @@ def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray
     if size == 0:
         return shared, sides, np.zeros(1, dtype=int)
     pair = np.unique(sides[:, 0] * (subdomain.max() + np.int64(1)) + sides[:, 1], return_inverse=True)[1]
-    corners = np.sort(faces.triangles[shared], axis=1)
+    corners = np.sort(faces.triangles[shared, :3], axis=1)
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])
     keys = np.unique(edges[:, 0] * np.int64(faces.nodes) + edges[:, 1], return_inverse=True)[1]
     # Two pairs may meet at an edge: it must not join their patches.
@@ -106,11 +106,12 @@ def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _outward_of_first(faces: Faces, subdomain: np.ndarray, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (k, 3) of faces, seen from outside the lower subdomain, and cells (k, 2), its own first."""
+    """Triangles (k, 3 or 6) of faces, seen from outside the lower subdomain, and cells (k, 2), its own first."""
     triangles = faces.triangles[shared]
+    turned = [0, 2, 1, 5, 4, 3][: triangles.shape[1]]
     cells = np.c_[faces.owner[shared], faces.neighbour[shared]]
     swapped = subdomain[cells[:, 0]] > subdomain[cells[:, 1]]
-    return (np.where(swapped[:, None], triangles[:, [0, 2, 1]], triangles),
+    return (np.where(swapped[:, None], triangles[:, turned], triangles),
             np.where(swapped[:, None], cells[:, ::-1], cells))
 
 
@@ -158,7 +159,7 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
                              "the same components prescribed on both sides of a pair",
                              "select boundary faces by a plane or box that holds both sides, or neither")
             interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
-                                  local.reshape(-1, 3), patch.cells, ~(fixed[nodes] | fixed[others]))
+                                  local.reshape(patch.triangles.shape), patch.cells, ~(fixed[nodes] | fixed[others]))
             if not interface.free.any():
                 continue
             laws.apply(index, interface, known[0])

@@ -1,4 +1,4 @@
-"""Consistent nodal forces (linear elements) of tractions, pressures and body forces, per subdomain."""
+"""Consistent nodal forces of tractions, pressures and body forces, per subdomain."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from orchestrator.scene.faces import area_vectors, tet_volumes
 from orchestrator.scene.materials import volumes_named
 from orchestrator.scene.model import BoundaryEntry, Mesh
 from orchestrator.scene.numbering import SplitNumbering
+from orchestrator.scene.quadratic import TET_SHARES, TRIANGLE_SHARES
 
 
 def surface_loads(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndarray, numbering: SplitNumbering,
                   loads: np.ndarray) -> None:
     """Adds tractions and pressures to ``loads`` (steps, N, 3) on split nodes.
 
-    A face loads the subdomain its tet belongs to. A traction gives each node a third of the face's force;
-    a pressure acts against the outward normal.
+    A face loads the subdomain its tet belongs to. A traction gives each corner a third of the face's force, with
+    six nodes each mid-edge node instead; a pressure acts against the outward normal.
     """
     for entry in boundary:
         if entry.kind == "displacement" or len(entry.triangles) == 0:
             continue
         at = numbering.find(cell_subdomain[entry.cells][:, None], entry.triangles)
-        vectors = area_vectors(mesh.nodes, entry.triangles)
+        vectors, shares = area_vectors(mesh.nodes, entry.triangles), TRIANGLE_SHARES[entry.triangles.shape[1]]
         if entry.kind == "traction":
-            weight = _gather(at, np.linalg.norm(vectors, axis=1) / 3, loads.shape[1])
+            weight = _gather(at, np.outer(np.linalg.norm(vectors, axis=1), shares), loads.shape[1])
             loads += weight[None, :, None] * entry.values[:, None, :]
         else:
-            weight = np.stack([_gather(at, -vectors[:, c] / 3, loads.shape[1]) for c in range(3)], axis=1)
+            weight = np.stack([_gather(at, np.outer(-vectors[:, c], shares), loads.shape[1]) for c in range(3)], axis=1)
             loads += entry.values[:, 0, None, None] * weight
 
 
@@ -43,10 +44,11 @@ def body_loads(mesh: Mesh, entries: list[Any], vectors: list[list[list[float]]],
     """
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
         cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, entry.on, ("loads", i, "on"), problems)))
-        weight = _gather(numbering.corners[cells], tet_volumes(mesh.nodes, mesh.cells[cells]) / 4, loads.shape[1])
+        volumes = tet_volumes(mesh.nodes, mesh.cells[cells])
+        weight = _gather(numbering.corners[cells], np.outer(volumes, TET_SHARES[mesh.cells.shape[1]]), loads.shape[1])
         loads += weight[None, :, None] * np.array(rows, dtype=float)[:, None, :]
 
 
 def _gather(at: np.ndarray, share: np.ndarray, size: int) -> np.ndarray:
-    """(size,) sums of each element's share (k,) on its nodes ``at`` (k, p)."""
-    return np.bincount(at.reshape(-1), weights=np.repeat(share, at.shape[1]), minlength=size)
+    """(size,) sums of the shares (k, p) of elements' nodes ``at`` (k, p)."""
+    return np.bincount(at.reshape(-1), weights=share.reshape(-1), minlength=size)

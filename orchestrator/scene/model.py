@@ -13,15 +13,15 @@ import numpy as np
 
 @dataclass
 class Mesh:
-    """A conforming mesh of four-node tetrahedra with named volumes and surfaces.
+    """A conforming mesh of four- or ten-node tetrahedra with named volumes and surfaces.
 
     Parameters
     ----------
     nodes : (n, 3) float, coordinates
-    cells : (m, 4) int, node indices, positively oriented
+    cells : (m, 4 or 10) int, node indices, positively oriented; the corners first, see ``quadratic``
     volume : (m,) int, index into ``volumes``
     volumes : names of the volumes (parts, solids, physical volumes); at least one
-    surfaces : name → (k, 3) int, boundary triangles of each named surface
+    surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
     source : what it was made from, for messages
     """
 
@@ -46,7 +46,7 @@ class Subdomain:
     index, name : position in ``Scene.subdomains`` and a name for messages
     cells : (m_E,) int, global cell indices
     nodes : (n_E,) int, sorted global node ids; local node l is global node nodes[l]
-    connectivity : (m_E, 4) int, local node indices
+    connectivity : (m_E, 4 or 10) int, local node indices
     material : (m_E,) int, index into ``Scene.materials``
     fixed : (n_E, 3) bool, prescribed displacement components
     prescribed : (steps, n_E, 3) float, their values (zero elsewhere)
@@ -75,7 +75,7 @@ class Interface:
     global_nodes : (n,) int, global node ids of the patch on side 1, ascending; on side 2 they are the same
         unless the sides share no faces, see ``Scene.side_nodes``
     nodes : two (n,) int arrays, local node indices in E1 and E2, paired
-    triangles : (k, 3) int, indices into the patch's nodes, oriented outward of E1
+    triangles : (k, 3 or 6) int, indices into the patch's nodes, the corners first, oriented outward of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
     free : (n, 3) bool, components that no boundary condition prescribes
     law : name of the interface law: "perfect", "contact" or "jump"
@@ -120,7 +120,7 @@ class BoundaryEntry:
     ----------
     index : position in the YAML's list
     kind : "displacement", "traction" or "pressure"
-    triangles : (k, 3) int, global node ids of the selected boundary faces, outward oriented
+    triangles : (k, 3 or 6) int, global node ids of the selected boundary faces, outward oriented
     cells : (k,) int, the tet each face belongs to
     nodes : (p,) int, global ids of all nodes on those faces
     fixed : (3,) bool, prescribed components (displacement entries; all False for forces)
@@ -180,7 +180,7 @@ class Scene:
     @cached_property
     def sizes(self) -> np.ndarray:
         """(subdomains,) cube root of each subdomain's volume, a length."""
-        a, b, c, d = np.moveaxis(self.mesh.nodes[self.mesh.cells], 1, 0)
+        a, b, c, d = np.moveaxis(self.mesh.nodes[self.mesh.cells[:, :4]], 1, 0)
         volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)) / 6
         return np.cbrt(np.bincount(self.cell_subdomain, weights=volume, minlength=len(self.subdomains)))
 

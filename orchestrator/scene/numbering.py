@@ -17,7 +17,7 @@ class SplitNumbering:
     nodes : (N,) int, global node ids; within a subdomain ascending
     offsets : (parts + 1,) int, subdomain E has the split nodes offsets[E] … offsets[E + 1]
     keys : (N,) int, ascending, subdomain · total + node
-    corners : (m, 4) int, split nodes of each tet
+    corners : (m, 4 or 10) int, split nodes of each tet
     """
 
     total: int
@@ -36,11 +36,11 @@ def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -
 
     Parameters
     ----------
-    cells : (m, 4) int
+    cells : (m, 4 or 10) int
     cell_subdomain : (m,) int, every subdomain has a cell
     total : number of nodes of the mesh
     """
     keys, corners = np.unique(cell_subdomain[:, None] * np.int64(total) + cells, return_inverse=True)
     parts = int(cell_subdomain.max()) + 1
     offsets = np.searchsorted(keys, np.arange(parts + 1) * np.int64(total))
-    return SplitNumbering(total, keys % total, offsets, keys, corners.reshape(-1, 4))
+    return SplitNumbering(total, keys % total, offsets, keys, corners.reshape(cells.shape))

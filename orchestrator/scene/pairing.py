@@ -24,8 +24,8 @@ REACH, DEEP = 2.0, 0.5
 ASIDE = 0.3
 # Two faces are opposite when the cosine between their normals is below this.
 OPPOSITE = -0.7
-# The three ways in which corners of two opposite triangles can belong together.
-TURNS = np.array([[0, 2, 1], [2, 1, 0], [1, 0, 2]])
+# The three ways in which corners of two opposite triangles, then the middles of their edges, can belong together.
+TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Body:
     Parameters
     ----------
     subdomain, volume : indices
-    triangles : (k, 3) int, global nodes, outward; cells : (k,) int, the tet behind each
+    triangles : (k, 3 or 6) int, global nodes, outward; cells : (k,) int, the tet behind each
     corners : (k, 3, 3); normal : (k, 3) unit; size : (k,) h of each facet
     """
 
@@ -59,7 +59,7 @@ class Patch:
 
     Parameters
     ----------
-    triangles : (k, 3) int, global nodes of the first side, outward; opposite : (k, 3) int, their partners
+    triangles : (k, 3 or 6) int, global nodes of the first side, outward; opposite : the same shape, their partners
     cells : (k, 2) int, the tets behind them
     """
 
@@ -88,7 +88,7 @@ def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
     starts = np.flatnonzero(np.r_[True, (np.diff(label, axis=0) != 0).any(axis=1)])
     vectors = area_vectors(mesh.nodes, faces.triangles[outer])
     area = np.linalg.norm(vectors, axis=1)
-    corners = mesh.nodes[faces.triangles[outer]]
+    corners = mesh.nodes[faces.triangles[outer, :3]]
     return [Body(*label[a].tolist(), faces.triangles[outer[a:b]], owner[a:b], corners[a:b],
                  vectors[a:b] / area[a:b, None], np.sqrt(2 * area[a:b]))
             for a, b in zip(starts, [*starts[1:], len(outer)])]
@@ -135,7 +135,7 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tup
     reach, i, j = reach[facing], i[facing], j[facing]
     normal = one.normal[i] - two.normal[j]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    away = two.corners[j][:, TURNS] - one.corners[i][:, None]  # (m, 3 turns, 3 corners, 3)
+    away = two.corners[j][:, TURNS[:, :3]] - one.corners[i][:, None]  # (m, 3 turns, 3 corners, 3)
     along = np.einsum("mtci,mi->mtc", away, normal)
     aside = np.linalg.norm(away - along[..., None] * normal[:, None, None, :], axis=3).max(axis=2)  # (m, 3)
     turn = aside.argmin(axis=1)
@@ -146,7 +146,7 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tup
     level = (distance <= reach) & (distance >= -depth)
     fits = level & (aside <= limit)
     mismatch = _mismatch(one, two, i, j, normal, level, fits, aside, limit) if apart else None
-    i, opposite, j = i[fits], two.triangles[j[fits][:, None], TURNS[turn[fits]]], j[fits]
+    i, opposite, j = i[fits], two.triangles[j[fits][:, None], TURNS[turn[fits], : two.triangles.shape[1]]], j[fits]
     # of several partners the nearest; then one node for one node
     order = np.lexsort((aside[fits], np.abs(distance[fits])))
     first = np.zeros(len(i), dtype=bool)

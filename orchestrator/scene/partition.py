@@ -81,7 +81,7 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
 
 def _layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
     low, high = mesh.nodes[:, axis].min(), mesh.nodes[:, axis].max()
-    centroids = mesh.nodes[:, axis][mesh.cells].mean(axis=1)
+    centroids = mesh.nodes[:, axis][mesh.cells[:, :4]].mean(axis=1)
     return np.clip(((centroids - low) / (high - low) * count).astype(int), 0, count - 1)
 
 
