@@ -7,8 +7,9 @@ elements the outer nodes are all clamped, so that the condensation is a mere res
 With ten-node tets the nodes in the middle of the layer are clamped as well. Left free they would have
 to be condensed, and k⁻ would be dense; clamped, the sole is still nothing but matter held at some of
 its nodes, and k⁻ is still a restriction: what the black box factorises and what the method multiplies
-by agree to rounding. Along the thickness t a displacement then fades as (1 − z/t)(1 − 2z/t) and not
-linearly, which makes the layer 7/3 times as stiff; the modulus is divided by that (``FADING``).
+by agree to rounding. Through the thickness t a displacement then fades as (1 − z/t)(1 − 2z/t) instead of
+1 − z/t. Across the layer that is 7/3 times as stiff and along it 2/5 times; a layer √(35/6) times as thick
+(``STRETCH``) with 3/7 · √(35/6) times the modulus is what the linear one is in both.
 
 Three kinds:
 
@@ -37,8 +38,9 @@ FLATNESS = 0.1
 THIN = 0.01
 # Coordinates that differ by less than this fraction of the interface's size count as equal.
 SAME_PLACE = 1e-9
-# Stiffness across a layer of thickness t and modulus E, in units of E/t, by number of nodes of a facet.
-FADING = {3: 1.0, 6: 7 / 3}
+# Thickness and modulus of a layer of ten-node tets over those of the linear layer that it stands for.
+STRETCH = np.sqrt(35 / 6)
+STIFFEN = 3 / 7 * STRETCH
 
 
 @dataclass
@@ -244,13 +246,16 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     the coarse problem moves whole bodies only, and the sole has to serve all waves between the mesh
     size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
     Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
-    0.3: a nearly incompressible sole is stiff in the wrong direction.
+    0.3: a nearly incompressible sole is stiff in the wrong direction. With ten-node tets the mesh size is
+    half the facets', which is the distance of nodes.
     """
     young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
     poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
     points = scene.side_points(interface, side)
+    quadratic = interface.triangles.shape[1] == 6
+    h = local_size(points, interface.triangles) / (2 if quadratic else 1)
     if settings.thickness == "auto":
-        thickness = local_size(points, interface.triangles)
+        thickness = h
     else:
         thickness = np.full(len(points), float(settings.thickness))
     if settings.poisson == "auto":
@@ -258,14 +263,14 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     else:
         nu = np.full(len(young), float(settings.poisson))
     if interface.law == "perfect":
-        ratio = settings.modulus_ratio / FADING[interface.triangles.shape[1]]
+        ratio = settings.modulus_ratio
     else:
-        h = local_size(points, interface.triangles)
         reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())
         ratio = settings.contact_ratio * (thickness / reach)[interface.triangles].mean(axis=1)
-        ratio = ratio / FADING[interface.triangles.shape[1]]
     thin = THIN if kind == "springs" else 1.0
-    return Facets(points, interface.triangles, thin * ratio * young.max(axis=1), nu, thin * thickness)
+    stiffen, stretch = (STIFFEN, STRETCH) if quadratic else (1.0, 1.0)
+    return Facets(points, interface.triangles, thin * stiffen * ratio * young.max(axis=1), nu,
+                  thin * stretch * thickness)
 
 
 def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[Sole, Sole]:
