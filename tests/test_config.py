@@ -121,7 +121,6 @@ WRONG = {  # what: (changed lines, key path, words of the message)
     "grains in two lengths": ({"mesh": "mesh: {polycrystal: {grains: 9, size: [1, 1], h: 0.1}}"}, ("mesh", "polycrystal", "size"), "or three of them"),
     "grains of a word": ({"mesh": "mesh: {polycrystal: {grains: 9, size: big, h: 0.1}}"}, ("mesh", "polycrystal", "size"), "a number > 0"),
     "seed below 0": ({"mesh": "mesh: {polycrystal: {grains: 9, size: 1, h: 0.1, seed: -1}}"}, ("mesh", "polycrystal", "seed"), ">= 0"),
-    "P2": ({"blackbox": "blackbox: {element: P2}"}, ("blackbox", "element"), "not yet available"),
     "split_above": ({"subdomains": "subdomains: {groups: true, split_above: 20000}"}, ("subdomains", "split_above"), "not yet available"),
     "split_above alone": ({"subdomains": "subdomains: {metis: 2, split_above: 20}"}, ("subdomains", "split_above"), "beside groups only"),
     "gmres and contact": ({"method": "method: {acceleration: gmres}", "interfaces": "interfaces: [{law: contact}]"}, ("method", "acceleration"), "use anderson"),

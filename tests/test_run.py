@@ -182,6 +182,7 @@ SHIPPED = {  # configuration: what shortens it, iterations at most
     "traction_beam": (["mesh.beam.h=2.5", "subdomains.slices.count=16"], 9),
     "assembly": (["mesh.h=8", "output.fields=false"], 25),
     "metis_box": ([], 25),
+    "bending_beam_p2": ([], 14),
 }
 SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show
     "two_blocks": ([], 40, lambda s, f: statuses(s, "stick")[0] == statuses(s, "slip")[1] == statuses(s, "open")[3] == 81),

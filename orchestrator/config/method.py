@@ -101,7 +101,8 @@ class BlackBox(Part):
     """The finite element code that solves the subdomains."""
 
     code: Literal["freefem"] = Field("freefem", description="the code for which an adapter exists")
-    element: Literal["P1", "P2"] = Field("P1", description="P1: linear tetrahedra, the paper's element")
+    element: Literal["P1", "P2"] = Field("P1", description=(
+        "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))
     transport: Literal["pipe", "file"] = Field("pipe", description=(
         "pipe: persistent processes that keep their factors; file: one run per request, for closed codes"))
     workers: AutoCount = Field("auto", description="processes; auto: one per core")

@@ -87,7 +87,7 @@ def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[V
     for step in steps:
         moved[step] = drawn.nodes + factor * drawn.displacement[step]
         average, node, corner = recovery.nodal_average(
-            drawn.cells, drawn.von_mises(step), drawn.volumes, drawn.material)
+            drawn.cells, drawn.nodal_von_mises(step), drawn.volumes, drawn.material)
         used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
         stress[step] = average[used]
     triangles, node = triangles.reshape(-1, 3), node[used]

@@ -1,6 +1,6 @@
 """Fields of a run: fields.npz for programs, fields/ (.vtu per step and a .pvd) for ParaView.
 
-Stress has six components per cell, in VTK's order XX, YY, ZZ, XY, YZ, XZ (ParaView shows them
+Stress has six components per cell (on ten-node tets, its mean there), in VTK's order XX, YY, ZZ, XY, YZ, XZ (ParaView shows them
 under these names and takes them as a symmetric tensor).
 
 Where interfaces can open, every subdomain has its own nodes in the .vtu files, so that bodies
@@ -24,6 +24,7 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.interface_files import pvd, write_interfaces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.numbering import SplitNumbering, split_numbering
+from orchestrator.scene.quadratic import TET_EDGES
 
 NAME = "fields.npz"
 PVD_NAME = "fields/fields.pvd"
@@ -37,7 +38,7 @@ class Fields:
 
     Parameters
     ----------
-    nodes : (n, 3) float, in the order of the input mesh; cells : (m, 4) int
+    nodes : (n, 3) float, in the order of the input mesh, mid-edge nodes last; cells : (m, 4 or 10) int, VTK's order
     subdomain : (m,) int
     lame : (m, 2), Lamé's λ and μ per cell
     displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the node
@@ -93,13 +94,27 @@ class Fields:
         return np.unique(pairs, return_inverse=True)[1].ravel()
 
     def stress(self, step: int) -> np.ndarray:
-        """(m, 6) stress of one load step."""
+        """(m, 6) mean stress of the cells at one load step."""
         epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step])
         return recovery.stress(epsilon, self.lame)
 
     def von_mises(self, step: int) -> np.ndarray:
-        """(m,) von Mises stress of one load step."""
+        """(m,) von Mises stress of the mean stress at one load step."""
         return recovery.von_mises(self.stress(step))
+
+    def corner_stress(self, step: int) -> np.ndarray:
+        """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a ten-node tet is there."""
+        if self.cells.shape[1] == 4:
+            return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
+        return np.stack([recovery.stress(recovery.strain(self._geometry[0], self.cells, self.displacement[step], corner),
+                                         self.lame) for corner in np.eye(4)], axis=1)
+
+    def nodal_von_mises(self, step: int) -> np.ndarray:
+        """(m, 4 or 10) von Mises stress at the cells' nodes, each cell by itself."""
+        if self.cells.shape[1] == 4:
+            return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
+        corners = self.corner_stress(step)
+        return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1))
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Fields | None:
@@ -166,10 +181,12 @@ def _write_vtu(folder: ResultsFolder, name: str, fields: Fields, step: int) -> N
     import meshio
 
     sigma = fields.stress(step)
+    ten = fields.cells.shape[1] == 10
+    peak = {"von_mises_max": [fields.nodal_von_mises(step).max(axis=1)]} if ten else {}
     grid = meshio.Mesh(
-        fields.nodes, [("tetra", fields.cells)],
+        fields.nodes, [("tetra10" if ten else "tetra", fields.cells)],
         point_data={"displacement": fields.displacement[step]},
-        cell_data={"stress": [sigma], "von_mises": [recovery.von_mises(sigma)],
+        cell_data={"stress": [sigma], "von_mises": [recovery.von_mises(sigma)], **peak,
                    "subdomain": [fields.subdomain.astype(np.int32)]})
     with folder.replacing(name) as temporary:
         meshio.vtu.write(temporary, grid, binary=True, compression=None)

@@ -1,4 +1,4 @@
-"""Strain, stress and von Mises stress of linear tetrahedra from nodal displacements.
+"""Strain, stress and von Mises stress of four- and ten-node tetrahedra from nodal displacements.
 
 Six components are in VTK's order xx, yy, zz, xy, yz, xz; shear strains are tensor
 components ε_xy (half the engineering γ_xy).
@@ -8,22 +8,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.scene.quadratic import TET_EDGES
+
+CENTRE = np.full(4, 0.25)  # barycentric coordinates
 # rows and columns of the six components in the 3×3 tensor
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
 
 
 def shape_gradients(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients of the four shape functions, and volumes.
+    """Gradients of the four linear shape functions, and volumes.
 
     Parameters
     ----------
-    nodes : (n, 3) float; cells : (m, 4) int
+    nodes : (n, 3) float; cells : (m, 4 or 10) int, edges straight
 
     Returns
     -------
     gradients : (m, 4, 3), 1/length; volumes : (m,), positive for positively oriented tets
     """
-    corners = nodes[cells]
+    corners = nodes[cells[:, :4]]
     a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
     gradients = np.empty((len(cells), 4, 3))
     gradients[:, 1], gradients[:, 2], gradients[:, 3] = np.cross(b, c), np.cross(c, a), np.cross(a, b)
@@ -33,20 +36,32 @@ def shape_gradients(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, n
     return gradients, six_volumes / 6.0
 
 
-def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray) -> np.ndarray:
-    """ε = ½(∇u + ∇uᵀ), constant per cell.
+def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, at: np.ndarray = CENTRE) -> np.ndarray:
+    """ε = ½(∇u + ∇uᵀ): constant in a four-node tet, linear in a ten-node one, so that the centre has the mean.
 
     Parameters
     ----------
-    gradients : (m, 4, 3) of ``shape_gradients``; cells : (m, 4) int; displacement : (n, 3), length
+    gradients : (m, 4, 3) of ``shape_gradients``; cells : (m, 4 or 10) int; displacement : (n, 3), length
+    at : (4,) barycentric coordinates of the point, a corner for instance
 
     Returns
     -------
     (m, 6)
     """
-    u = displacement[cells]
-    gradient = np.matmul(u.transpose(0, 2, 1), gradients)  # [cell, i, j] = ∂u_i/∂x_j
+    u = displacement[cells].transpose(0, 2, 1)
+    if cells.shape[1] == 10:
+        u = u @ _slopes(at)
+    gradient = np.matmul(u, gradients)  # [cell, i, j] = ∂u_i/∂x_j
     return 0.5 * (gradient[:, _ROW, _COLUMN] + gradient[:, _COLUMN, _ROW])
+
+
+def _slopes(at: np.ndarray) -> np.ndarray:
+    """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric coordinates λ."""
+    i, j = TET_EDGES.T
+    slopes, edge = np.zeros((10, 4)), 4 + np.arange(6)
+    slopes[range(4), range(4)] = 4 * at - 1
+    slopes[edge, i], slopes[edge, j] = 4 * at[j], 4 * at[i]
+    return slopes
 
 
 def stress(epsilon: np.ndarray, lame: np.ndarray) -> np.ndarray:
@@ -74,19 +89,19 @@ def von_mises(sigma: np.ndarray) -> np.ndarray:
 
 def nodal_average(cells: np.ndarray, values: np.ndarray, volumes: np.ndarray,
                   group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Volume-weighted average of cell values at the nodes, one value per node and group.
+    """Volume-weighted average of the cells' values at their nodes, one value per node and group.
 
     Stress jumps from one material to the next: averaging across would hide that.
 
     Parameters
     ----------
-    cells : (m, 4) int; values, volumes : (m,); group : (m,) int, e.g. the material
+    cells : (m, p) int; values : (m, p); volumes : (m,); group : (m,) int, e.g. the material
 
     Returns
     -------
     average : (k,), one per pair of node and group that occurs
     node : (k,) int, the node of each
-    corner : (m, 4) int, index into ``average`` of every cell's corners
+    corner : (m, p) int, index into ``average`` of every cell's nodes
     """
     count = int(cells.max()) + 1
     key = group.astype(np.int64)[:, None] * count + cells
@@ -95,6 +110,6 @@ def nodal_average(cells: np.ndarray, values: np.ndarray, volumes: np.ndarray,
     pairs = np.flatnonzero(present)
     position = np.cumsum(present) - 1
     corner = position[key]
-    weight = np.bincount(corner.ravel(), np.repeat(volumes, 4), len(pairs))
-    total = np.bincount(corner.ravel(), np.repeat(volumes * values, 4), len(pairs))
+    weight = np.bincount(corner.ravel(), np.repeat(volumes, cells.shape[1]), len(pairs))
+    total = np.bincount(corner.ravel(), (volumes[:, None] * values).ravel(), len(pairs))
     return total / weight, pairs % count, corner

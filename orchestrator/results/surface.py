@@ -6,25 +6,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.scene.quadratic import TET_EDGES
+
 # the face opposite each corner, oriented outward for positively oriented tets
 _FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+# the same face cut at the middles of its edges: (4, 4, 3)
+_MIDDLE = {frozenset(ends): 4 + i for i, ends in enumerate(TET_EDGES.tolist())}
+_QUARTERS = np.array([[[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+                      for a, b, c in _FACES.tolist()
+                      for ab, bc, ca in [[_MIDDLE[frozenset(e)] for e in ((a, b), (b, c), (c, a))]]])
 
 
 def outer_faces(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Faces that belong to one tet only.
+    """Faces that belong to one tet only; those of a ten-node tet in four triangles each.
 
     Parameters
     ----------
-    cells : (m, 4) int
+    cells : (m, 4 or 10) int
 
     Returns
     -------
     triangles : (k, 3) node ids, oriented outward
-    cell : (k,) the tet of each; local : (k, 3) the triangle's corners within that tet
+    cell : (k,) the tet of each; local : (k, 3) the triangle's nodes within that tet
     """
     faces = cells[:, _FACES].reshape(-1, 3)
     ordered = np.sort(faces, axis=1).astype(np.int64)
-    count = int(cells.max()) + 1
+    count = int(faces.max()) + 1
     if count < 2_000_000:  # three node ids fit in one 64-bit number: sorting that is much faster
         key = (ordered[:, 0] * count + ordered[:, 1]) * count + ordered[:, 2]
         order = np.argsort(key)
@@ -34,7 +41,10 @@ def outer_faces(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         differs = (ordered[order[1:]] != ordered[order[:-1]]).any(axis=1)
     alone = np.concatenate([[True], differs]) & np.concatenate([differs, [True]])
     chosen = np.sort(order[alone])
-    return faces[chosen], chosen // 4, _FACES[chosen % 4]
+    if cells.shape[1] == 4:
+        return faces[chosen], chosen // 4, _FACES[chosen % 4]
+    cell, local = np.repeat(chosen // 4, 4), _QUARTERS[chosen % 4].reshape(-1, 3)
+    return cells[cell[:, None], local], cell, local
 
 
 def edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,274 @@
+"""Ten-node tets from end to end: mesh, loads, black box, soles, patch tests, whole runs, files."""
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from blackbox_case import box, chain, difference, settings
+from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, method, prepared, saved, solved
+from quadratic_case import assemble_ten, with_middles
+
+from orchestrator.blackbox.extended import extended_model
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.results import surface
+from orchestrator.results.deformed import view
+from orchestrator.results.fields import Fields, write_fields
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.faces import area_vectors
+from orchestrator.scene.structured import bricks
+
+P2 = {"blackbox": {"workers": 2, "element": "P2"}}
+STEEL = [{"young": 200e3, "poisson": 0.3}]
+
+
+def close(a, b, tolerance=1e-9):
+    a, b = np.asarray(a), np.asarray(b)
+    return np.abs(a - b).max() <= tolerance * np.abs(b).max()
+
+
+# --- mesh and loads ---------------------------------------------------------------------------------------
+
+
+def test_corners_keep_their_numbers_and_every_edge_has_its_middle(tmp_path):
+    mesh = {"mesh": irregular(tmp_path / "box.meshb")}
+    linear, scene = build_scene(config(**mesh)), build_scene(config(**mesh, **P2))
+    n, cells, nodes = len(linear.mesh.nodes), scene.mesh.cells, scene.mesh.nodes
+    assert np.array_equal(nodes[:n], linear.mesh.nodes) and np.array_equal(cells[:, :4], linear.mesh.cells)
+    assert np.array_equal(scene.cell_subdomain, linear.cell_subdomain)
+    for column, (i, j) in enumerate([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)], 4):
+        assert close(nodes[cells[:, column]], (nodes[cells[:, i]] + nodes[cells[:, j]]) / 2, 1e-15)
+    assert len(np.unique(nodes.round(9), axis=0)) == len(nodes), "an edge has more than one middle"
+    for interface in scene.interfaces:
+        points, triangles = scene.points(interface), interface.triangles
+        assert close(points[triangles[:, 3:]], (points[triangles[:, :3]] + points[triangles[:, [1, 2, 0]]]) / 2, 1e-15)
+
+
+def test_loads_do_the_work_of_what_they_stand_for(tmp_path):
+    """Body force, traction and pressure against every product of two coordinates, integrated by hand."""
+    body, pull, press, size = np.array([1.0, -2.0, 0.5]), np.array([3.0, 1.0, -1.0]), 7.0, np.array([4.0, 2.0, 2.0])
+    scene = build_scene(config(
+        mesh=irregular(tmp_path / "box.meshb"), **P2, loads=[{"body_force": body.tolist()}],
+        boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": pull.tolist()},
+                  {"on": {"plane": "z", "at": 2.0}, "pressure": press}]))
+
+    def mean(a, b, side=None):
+        """Of the product of coordinates a and b over the box, or over the side where one is largest."""
+        first = [size[c] if c == side else size[c] / 2 for c in (a, b)]
+        return first[0] * first[1] if a != b or a == side else size[a] ** 2 / 3
+
+    for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
+        work = (scene.mesh.nodes[:, a] * scene.mesh.nodes[:, b]) @ scene.loads[0]
+        expected = 16 * mean(a, b) * body + 4 * mean(a, b, 0) * pull + [0, 0, -8 * mean(a, b, 2) * press]
+        assert close(work, expected, 1e-12)
+
+
+# --- the black box ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("transport", ["pipe", "file"])
+def test_freefem_answers_in_our_numbering(transport):
+    """Stiffness, traces and fields of randomly numbered models, one of them with a padded mesh."""
+    models = [with_middles(box((3, 2, 2), "a")), with_middles(box((2, 2, 3), "b", seed=1), 1), with_middles(chain(64), 2)]
+    with make_blackbox(settings(element="P2", transport=transport)) as blackbox:
+        blackbox.load(models)
+        rng = np.random.default_rng(0)
+        forces = {i: rng.standard_normal((2, m.fixed.size)) for i, m in enumerate(models)}
+        on_trace = {i: rng.standard_normal((2, len(m.trace))) for i, m in enumerate(models)}
+        stiffness, fields, traces = blackbox.stiffness(models), blackbox.fields(forces), blackbox.traces(on_trace)
+    for i, model in enumerate(models):
+        k = assemble_ten(model)
+        assert difference(stiffness[i], k) < 1e-12
+        free = np.flatnonzero(~model.fixed)
+        solve = spla.splu(k[free][:, free].tocsc()).solve
+        assert (fields[i][:, model.fixed.ravel()] == 0).all()
+        assert difference(fields[i][:, free], solve(forces[i][:, free].T).T) < 1e-8
+        full = np.zeros((2, model.fixed.size))
+        full[:, model.trace] = on_trace[i]
+        exact = np.zeros_like(full)
+        exact[:, free] = solve(full[:, free].T).T
+        assert difference(traces[i], exact[:, model.trace]) < 1e-8
+
+
+@pytest.mark.parametrize("kind", ["layer", "symmetric", "springs"])
+def test_what_is_factorised_is_the_sum(tmp_path, kind):
+    """The extended subdomains' answers satisfy (K_E + Σ NᵀkN) u = f to rounding."""
+    made = config(mesh=irregular(tmp_path / "box.meshb"), subdomains=CUBES["subdomains"], **P2, **method({"kind": kind}))
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
+        rng, forces = np.random.default_rng(0), {}
+        for s, count in zip(scene.subdomains, d.node_counts):
+            forces[s.index] = np.zeros((1, 3 * count))
+            forces[s.index][0, : s.fixed.size] = np.where(s.fixed.ravel(), 0.0, rng.standard_normal(s.fixed.size))
+        answers = blackbox.fields(forces)
+    robin = sp.csr_array(d.space.scatter @ d.stage.direction.k @ d.space.scatter.T)
+    for s, part, trace, own in zip(scene.subdomains, d.space.boundary, d.traces, naked):
+        u, f = (x[s.index][0, : s.fixed.size] for x in (answers, forces))
+        sole = np.zeros(len(u))
+        sole[trace] = robin[part][:, part] @ u[trace]
+        left = np.where(s.fixed.ravel(), 0.0, own @ u + sole - f)
+        assert np.abs(left).max() <= 1e-12 * (abs(own) @ np.abs(u)).max()
+        assert np.abs(sole).max() > 1e-3 * np.abs(f).max()
+
+
+# --- patch tests ------------------------------------------------------------------------------------------
+
+
+def test_uniform_tension_is_exact(tmp_path):
+    """A linear field on an irregular mesh: displacement and stress to the tolerance."""
+    found = solved(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 7}, **P2, materials=STEEL,
+                   **method(tolerance={"error": 1e-10}), boundary=[
+                       {"on": {"plane": "x", "at": 0.0}, "displacement": [0, None, None]},
+                       {"on": {"plane": "y", "at": 0.0}, "displacement": [None, 0, None]},
+                       {"on": {"plane": "z", "at": 0.0}, "displacement": [None, None, 0]},
+                       {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 0.0, 0.0]}])
+    assert found.outcome.converged
+    assert close(found.displacement[0], found.scene.mesh.nodes * [5e-5, -1.5e-5, -1.5e-5], 1e-8)
+    sigma = fields_of(found).corner_stress(0)
+    assert close(sigma, np.broadcast_to([10.0, 0, 0, 0, 0, 0], sigma.shape), 1e-7)
+
+
+def test_pure_bending_is_exact(tmp_path):
+    """σ_xx = 10 (z − 1): a quadratic displacement, prescribed at both ends and found in between."""
+    made = config(mesh=irregular(tmp_path / "box.meshb"), subdomains=CUBES["subdomains"], **P2, materials=STEEL,
+                  **method(tolerance={"error": 1e-10}),
+                  boundary=[CLAMP, {"on": {"plane": "x", "at": 4.0}, "displacement": [0.0, 0.0, 0.0]}])
+    scene = build_scene(made)
+    x, y, z = (scene.mesh.nodes - [0, 1, 1]).T
+    exact = 10 / 200e3 * np.stack([x * z, -0.3 * y * z, -0.5 * (x**2 + 0.3 * (z**2 - y**2))], axis=1)
+    scene.prescribed[:] = np.where(scene.fixed, exact, 0.0)
+    for s in scene.subdomains:
+        s.prescribed[:] = scene.prescribed[:, s.nodes]
+    found = solve(made, scene)
+    assert found.outcome.converged
+    assert close(found.displacement[0], exact, 1e-8)
+    fields = fields_of(found)
+    corners = scene.mesh.nodes[scene.mesh.cells[:, :4], 2] - 1
+    assert close(fields.corner_stress(0)[:, :, 0], 10 * corners, 1e-7)
+    assert close(fields.stress(0)[:, 0], 10 * corners.mean(axis=1), 1e-7)
+    assert close(fields.nodal_von_mises(0), 10 * np.abs(scene.mesh.nodes[scene.mesh.cells, 2] - 1), 1e-6)
+
+
+# --- whole runs -------------------------------------------------------------------------------------------
+
+CASES = {"slices": {"mesh": {"box": {"size": [8, 1, 1], "cells": [16, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 8}},
+                    "boundary": [CLAMP, {"on": {"plane": "x", "at": 8.0}, "traction": [10.0, 0.0, 0.0]}]},
+         "cubes": CUBES, "metis": METIS}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_undecomposed_solution_is_found(case):
+    """True error below 1e-8, and at every iteration that has a bound: error ≤ bound ≤ 5 × error."""
+    found = solved(**CASES[case], **P2, **method(tolerance={"error": 1e-8}))
+    assert found.outcome.converged and found.summary["true_error"] <= 1e-8
+    assert found.outcome.iterations <= {"slices": 16, "cubes": 26, "metis": 34}[case]
+    known = [e for e in found.outcome.history if np.isfinite(e.error_bound) and e.true_error > 1e-9]
+    assert known and all(e.true_error <= e.error_bound <= 5 * e.true_error for e in known)
+
+
+@pytest.mark.parametrize("tolerance", [1e-1, 1e-4])
+@pytest.mark.parametrize("changes", [{"kind": "layer"}, {"modulus_ratio": 0.02}], ids=["layer", "soft"])
+def test_the_bound_holds(tmp_path, tolerance, changes):
+    found = solved(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 5}, **P2,
+                   **method(changes, tolerance={"error": tolerance}))
+    assert found.summary["true_error"] <= found.summary["error_bound"] <= 5 * found.summary["true_error"]
+
+
+def test_bending_is_far_better_than_with_linear_tets():
+    """A cantilever ten times as long as high, two elements through the height: deflection against beam theory."""
+    bar = {"mesh": {"box": {"size": [10, 1, 1], "cells": [20, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 5}},
+           "boundary": [CLAMP, {"on": {"plane": "x", "at": 10.0}, "traction": [0.0, 0.0, -1.0]}]}
+    slope = 10**3 / (3 * 200e3 / 12) + 10 / (5 / 6 * 200e3 / 2.6)  # bending and shear
+    errors = {}
+    for element in ("P1", "P2"):
+        found = solved(reference=False, **bar, blackbox={"workers": 2, "element": element})
+        end = found.scene.mesh.nodes[:, 0] > 10 - 1e-9
+        errors[element] = abs(found.displacement[0, end, 2].mean() / slope + 1)
+    assert errors["P2"] < 0.015 and errors["P1"] > 0.3, errors
+
+
+def test_units_and_numbering(tmp_path):
+    """Metres instead of millimetres, and shuffled nodes, cells and corners: the same iterations, the same field."""
+    mesh, cut = bricks(np.array([4.0, 2.0, 2.0]), np.array([4, 2, 2]), "box"), {"grid": [2, 2, 1]}
+    rng = np.random.default_rng(0)
+    new = rng.permutation(len(mesh.nodes))
+    nodes = np.empty_like(mesh.nodes)
+    nodes[new] = mesh.nodes
+    cells = new[mesh.cells][rng.permutation(len(mesh.cells))][:, [1, 2, 0, 3]]
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)]).write(tmp_path / "plain.meshb")
+    meshio.Mesh(nodes, [("tetra", cells)]).write(tmp_path / "shuffled.meshb")
+    plain, shuffled = (solved(reference=False, mesh={"file": str(tmp_path / f"{name}.meshb")}, **P2,
+                              subdomains=cut) for name in ("plain", "shuffled"))
+    metres = solved(reference=False, mesh={"file": str(tmp_path / "plain.meshb"), "scale": 1e-3}, **P2,
+                    subdomains=cut, materials=[{"young": 200e9, "poisson": 0.3}],
+                    boundary=[CLAMP, {"on": {"plane": "x", "at": 0.004}, "traction": [10e6, 1e6, 0.0]}])
+    for other in (shuffled, metres):
+        assert other.outcome.iterations == plain.outcome.iterations
+        assert close([e.residual for e in other.outcome.history], [e.residual for e in plain.outcome.history])
+    assert close(metres.displacement, plain.displacement / 1000)
+    here, there = (np.lexsort(run.scene.mesh.nodes.round(6).T) for run in (plain, shuffled))
+    assert close(shuffled.displacement[:, there], plain.displacement[:, here])
+
+
+def test_parts_with_separate_coincident_nodes(tmp_path):
+    """Two blocks numbered apart, bonded node by node, mid-edge nodes included: the solution of one mesh."""
+    mesh = bricks(np.array([4.0, 1.0, 1.0]), np.array([8, 2, 2]), "box")
+    mesh.volume = (mesh.nodes[mesh.cells].mean(axis=1)[:, 0] > 2).astype(int)
+    whole = solved(reference=False, mesh=saved(mesh, tmp_path / "one.meshb"), subdomains="groups", **P2)
+    keys, cells = np.unique(mesh.cells + len(mesh.nodes) * mesh.volume[:, None], return_inverse=True)
+    mesh.nodes, mesh.cells = mesh.nodes[keys % len(mesh.nodes)], cells.reshape(-1, 4)
+    apart = solved(reference=False, mesh=saved(mesh, tmp_path / "two.meshb"), subdomains="groups", **P2)
+    assert [len(i.global_nodes) for i in apart.scene.interfaces] == [25]
+    assert close(apart.outcome.bound.energy, whole.outcome.bound.energy, 1e-9)
+    end = [run.scene.mesh.nodes[:, 0] > 4 - 1e-9 for run in (apart, whole)]
+    assert close(apart.displacement[0, end[0]].sum(axis=0), whole.displacement[0, end[1]].sum(axis=0), 1e-5)
+
+
+def test_reactions_and_several_steps():
+    """Two load steps under traction, weight and a moved support: forces balance at each."""
+    found = solved(**P2, histories={"up": [0.5, 1.0]}, loads=[{"body_force": [0, 0, -0.1]}], boundary=[
+        {"on": {"plane": "x", "at": 0.0}, "displacement": [[0, 0, 0], [0, 0, 1e-3]]},
+        {"on": {"plane": "x", "at": 4.0}, "traction": [10, 1, 0], "history": "up"}])
+    assert found.summary["true_error"] <= found.summary["error_bound"] <= 1e-6
+    held, pulled = np.array(found.summary["reactions"])
+    assert close(held + pulled, np.tile([0, 0, 0.4], (2, 1)), 1e-6)
+
+
+# --- files and pictures -----------------------------------------------------------------------------------
+
+
+def fields_of(found) -> Fields:
+    scene = found.scene
+    lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
+    return Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, found.displacement)
+
+
+def test_field_files(tmp_path):
+    """fields.npz comes back; the .vtu has quadratic tets in VTK's order, with stress and its peak."""
+    found = solved(reference=False, **P2)
+    fields = fields_of(found)
+    scene = found.scene
+    write_fields(ResultsFolder(tmp_path), scene.mesh, scene.cell_subdomain, fields.lame, found.displacement)
+    again = Fields.read(tmp_path)
+    assert again.cells.shape[1] == 10 and np.array_equal(again.displacement, found.displacement)
+    grid = pyvista.read(tmp_path / "fields" / "step_0001.vtu")
+    assert set(grid.celltypes) == {pyvista.CellType.QUADRATIC_TETRA}
+    assert grid.volume == pytest.approx(4.0) and grid.compute_cell_sizes()["Volume"].min() > 0
+    assert (grid.cell_data["von_mises_max"] >= grid.cell_data["von_mises"] * (1 - 1e-12)).all()
+    np.testing.assert_allclose(grid.cell_data["stress"], fields.stress(0), rtol=1e-12)
+
+
+def test_pictures_show_every_node_of_the_surface(tmp_path):
+    found = solved(reference=False, **P2)
+    mesh = found.scene.mesh
+    triangles, cell, local = surface.outer_faces(mesh.cells)
+    linear = surface.outer_faces(mesh.cells[:, :4])[0]
+    assert len(triangles) == 4 * len(linear) and np.array_equal(mesh.cells[cell[:, None], local], triangles)
+    assert close(area_vectors(mesh.nodes, triangles).reshape(-1, 4, 3).sum(axis=1), area_vectors(mesh.nodes, linear), 1e-12)
+    drawn = view(fields_of(found))
+    assert np.isfinite(drawn.stress).all() and len(drawn.triangles) == len(triangles)
