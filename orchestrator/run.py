@@ -17,6 +17,7 @@ from orchestrator.method.criteria import make_criterion
 from orchestrator.method.events import Iteration
 from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.recovery import reactions, recover
+from orchestrator.method.load_cases import expanded, load_cases
 from orchestrator.method.reference import Reference, solve_reference
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.solver import Outcome, iterate
@@ -94,27 +95,31 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     with watch("soles"):
         soles = make_soles(scene, config.method.sole)
     stage("assembling and factorising")
-    savings = Savings()
+    savings, cases = Savings(), load_cases(scene, config.method.skip)
+    savings.add(cases.switch, "load steps", cases.left_out)
     with watch("start"):
-        blackbox = spared(make_blackbox(config.blackbox), config.method.skip, workers, scene.steps, savings)
+        blackbox = spared(make_blackbox(config.blackbox), config.method.skip, workers, len(cases.chosen), savings)
     with blackbox:
         workload = Workload(blackbox, watch)
         decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings)
         workload.end("set_up")
+        solved = cases.part_of(decomposition)
 
         def true_error(fields, bound) -> float:
             before = watch.seconds["reference"]
             with watch("reference"):
-                error = exact.relative_error(recover(decomposition, fields, bound)[0])
+                error = exact.relative_error(cases.all_steps(recover(solved, fields, bound)[0]))
             watch.seconds["bound"] -= watch.seconds["reference"] - before  # the loop measures it there too
             return error
 
         earlier = (start.state, start.iteration, start.sweeps - decomposition.setup_sweeps) if start else ()
-        outcome = iterate(decomposition, config.method, subscribers, watch, *earlier,
+        outcome = iterate(solved, config.method, subscribers, watch, *earlier,
                           true_error=true_error if exact else None)
         workload.end("iterations")
         with watch("linear_stage"):
-            displacement, parts = recover(decomposition, outcome.fields, outcome.bound)
+            displacement, parts = recover(solved, outcome.fields, outcome.bound)
+            displacement, parts = cases.all_steps(displacement), [cases.all_steps(part) for part in parts]
+            outcome = expanded(decomposition, outcome, cases)
         own, opening = None, interface_fields(decomposition, outcome)
         if opening is not None:
             displacement, own = sides(decomposition, outcome, parts)

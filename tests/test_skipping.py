@@ -128,3 +128,63 @@ def test_compliance_is_chosen_where_it_pays():
     """A slice that stands for many has fewer trace dofs than right-hand sides to come; METIS parts have more."""
     assert saved(with_skip({"congruent": True, "compliance": True}, **LONG))["compliance"]["back-substitutions"] > 0
     assert "compliance" not in saved(with_skip({"congruent": True, "compliance": True}, **METIS))
+
+
+# --- load steps that follow from others -------------------------------------------------------------------
+
+STEPS = {"boundary": [
+    {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.001], "history": "settle"},
+    {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, 0.0], "history": "pull"}],
+    "loads": [{"body_force": [0.0, 0.0, -1.0], "history": "pull"}],
+    "histories": {"settle": [1.0, 0.0, -2.0, 0.5, 0.0], "pull": [0.0, 0.5, 1.0, -3.0, 0.0]}}
+
+
+def test_superposition_of_load_cases():
+    """Five steps, two independent ones: the same fields, energies and reactions, and a bound that holds for all five."""
+    tight = {"tolerance": {"error": 1e-10}}
+    every = solved(**CUBES, **STEPS, **method(skip={"superposition": False}, **tight))
+    few = solved(**CUBES, **STEPS, **method(**tight))
+    same(few, every)
+    assert saved(few)["superposition"] == {"load steps": 3} and "superposition" not in saved(every)
+    assert np.allclose(few.summary["energy"], every.summary["energy"], rtol=1e-9, atol=1e-9 * max(every.summary["energy"]))
+    assert few.displacement.shape == every.displacement.shape
+    assert few.outcome.last.state.shape[1] == 2 and few.summary["load_steps"] == 5
+
+
+def test_the_bound_of_a_superposition():
+    """At a lax tolerance the true error of all steps, followed through the iterations, stays below the bound."""
+    few = solved(**CUBES, **STEPS, **method(tolerance={"error": 1e-3}))
+    assert saved(few)["superposition"] == {"load steps": 3}
+    error, bound = few.summary["true_error"], few.summary["error_bound"]
+    assert error <= bound <= 1e-3 and bound <= 6 * error
+
+
+PRESS = {"mesh": {"box": {"size": [1.0, 1.0, 2.0], "cells": [3, 3, 6]}}, "subdomains": {"grid": [1, 1, 2]}}
+
+
+def pressed(skip, factors, gap=0.0, friction=0.0):
+    """A block on another one, both led sideways, pressed by the factors."""
+    ends = [{"on": "zmin", "displacement": [0.0, 0.0, 0.0]},
+            {"on": "zmax", "displacement": [[0.002 * f, 0.0, -0.01 * f] for f in factors]}]
+    return solved(reference=False, **PRESS, boundary=ends, materials=[{"young": 1.0, "poisson": 0.3}],
+                  interfaces=[{"law": "contact", "friction": friction, "gap": gap}],
+                  **method(skip=skip, tolerance={"error": 1e-11}))
+
+
+def test_proportional_steps_of_frictionless_contact():
+    """λ times the load is λ times the solution for λ > 0; unloading and reloading leave no trace."""
+    factors = [0.5, 1.0, -1.0, 0.0, 0.25, -0.5]
+    every, few = pressed({"proportional": False}, factors), pressed({}, factors)
+    same(few, every)
+    assert saved(few)["proportional"] == {"load steps": 4}  # solved: 1 and −1
+    assert few.summary["status_counts"] == every.summary["status_counts"]
+    assert np.allclose(few.interfaces.pressure, every.interfaces.pressure, atol=1e-9 * np.abs(every.interfaces.pressure).max())
+
+
+@pytest.mark.parametrize("how, left_out", [({"gap": 0.004}, 1), ({"friction": 0.1}, 0)], ids=["gap", "friction"])
+def test_only_what_may_be_left_out_is(how, left_out):
+    """With a gap only equal steps follow from each other, with friction none."""
+    factors = [0.5, 1.0, 0.5]
+    every, few = pressed({"proportional": False}, factors, **how), pressed({}, factors, **how)
+    same(few, every)
+    assert saved(few).get("proportional", {"load steps": 0}) == {"load steps": left_out}

@@ -71,6 +71,10 @@ class Skip(Part):
         "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation"))
     repeated: bool = Field(True, description=(
         "right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
+    superposition: bool = Field(True, description=(
+        "perfect interfaces: load steps that are combinations of others follow from their solutions"))
+    proportional: bool = Field(True, description=(
+        "contact without friction: load steps equal to another one, or without gaps proportional to it, follow from it"))
     compliance: bool = Field(True, description=(
         "one solve per interface dof and dense products from then on replace the solves of the iterations, "
         "where measured costs say that it pays"))

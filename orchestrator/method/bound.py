@@ -18,6 +18,7 @@ Schur complements S, preconditioned by the black box itself: N M⁻¹Nᵀ = (S +
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +101,24 @@ class ErrorBound:
         for (a, b), sides in zip(self.space.slots, totals / total[:, None]):
             share[a], share[b] = sides
         self.share = share[:, None]
+        self.weights: np.ndarray | None = None
         self._balance = None
+
+    def batch(self, steps: slice | np.ndarray, stage: LinearStage, loading: Loading) -> ErrorBound:
+        """The same for some of the load steps, whose linear stage and loading are given."""
+        part = copy(self)
+        part.stage, part.loading, part.external = stage, loading, self.external[:, steps]
+        return part
+
+    def for_cases(self, weights: np.ndarray) -> ErrorBound:
+        """The same, but valid for all steps (T) that are combinations of the present ones, weights (r, T).
+
+        The error of a combination is at most the combination of the errors with positive weights; the
+        largest energy of all steps is at least that of the present ones.
+        """
+        wider = copy(self)
+        wider.weights = np.abs(weights)
+        return wider
 
     def __call__(self, fields: Admissible, complete: bool = True) -> Bound:
         """Evaluate the bound of a linear stage.
@@ -120,7 +138,7 @@ class ErrorBound:
         energy = self.loading.energy_of(robin, fields.u, forces)
         energy = energy + 2 * np.sum(delta * (self.external + forces), axis=0) + a2
         size = np.sqrt(max(energy.max(initial=0.0), 0.0))
-        a = np.sqrt(a2.max(initial=0.0))
+        a = self._largest(a2)
         if not complete:
             return Bound(np.nan, _relative(a, size), energy, c, delta)
 
@@ -129,8 +147,13 @@ class ErrorBound:
         change, balanced = self._balanced(change)
         h = self.space.scatter @ change
         b2, sweeps = self._dual_energy(h)
-        gap = np.sqrt(np.maximum(a2 + b2 - 2 * np.sum(delta * h, axis=0), 0.0).max(initial=0.0))
+        gap = self._largest(a2 + b2 - 2 * np.sum(delta * h, axis=0))
         return Bound(_relative(gap, size) if balanced else np.inf, _relative(a, size), energy, c, delta, sweeps)
+
+    def _largest(self, squares: np.ndarray) -> float:
+        """The largest error of all steps from the squared errors (T,) of those at hand."""
+        errors = np.sqrt(np.maximum(squares, 0.0))
+        return float((errors if self.weights is None else errors @ self.weights).max(initial=0.0))
 
     def _add_local_stage_exchange(self, change: np.ndarray, u: np.ndarray) -> None:
         """What the local stage would exchange on top of balancing: ½ k (w' − w), opposite on both sides.

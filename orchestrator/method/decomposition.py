@@ -67,11 +67,12 @@ class Decomposition:
         """Number of load steps that are solved together."""
         return self.loading.boundary.shape[1]
 
-    def batch(self, steps: slice, previous: np.ndarray | None) -> "Decomposition":
+    def batch(self, steps: slice | np.ndarray, previous: np.ndarray | None = None) -> "Decomposition":
         """The same decomposition for some of the load steps.
 
         Parameters
         ----------
+        steps : slice or (r,) int
         previous : (P, 3) jump of the pairs that are not perfect at the end of the step before; None at the start
         """
         loading, stage = self.loading.batch(steps), copy(self.stage)
@@ -81,7 +82,8 @@ class Decomposition:
             local.previous = previous
         if coarse is not None:
             coarse.start_from(local)
-        return replace(self, loading=loading, stage=stage, local=local, coarse=coarse)
+        bound = self.bound and self.bound.batch(steps, stage, loading)
+        return replace(self, loading=loading, stage=stage, local=local, coarse=coarse, bound=bound)
 
     def __repr__(self) -> str:
         macro = self.stage.macro

@@ -21,7 +21,7 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
     -----
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
-    scene, steps = d.scene, d.scene.steps
+    scene, steps = d.scene, d.steps
     robin = d.space.scatter @ d.stage.robin_force(fields.s, fields.alpha)
     requests = {}
     for e, (trace, forces) in enumerate(zip(d.traces, d.loading.forces)):

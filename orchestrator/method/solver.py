@@ -130,14 +130,14 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
     """
     direction = d.stage.direction
     acceleration, criterion = make_acceleration(d, method), make_criterion(d, method.tolerance)
-    s, sweeps, history = start, spent, []
+    s, sweeps, history, share = start, spent, [], d.steps / d.scene.steps
     last = first + method.max_iterations
     iteration, converged, reason = first, False, "max_iterations"
     reach = 0.0  # largest interface displacement of the first stage
     while True:
         iteration += 1
         with watch("linear_stage"):
-            sweeps += bool(s.any()) * d.steps / d.scene.steps
+            sweeps += bool(s.any()) * share
             evaluated = d.stage(s)
         reach = reach or np.abs(evaluated.w).max(initial=0.0)
         if d.coarse is not None:
@@ -152,7 +152,7 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
             eta = latin_indicator(direction, d.local, fields, local, exact=method.tolerance.indicator is not None)
             verdict = criterion(fields, local, eta)
             bound, laws = verdict.bound, verdict.laws
-            sweeps += bound.sweeps
+            sweeps += bound.sweeps * share
             event = Iteration(
                 iteration, d.setup_sweeps + sweeps, watch.total, eta, displacement_jump(direction, fields),
                 force_imbalance(direction, fields), residual_size(direction, residual, best), bound.relative,
@@ -177,7 +177,7 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
         break
     with watch("bound"):
         final = criterion.final(fields, bound)
-        sweeps += final.sweeps if final is not bound else 0
+        sweeps += final.sweeps * share if final is not bound else 0
     return Outcome(fields, local, final, converged, reason, iteration, sweeps, event, history)
 
 
