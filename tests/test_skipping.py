@@ -1,6 +1,9 @@
 """What is skipped changes no result: every switch of ``method.skip``, on and off, through FreeFEM."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.savings import Savings
 
+ROOT = Path(__file__).parents[1]
 NOTHING = {"congruent": False, "repeated": False, "compliance": False}
 LONG = {"mesh": {"box": {"size": [16.0, 1.0, 1.0], "cells": [32, 2, 2]}},
         "subdomains": {"slices": {"axis": "x", "count": 16}},
@@ -188,3 +192,26 @@ def test_only_what_may_be_left_out_is(how, left_out):
     every, few = pressed({"proportional": False}, factors, **how), pressed({}, factors, **how)
     same(few, every)
     assert saved(few).get("proportional", {"load steps": 0}) == {"load steps": left_out}
+
+
+# --- modules ----------------------------------------------------------------------------------------------
+
+
+def loaded_modules(*arguments) -> set[str]:
+    """Names of the top-level packages that a command leaves imported."""
+    code = ("import runpy, sys, atexit\n"
+            "atexit.register(lambda: print('\\n', *{name.partition('.')[0] for name in sys.modules}))\n"
+            f"sys.argv = ['orchestrator', *{list(arguments)!r}]\n"
+            "runpy.run_module('orchestrator', run_name='__main__')")
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_check_loads_only_what_it_needs():
+    """A structured mesh needs numpy alone; without a mesh not even that; METIS comes with METIS."""
+    heavy = {"gmsh", "pyvista", "vtkmodules", "scipy", "matplotlib", "meshio", "pymetis"}
+    assert not loaded_modules("check", "configs/traction_beam.yaml") & heavy
+    assert not loaded_modules("check", "configs/two_blocks.yaml") & heavy
+    assert not loaded_modules("check", "--syntax-only", "configs/polycrystal_100.yaml") & (heavy | {"numpy"})
+    assert loaded_modules("check", "configs/metis_box.yaml") & heavy == {"pymetis", "scipy"}

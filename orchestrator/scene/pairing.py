@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from orchestrator.scene.faces import Faces, area_vectors, components
 from orchestrator.scene.model import Mesh
@@ -161,6 +160,8 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tup
 
 def nearest(one: Body, two: Body) -> tuple[float, np.ndarray, float]:
     """Distance of the nearest outer nodes of two bodies, where that is, and the facets' mean size there."""
+    from scipy.spatial import cKDTree  # only scenes of several parts need it
+
     x, y = one.corners.reshape(-1, 3), two.corners.reshape(-1, 3)
     distance, _ = cKDTree(y).query(x)
     at = int(distance.argmin())
@@ -169,6 +170,8 @@ def nearest(one: Body, two: Body) -> tuple[float, np.ndarray, float]:
 
 def _candidates(x: np.ndarray, y: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices i, j of points x[i], y[j] closer than reach[i]."""
+    from scipy.spatial import cKDTree  # as above
+
     found = cKDTree(y).query_ball_point(x, reach)
     return np.repeat(np.arange(len(x)), [len(f) for f in found]), np.array([j for f in found for j in f], dtype=int)
 

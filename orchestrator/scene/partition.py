@@ -10,7 +10,6 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.faces import Faces, pieces
-from orchestrator.scene.metis import metis
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import place
 
@@ -42,6 +41,8 @@ def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
 
 def parts(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     """``entry`` connected parts of about equal size, none of them in two volumes."""
+    from orchestrator.scene.metis import metis  # the others need neither METIS nor sparse matrices
+
     index, volume = metis(mesh, faces, _counted(int(entry), len(mesh.cells)))
     if len(mesh.volumes) == 1:
         return Partition(index, [f"part {i}" for i in range(len(volume))])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from orchestrator.errors import Problems
 from orchestrator.scene.faces import Faces, components, pieces
@@ -100,6 +99,8 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
 
 def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:
     """Per body, how many of its nodes lie on a node of another body."""
+    from scipy.spatial import cKDTree  # for this complaint alone
+
     nodes = np.concatenate(own)
     body = np.repeat(np.arange(len(own)), [len(o) for o in own])
     reach = TOUCHING * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))

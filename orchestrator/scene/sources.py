@@ -1,23 +1,17 @@
-"""Where meshes come from: one function per key under ``mesh:``."""
+"""Where meshes come from: one function per key under ``mesh:``, in a module that only its users load."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.scene import cad, files, polycrystal, structured
 from orchestrator.scene.faces import Faces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import checked
 
-SOURCES: dict[str, Callable[[Any], Mesh]] = {
-    "beam": structured.beam,
-    "box": structured.box,
-    "file": files.file,
-    "polycrystal": polycrystal.polycrystal,
-    "step": cad.step,
-}
+# key and name of the function → its module in ``orchestrator.scene``
+SOURCES = {"beam": "structured", "box": "structured", "file": "files", "polycrystal": "polycrystal", "step": "cad"}
 
 
 def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
@@ -33,7 +27,8 @@ def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
     if len(given) != 1:
         raise InputError(Problem(("mesh",), f"{len(given)} mesh sources" + (f": {', '.join(given)}" if given else ""),
                                  "exactly one of " + ", ".join(SOURCES), "keep one"))
-    made = SOURCES[given[0]](mesh)
+    source = getattr(import_module(f"orchestrator.scene.{SOURCES[given[0]]}"), given[0])
+    made = source(mesh)
     scale = getattr(mesh, "scale", None)
     if scale is not None:
         made.nodes = made.nodes * float(scale)
