@@ -20,9 +20,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
+from orchestrator.method.block_pattern import BlockPattern
 from orchestrator.method.contact_stage import ContactStage
 from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.pairs import Pairs
@@ -30,6 +29,7 @@ from orchestrator.scene.model import Scene
 
 FIELDS = 12
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
+SERVED, SLOW, IDLE = 0.1, 0.9, 2  # reduced this much, a solve ends after two steps that gain less than a tenth
 MAX_STEPS = 12
 FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
@@ -95,13 +95,9 @@ class CoarseCorrection:
                                                 -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
         self.counts, self.ends = np.diff(pairs.bounds), 3 * pairs.bounds
         self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces]).T
-        body = np.arange(self.bodies)
-        rows = np.concatenate([np.stack([self.firsts, self.firsts, self.seconds, self.seconds], 1).ravel(), body])
-        columns = np.concatenate([np.stack([self.firsts, self.seconds, self.firsts, self.seconds], 1).ravel(), body])
-        field = np.arange(FIELDS)
-        self._rows = (FIELDS * rows[:, None, None] + field[:, None] + 0 * field).ravel()
-        self._columns = (FIELDS * columns[:, None, None] + 0 * field[:, None] + field).ravel()
-        self.identity = sp.eye_array(FIELDS * self.bodies, format="csc")
+        # a Newton matrix need not be more accurate than the step it is good for
+        self.T_single, self.L_single = self.T.astype(np.float32), self.L.astype(np.float32)
+        self.pattern = BlockPattern(np.stack([self.firsts, self.seconds], axis=1), self.bodies, FIELDS)
         self.newton_steps = 0
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
@@ -149,13 +145,15 @@ class CoarseCorrection:
         F = F0
         rho = self._residual(y, F, resultant, previous)
         size = start = np.linalg.norm(rho)
+        idling, before = 0, np.inf
         for _ in range(MAX_STEPS):
-            if size <= REDUCTION * start or size == 0:
+            idling, before = (idling + 1 if size > SLOW * before else 0), size
+            if size <= REDUCTION * start or size == 0 or (idling == IDLE and size <= SERVED * start):
                 break
             self.newton_steps += 1
             if matrix is None:
                 matrix = self._matrix(F, previous)
-            dy = self._clipped(self._newton(matrix, rho, delta))
+            dy = self._clipped(-self.pattern.solve(matrix, rho, delta))
             dF = self._spread(dy)
             for theta in (1.0, 0.5, 0.25):
                 trial, F_new = y + theta * dy, F + theta * dF
@@ -174,11 +172,8 @@ class CoarseCorrection:
 
     def _clipped(self, dy: np.ndarray) -> np.ndarray:
         """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
-        for e, part in enumerate(self.parts):
-            move = np.abs(self.response.W[part] @ dy[e]).max(initial=0.0)
-            if move > self.radius:
-                dy[e] *= self.radius / move
-        return dy
+        move = np.array([np.abs(self.response.W[part] @ d).max(initial=0.0) for part, d in zip(self.parts, dy)])
+        return dy * (self.radius / np.maximum(move, self.radius))[:, None]
 
     def _residual(self, y: np.ndarray, F: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(bodies, 12) ρ, for F = F₀ + L y."""
@@ -196,27 +191,18 @@ class CoarseCorrection:
         L = self.L.reshape(-1, 2 * FIELDS)
         return np.concatenate([L[a:b] @ v for a, b, v in zip(self.ends[:-1], self.ends[1:], both)]).reshape(-1, 3)
 
-    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> sp.csc_array:
-        """K₀ − ΣTᵀA L; only pairs that carry a force contribute."""
+    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """Values of K₀ − ΣTᵀA L, for ``pattern``; only pairs that carry a force contribute."""
         answer = self.pairs.force(F, previous, derivative=True)
         active = answer.active
-        T, AL = self.T[active].reshape(-1, 2 * FIELDS), np.einsum("pij,pjf->pif", answer.derivative, self.L[active])
-        AL = AL.reshape(-1, 2 * FIELDS)
+        T = self.T_single[active].reshape(-1, 2 * FIELDS)
+        AL = (answer.derivative.astype(np.float32) @ self.L_single[active]).reshape(-1, 2 * FIELDS)
         ends = 3 * np.searchsorted(active, self.pairs.bounds)
-        blocks = np.zeros((len(ends) - 1, 2 * FIELDS, 2 * FIELDS))
+        blocks = np.zeros((len(ends) - 1, 2 * FIELDS, 2 * FIELDS), np.float32)
         for i, (a, b) in enumerate(zip(ends[:-1], ends[1:])):
             if b > a:
                 np.matmul(T[a:b].T, AL[a:b], out=blocks[i])
-        # (interface, side, field, side, field) → one 12×12 block per pair of sides
-        blocks = blocks.reshape(-1, 2, FIELDS, 2, FIELDS).transpose(0, 1, 3, 2, 4).reshape(-1, FIELDS, FIELDS)
-        data = np.concatenate([-blocks, self.K0])
-        size = FIELDS * self.bodies
-        return sp.csc_array((data.ravel(), (self._rows, self._columns)), shape=(size, size))
-
-    def _newton(self, matrix: sp.csc_array, rho: np.ndarray, delta: float) -> np.ndarray:
-        """(bodies, 12) solution of (matrix + δ) dy = −ρ."""
-        shifted = sp.csc_array(matrix + delta * self.identity)
-        return sla.splu(shifted, permc_spec="MMD_AT_PLUS_A").solve(-rho.ravel()).reshape(-1, FIELDS)
+        return self.pattern.values(-blocks, self.K0)
 
     def _orthonormal(self, fields: np.ndarray, k) -> np.ndarray:
         """(D, 12) the same span per body with UᵀkU = 1; what is dependent becomes zero.

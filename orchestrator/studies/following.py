@@ -4,6 +4,9 @@ The solution of a frictional problem need not be unique. Every run is therefore 
 stopped and on the same soles, until its laws hold as well as they will; the error of each of its
 iterations is the distance of the interface displacements from that end. How far the ends of two runs are
 apart, and in how many statuses they differ, is reported beside.
+
+Bodies that nothing holds at the end have no position of their own: wherever they drift, all laws hold. The
+*held error* leaves out their rigid motion, at the load steps at which they are loose; their deformation counts.
 """
 
 from __future__ import annotations
@@ -26,9 +29,12 @@ from orchestrator.method.interface_fields import InterfaceFields, interface_fiel
 from orchestrator.method.linear_stage import Admissible
 from orchestrator.method.recovery import recover
 from orchestrator.method.solver import Outcome, iterate
+from orchestrator.method.support import held_bodies
+from orchestrator.method.traces import TraceSpace
 from orchestrator.results.fields import Fields
 from orchestrator.results.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
+from orchestrator.scene.rigid import motions
 from orchestrator.scene.soles import make_soles
 from orchestrator.studies.framework import Case, Study, first
 from orchestrator.timing import Stopwatch
@@ -43,11 +49,12 @@ class Trail:
 
     Parameters
     ----------
-    size : trace dofs
+    space : numbering of the traces
     """
 
-    def __init__(self, size: int):
-        stride = -(-size // _KEPT)
+    def __init__(self, space: TraceSpace):
+        self.space = space
+        stride = -(-space.size // _KEPT)
         self.stride = stride + (stride > 1 and stride % 3 == 0)  # all three components are seen
         self.places: list[np.ndarray] = []
 
@@ -64,6 +71,31 @@ class Trail:
         end = self.seen(w)
         return [apart(place, end) for place in self.places]
 
+    def held_errors(self, w: np.ndarray, scene: Scene, loose: list[set[str]]) -> list[float]:
+        """The same without the rigid motion of loose bodies.
+
+        Parameters
+        ----------
+        loose : per load step, names of the subdomains that nothing holds
+        """
+        end = self.seen(w)
+        owner = self.space.owner[:: self.stride]
+        dof = self.space.global_dof[self.space.gather[:: self.stride]]
+        rigid = {}
+        for e in {s.index for s in scene.subdomains if any(s.name in names for names in loose)}:
+            rows = np.flatnonzero(owner == e)
+            columns = motions(scene.mesh.nodes[dof[rows] // 3]).reshape(-1, 3, 6)
+            rigid[scene.subdomains[e].name] = rows, np.linalg.qr(columns[np.arange(len(rows)), dof[rows] % 3])[0]
+
+        def error(place: np.ndarray) -> float:
+            difference = (place - end).astype(float)
+            for step, names in enumerate(loose):
+                for rows, modes in (rigid[name] for name in names):
+                    difference[rows, step] -= modes @ (modes.T @ difference[rows, step])
+            return float(np.linalg.norm(difference) / np.linalg.norm(end))
+
+        return [error(place) for place in self.places]
+
 
 @dataclass
 class Followed:
@@ -73,6 +105,8 @@ class Followed:
     ----------
     outcome : of the run itself; its history knows the true error
     w, status : (D, T) and (T, P) of the end, where the run was continued to
+    loose : per load step, names of the subdomains that nothing holds at the end
+    held_errors : per iteration, the error but for the rigid motion of these
     accuracy : law residual of the end
     fields : for pictures, if asked for
     watch, setup : seconds, of the run without its continuation, and back-substitutions per load step at set-up
@@ -83,6 +117,8 @@ class Followed:
     outcome: Outcome
     w: np.ndarray
     status: np.ndarray
+    loose: list[set[str]]
+    held_errors: list[float]
     accuracy: float
     fields: Fields | None
     interfaces: InterfaceFields
@@ -130,7 +166,7 @@ def follow(study: Study, case: Case, beside: Followed | None = None, *, towards:
     row = {"subdomains": len(scene.subdomains), "dofs": 3 * len(scene.mesh.nodes), "steps": steps,
            "iterations": outcome.iterations, "setup_sweeps": round(followed.setup * steps),
            **{f"sweeps_{level:.0e}": sweeps_to(followed, "true_error", level) for level in LEVELS},
-           "true_error": outcome.history[-1].true_error, "law_residual": outcome.last.law_residual,
+           "true_error": outcome.history[-1].true_error, "held_error": followed.held_errors[-1], "law_residual": outcome.last.law_residual,
            "indicator": outcome.last.indicator, "end_law_residual": followed.accuracy, **apart_from,
            **dict(zip(("open", "stick", "slip"), (int((followed.status == kind).sum()) for kind in range(3)))),
            "stop_reason": outcome.stop_reason, "seconds": round(followed.seconds, 2), **(measure or {})}
@@ -159,7 +195,7 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
         blackbox = make_blackbox(config.blackbox)
     with blackbox:
         d = prepare(scene, soles, method, blackbox, workers, watch)
-        trail = Trail(d.space.size)
+        trail = Trail(d.space)
         outcome = iterate(d, method, (tell,), watch, true_error=trail)
         with watch("linear_stage"):
             displacement, parts = recover(d, outcome.fields, outcome.bound)
@@ -171,13 +207,16 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
         seconds, clock = watch.total, blackbox.clock()
         memory = memory_peak_mb() + blackbox.memory_peak_mb()
         if towards is not None:
-            w, status, accuracy = towards.w, towards.status, towards.accuracy
+            w, status, loose, accuracy = towards.w, towards.status, towards.loose, towards.accuracy
         else:
             end = _end(d, config, scene, outcome, continued)
             w, status, accuracy = end.fields.w, end.local.status, end.last.law_residual
+            last = interfaces if end is outcome else interface_fields(d, end)
+            loose = [set(a + b) for a, b in zip(*held_bodies(scene, last))]
+        held = trail.held_errors(w, scene, loose)
     outcome.history[:] = [replace(event, true_error=error)
                           for event, error in zip(outcome.history, trail.errors(w))]
-    return Followed(scene, outcome, w, status, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
+    return Followed(scene, outcome, w, status, loose, held, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
 
 
 def _end(d: Decomposition, config: Config, scene: Scene, outcome: Outcome, continued: int) -> Outcome:

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,10 +31,10 @@ from orchestrator.studies.table import print_table
 GRAINS, H = 100, 0.018
 SMALL_GRAINS, SMALL_H = 15, 0.16
 ERROR, END = 1e-3, 1e-6  # error wanted; law residual of the solution that it is measured against
-LONG = 110  # iterations at most to get there; the last one stands for the solution
+LONG = 200  # iterations at most to get there; the last one stands for the solution
 PAPER_SECONDS, ITERATIONS, SECONDS, MEMORY = 100, 80, 180, 16  # limits: of each of the paper's runs, of the defaults; GB
 COLUMNS = ("settings", "subdomains", "interfaces", "dofs", "dofs_decomposed", "iterations", "indicator", "law_residual",
-           "true_error", "open", "stick", "slip", "mesh", "prepare", "iterate", "recover_and_write", "seconds", "GB",
+           "true_error", "held_error", "open", "stick", "slip", "mesh", "prepare", "iterate", "recover_and_write", "seconds", "GB",
            "stop_reason")
 # the paper's table 2: smallest, largest subdomain; tables 3 and 4: seconds on 100 processors, smallest and largest
 _TABLE2 = {"nodes of the subdomain": (529, 5639), "nodes on the interfaces": (160, 1258), "number of interfaces": (5, 18)}
@@ -53,11 +54,16 @@ def full(study: Study) -> None:
     study.target("the paper's plateau: its multiscale fixed point ends far from the solution",
                  "η small, error large", f"η {multi[-1].indicator:.1e}, error {multi[-1].true_error:.1e}",
                  multi[-1].indicator < 1e-4 and multi[-1].true_error > 0.05)
-    row, found = _row(study, "defaults"), first(runs["defaults"].history, "true_error", ERROR)
-    if row["stop_reason"] != "converged":  # the last iteration is no solution yet: nothing is known of the error
-        found = None
+    ours, row = runs["defaults"], _row(study, "defaults")
+    # the first from which on the error stays below
+    settled = max((i + 1 for i, error in enumerate(ours.held_errors) if error > ERROR), default=0)
+    found = ours.history[settled] if row["stop_reason"] == "converged" and settled < len(ours.history) else None
     writing = row["recover_and_write"]
-    study.target(f"defaults: error ≤ {ERROR:g} against its own end (law residual {row['law_residual']:.0e})",
+    loose = sorted(set().union(*ours.loose), key=lambda name: int(name.split("_")[-1]))
+    study.console.print(f"defaults: nothing holds {', '.join(loose) or 'no grain'} at some load step or other; their "
+                        "rigid motion is not part of the error")
+    study.target(f"defaults: error ≤ {ERROR:g} against its own end (law residual {row['law_residual']:.0e}), but for "
+                 "the rigid motion of grains that nothing holds",
                  f"at most {ITERATIONS} iterations", found and found.iteration,
                  found is not None and found.iteration <= ITERATIONS)
     study.target("the same, everything included", f"at most {SECONDS} s",
@@ -142,9 +148,10 @@ def _row(study: Study, name: str) -> dict[str, Any]:
 def _print_milestones(study: Study, run: Followed) -> None:
     """When the defaults had gained each power of ten."""
     rows = []
+    history = [replace(event, true_error=error) for event, error in zip(run.history, run.held_errors)]
     for quantity, name in (("true_error", "error"), ("law_residual", "law residual")):
         for level in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6):
-            event = first(run.history, quantity, level)
+            event = first(history, quantity, level)
             if event is not None:
                 rows.append({"reached": f"{name} ≤ {level:.0e}", "after iteration": event.iteration,
                              "after s, without writing": round(event.seconds, 1), "error": event.true_error,

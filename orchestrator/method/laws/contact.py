@@ -29,7 +29,8 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
     n = points.normal
     p = points.along(F) + points.stiff_n * points.gap
     closed = p < 0
-    trial = points.across(F - points.stiff_t[:, None] * previous)
+    trial = F - points.stiff_t[:, None] * previous
+    trial -= points.along(trial)[:, None] * n
     size = np.sqrt(np.einsum("pi,pi->p", trial, trial))
     limit = points.friction * np.abs(p)
     slips = closed & ((size > limit) | (points.friction == 0))
@@ -41,10 +42,13 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
         return Answer(result, status)
 
     active = np.flatnonzero(closed)
-    n, e, slips = n[active], direction[active], slips[active, None, None]
+    slope = np.broadcast_to(np.eye(3), (len(active), 3, 3)).copy()
+    sliding = np.flatnonzero(slips[active])
+    rows = active[sliding]
+    n, e = n[rows], direction[rows]
     normal = n[:, :, None] * n[:, None, :]
     # slip: f̂_t = −μ p e, whose direction e turns with the trial force
-    turn = np.where(size > 0, limit / np.where(size > 0, size, 1.0), 0.0)[active, None, None]
-    sliding = (normal - points.friction[active, None, None] * e[:, :, None] * n[:, None, :]
-               + turn * (np.eye(3) - normal - e[:, :, None] * e[:, None, :]))
-    return Answer(result, status, active, np.where(slips, sliding, np.eye(3)))
+    turn = np.where(size[rows] > 0, limit[rows] / np.where(size[rows] > 0, size[rows], 1.0), 0.0)[:, None, None]
+    slope[sliding] = (normal - (points.friction[rows, None] * e)[:, :, None] * n[:, None, :]
+                      + turn * (np.eye(3) - normal - e[:, :, None] * e[:, None, :]))
+    return Answer(result, status, active, slope)
