@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import select
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +10,11 @@ import scipy.sparse as sp
 from orchestrator.blackbox import messages
 from orchestrator.blackbox.messages import BadReply, Buffers, Reply
 from orchestrator.blackbox.protocol import Model
-from orchestrator.blackbox.worker import Ended, Silence, Worker
+from orchestrator.blackbox.stateless import Cost, Ledger, StatelessWorker
+from orchestrator.blackbox.worker import Ended
 
 
-class FileWorker(Worker):
+class FileWorker(StatelessWorker):
     """Runs one process after another; each one reads a request file and writes a reply file.
 
     Nothing is kept between runs but the mesh files: every solve loads its model again.
@@ -29,22 +27,30 @@ class FileWorker(Worker):
     def load(self, index: int, model: Model) -> None:
         self.write_mesh(index, model)
         self._load_requests[index] = messages.load(index, self.element, model)
+        self.ledgers[index] = Ledger(model.name, len(model.trace))
         # solved once for the check only: a model that is not held is found now, as with any transport
         self._converse(index, model.name, "loading failed", self._load_requests[index], self._read_load)
 
-    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
-        answers = {}
-        for (index, forces), name in zip(jobs, names):
+    def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
+        solving = 0.0
 
-            def read(replies: "_Replies", index=index, forces=forces) -> np.ndarray:
-                self._read_load(replies, index)
-                reply = replies.next()
-                self.count(reply.seconds)
-                return messages.check_solve(reply, index, *forces.shape)
+        def read(replies: "_Replies", index: int) -> np.ndarray:
+            nonlocal solving
+            self._read_load(replies, index)
+            reply = replies.next()
+            self.count(reply.seconds)
+            solving = float(reply.seconds[2])
+            return messages.check_solve(reply, index, *forces.shape)
 
-            request = self._load_requests[index] + messages.solve(op, [(index, forces)])
-            answers[index] = self._converse(index, name, "solving failed", request, read)
-        return answers
+        request = self._load_requests[index] + messages.solve(op, [(index, forces)])
+        answer, seconds = self._converse(index, name, "solving failed", request, read)
+        # the same run serves load cases and unit loads
+        cost = Cost(seconds - solving, solving / len(forces))
+        self.ledgers[index].request = self.ledgers[index].unit_loads = cost
+        return answer, seconds
+
+    def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:
+        return self.run_cases(messages.TRACES, index, np.eye(self.ledgers[index].trace_dofs), name)
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
         path = self.write_mesh(index, model)
@@ -57,7 +63,7 @@ class FileWorker(Worker):
 
         request = messages.stiffness(index, self.element, model)
         try:
-            return self._converse(index, model.name, "the stiffness matrix was not obtained", request, read)
+            return self._converse(index, model.name, "the stiffness matrix was not obtained", request, read)[0]
         finally:
             path.unlink(missing_ok=True)
 
@@ -67,12 +73,12 @@ class FileWorker(Worker):
         self.count(reply.seconds)
 
     def _converse(self, index: int, name: str, purpose: str, request: Buffers, read):
-        """One run of the code: request file, process, reply file; ``read(replies, index)`` takes what it needs."""
+        """One run of the code: what ``read(replies, index)`` takes from its reply file, and its CPU seconds."""
         asked = self.write(f"request-{self.number}.bin", [*request, *messages.farewell()])
         answered = self.folder / f"reply-{self.number}.bin"
         try:
             process = self.spawn(asked.name, answered.name)
-            code = self._wait(process)
+            code, seconds = self.wait_for_end(process)
             missing = self.code.missing_plugin(code) if not answered.exists() else None
             if missing:
                 raise missing
@@ -82,29 +88,12 @@ class FileWorker(Worker):
             hello = replies.next()
             messages.check_hello(hello)
             self.seconds["start"] += float(hello.seconds[0])
-            return read(replies, index)
+            return read(replies, index), seconds
         except (Ended, BadReply) as error:
             raise self.failure(purpose, error, name) from error
         finally:
             asked.unlink(missing_ok=True)
             answered.unlink(missing_ok=True)
-
-    def _wait(self, process: subprocess.Popen) -> int:
-        """Exit code; raises Ended when the run takes too long."""
-        handle = os.pidfd_open(process.pid)
-        try:
-            poll = select.poll()
-            poll.register(handle, select.POLLIN)
-            if not poll.poll(self.timeout * 1000):
-                raise Silence()
-            # the process is a zombie now: its memory is in what waiting for it returns
-            with self._lock:
-                _, status, usage = os.wait4(process.pid, 0)
-                process.returncode = os.waitstatus_to_exitcode(status)
-            self.peak_mb = max(self.peak_mb, usage.ru_maxrss / 1024)
-            return process.returncode
-        finally:
-            os.close(handle)
 
 
 class _Replies:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import subprocess
 import tempfile
 from pathlib import Path
 
 from orchestrator.blackbox import meshb
+from orchestrator.blackbox.exits import exit_meaning
+from orchestrator.blackbox.file import FileWorker
+from orchestrator.blackbox.pipe import PipeWorker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.errors import InputError, Problem
 
@@ -47,6 +49,8 @@ class FreeFem:
 
     name = "freefem"
     elements = ("P1", "P2")
+    transports = {"pipe": PipeWorker, "file": FileWorker}
+    mesh_suffix = "meshb"
 
     def __init__(self) -> None:
         problems = _missing()
@@ -81,29 +85,13 @@ class FreeFem:
     @staticmethod
     def meaning(exit_code: int) -> str:
         """What an exit code (negative: killed by that signal) says."""
-        return exit_meaning(exit_code)
+        return exit_meaning(exit_code, _MEANINGS, "ended by the script")
 
     def missing_plugin(self, exit_code: int) -> InputError | None:
         """The error to raise when the server ends with this code before its first word, if it is the installation's."""
         if exit_code != 2:
             return None
         return InputError(_no_plugin(self._environment.get("FF_LOADPATH", "")))
-
-
-def exit_meaning(exit_code: int) -> str:
-    """FreeFEM's exit codes in words; negative codes are signals."""
-    if exit_code < 0:
-        try:
-            name = signal.Signals(-exit_code).name
-        except ValueError:
-            name = f"signal {-exit_code}"
-        hint = {
-            "SIGKILL": ", by hand or by the kernel for want of memory",
-            "SIGSEGV": ", segmentation fault",
-            "SIGABRT": ", abnormal end",
-        }.get(name, "")
-        return f"{exit_code}: killed by {name}{hint}"
-    return f"{exit_code}: {_MEANINGS.get(exit_code, 'normal end' if exit_code == 0 else 'ended by the script')}"
 
 
 def blas_of(pid: int) -> str:

@@ -125,7 +125,11 @@ def check_load(reply: Reply, index: int) -> None:
     _check(reply, index, 4)
     if reply.ints[3] != 1 or len(reply.reals) != 1:
         raise BadReply("the matrix is not stored as a symmetric half: CHOLMOD would give wrong numbers")
-    residual = reply.reals[0]
+    check_residual(reply.reals[0])
+
+
+def check_residual(residual: float) -> None:
+    """Raises BadReply when a solve left a relative residual that a sound factorisation does not leave."""
     left = f"a probe solve left a relative residual of {residual:.1e}, expected at most {RESIDUAL_LIMIT:.0e}"
     if not residual <= SINGULAR:  # NaN included
         raise BadReply(

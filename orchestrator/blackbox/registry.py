@@ -1,24 +1,28 @@
-"""The codes and transports there are, and the black box a configuration asks for.
+"""The codes there are, and the black box a configuration asks for.
 
-A new code is a new module and one line in ``CODES``; a new transport likewise in ``TRANSPORTS``.
+A new code is a new module and one line in ``CODES``; a solver of one's own in Python needs not even that.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Protocol
 
+from orchestrator.blackbox.calculix import CalculiX
 from orchestrator.blackbox.compliance import Compliance
-from orchestrator.blackbox.file import FileWorker
 from orchestrator.blackbox.freefem import FreeFem
-from orchestrator.blackbox.pipe import PipeWorker
 from orchestrator.blackbox.pool import Pool, default_workers
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.blackbox.python_code import PythonCode, scikit_fem
 from orchestrator.blackbox.shared import SharedModels
+from orchestrator.blackbox.worker import Code
 from orchestrator.errors import Problems
 from orchestrator.savings import Savings
 
-CODES = {"freefem": FreeFem}
-TRANSPORTS = {"pipe": PipeWorker, "file": FileWorker}
+CODES: dict[str, Callable[[], Code]] = {"freefem": FreeFem, "calculix": CalculiX, "scikit-fem": scikit_fem}
+TRANSPORTS = ("pipe", "file")
 
 
 class Settings(Protocol):
@@ -31,6 +35,16 @@ class Settings(Protocol):
     timeout: float
 
 
+def code_named(name: str) -> Callable[[], Code] | None:
+    """What makes a code: one of ``CODES``, or a Python class given as file.py, file.py:Class or package.module:Class."""
+    if name in CODES:
+        return CODES[name]
+    where = name.rpartition(":")[0]
+    if where or name.endswith(".py"):
+        return partial(PythonCode, Path(where or name).name, name)
+    return None
+
+
 def make_blackbox(settings: Settings) -> Pool:
     """Check that the code is there, then start the pool.
 
@@ -39,19 +53,25 @@ def make_blackbox(settings: Settings) -> Pool:
     """
     problems = Problems()
     path = ("blackbox",)
-    if settings.code not in CODES:
-        problems.add((*path, "code"), repr(settings.code), f"one of {', '.join(CODES)}")
-    elif settings.element not in CODES[settings.code].elements:
-        expected = f"one of {', '.join(CODES[settings.code].elements)}"
-        problems.add((*path, "element"), repr(settings.element), expected)
+    make = code_named(settings.code)
+    if make is None:
+        problems.add((*path, "code"), repr(settings.code), f"one of {', '.join(CODES)}, or file.py, package.module:Class")
     if settings.transport not in TRANSPORTS:
         problems.add((*path, "transport"), repr(settings.transport), f"one of {', '.join(TRANSPORTS)}")
     workers = default_workers() if settings.workers == "auto" else settings.workers
     if not isinstance(workers, int) or workers < 1:
         problems.add((*path, "workers"), repr(settings.workers), "auto or a number from 1 on")
     problems.raise_if_any()
+    code = make()
+    if settings.element not in code.elements:
+        problems.add((*path, "element"), repr(settings.element), f"one of {', '.join(code.elements)}")
+    if settings.transport not in code.transports:
+        problems.add((*path, "transport"), f"{settings.transport} with {code.name}, which ends after every run"
+                     if "pipe" not in code.transports else f"{settings.transport} with {code.name}",
+                     f"one of {', '.join(code.transports)}", f"write transport: {next(iter(code.transports))}")
+    problems.raise_if_any()
     timeout = float(getattr(settings, "timeout", 600.0))
-    return Pool(TRANSPORTS[settings.transport], CODES[settings.code](), settings.element, workers, timeout)
+    return Pool(code.transports[settings.transport], code, settings.element, workers, timeout)
 
 
 def spared(blackbox: BlackBox, skip, workers: int, steps: int, savings: Savings) -> BlackBox:

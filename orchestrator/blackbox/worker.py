@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import shutil
 import signal
 import subprocess
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -27,6 +29,8 @@ class Code(Protocol):
 
     name: str
     elements: tuple[str, ...]
+    transports: Mapping[str, type["Worker"]]
+    mesh_suffix: str
 
     def command(self, requests: str, replies: str) -> list[str]: ...
     def environment(self) -> dict[str, str]: ...
@@ -98,6 +102,23 @@ class Worker:
             )
         return self.process
 
+    def wait_for_end(self, process: subprocess.Popen) -> tuple[int, float]:
+        """Exit code and CPU seconds of a process that runs once; raises Silence when it takes too long."""
+        handle = os.pidfd_open(process.pid)
+        try:
+            poll = select.poll()
+            poll.register(handle, select.POLLIN)
+            if not poll.poll(self.timeout * 1000):
+                raise Silence()
+            # the process is a zombie now: its memory is in what waiting for it returns
+            with self._lock:
+                _, status, usage = os.wait4(process.pid, 0)
+                process.returncode = os.waitstatus_to_exitcode(status)
+            self.peak_mb = max(self.peak_mb, usage.ru_maxrss / 1024)
+            return process.returncode, usage.ru_utime + usage.ru_stime
+        finally:
+            os.close(handle)
+
     def kill(self) -> None:
         """End the process for good; from any thread, more than once."""
         with self._lock:
@@ -145,7 +166,7 @@ class Worker:
 
     def write_mesh(self, index: int, model: Model) -> Path:
         """Mesh file of a model."""
-        return self.write(f"mesh-{index}.meshb", [self.code.mesh(model)])
+        return self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(model)])
 
     def failure(self, purpose: str, error: Exception, subdomain: str) -> BlackBoxError:
         """The error to raise, with the exit code of a process that ended and the log's tail."""
