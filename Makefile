@@ -1,6 +1,6 @@
 # make: the targets. Everything else sets up first what is missing; a second call sets up nothing.
 
-.PHONY: help setup run test clean
+.PHONY: help setup setup-tests run test clean
 .DEFAULT_GOAL := help
 
 CONFIG ?= configs/traction_beam.yaml
@@ -11,10 +11,13 @@ help:  ## list the targets
 setup:  ## FreeFEM, OpenBLAS, X libraries (Debian packages) and a virtual environment in .venv
 	@./setup.sh
 
+setup-tests:
+	@./setup.sh tests
+
 run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and where the figures are
 	@.venv/bin/orchestrator run $(CONFIG)
 
-test: setup  ## run the tests
+test: setup-tests  ## set up CalculiX too, run the tests
 	@.venv/bin/python -m pytest -q
 
 clean:  ## remove results, caches and the virtual environment

@@ -1,5 +1,7 @@
 #!/bin/bash
 # Sets up what is missing and nothing else: Debian packages, then a virtual environment in .venv.
+#     ./setup.sh          what a run needs
+#     ./setup.sh tests    and what the tests need besides
 # Exit code 2 when packages are missing and cannot be installed from here.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -11,6 +13,9 @@ packages=(
     libglu1-mesa libxrender1 libxcursor1 libxft2 libxinerama1 libxi6 libxext6   # loaded by the gmsh wheel
     libgl1 libegl1 libgl1-mesa-dri             # figures are rendered off screen through EGL
 )
+if [[ ${1:-} == tests ]]; then
+    packages+=(calculix-ccx)                   # another black box
+fi
 
 missing_packages() {
     local package

@@ -82,7 +82,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     InputError, BlackBoxError : see the rooms
     """
     watch = watch or Stopwatch()
-    workers = default_workers() if config.blackbox.workers == "auto" else config.blackbox.workers
+    workers = max(default_workers() if code.workers == "auto" else code.workers for code in config.codes)
     exact = None
     if reference and any(i.law != "perfect" for i in scene.interfaces):
         raise InputError(Problem(("interfaces",), "--reference with interfaces that are not perfect",
@@ -90,7 +90,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
                                  "leave out --reference; judge by the law residuals in the summary"))
     if reference:
         stage("solving undecomposed")
-        with watch("reference"), make_blackbox(config.blackbox) as whole:
+        with watch("reference"), make_blackbox(config.codes[0]) as whole:
             exact = solve_reference(scene, whole)
     with watch("soles"):
         soles = make_soles(scene, config.method.sole)
@@ -98,7 +98,8 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     savings, cases = Savings(), load_cases(scene, config.method.skip)
     savings.add(cases.switch, "load steps", cases.left_out)
     with watch("start"):
-        blackbox = spared(make_blackbox(config.blackbox), config.method.skip, workers, len(cases.chosen), savings)
+        used = sorted({s.code for s in scene.subdomains})
+        blackbox = spared(make_blackbox(config.codes, used), config.method.skip, workers, len(cases.chosen), savings)
     with blackbox:
         workload = Workload(blackbox, watch)
         decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings)
@@ -126,6 +127,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         contact = _contact(scene, decomposition, config, outcome, opening)
         forces = reactions(decomposition, parts)
         clock, memory, version = blackbox.clock(), blackbox.memory_peak_mb(), blackbox.version()
+        codes, asked = blackbox.codes(), blackbox.asked
+        for entry, code in zip(codes, used):
+            entry["subdomains"] = sum(s.code == code for s in scene.subdomains)
     setup = decomposition.setup_sweeps
     last = outcome.last
     summary = {
@@ -139,8 +143,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         | contact.pop("law_residuals", {}),
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
         **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
-        "timing": {"blackbox": clock}, "workload": workload.record, "versions": versions(version), "workers": workers,
-        "memory_peak_mb": memory_peak_mb() + memory, "skipped": savings.table(), "config": config.complete(),
+        "timing": {"blackbox": clock, "asking": asked}, "codes": codes, "workload": workload.record,
+        "versions": versions(version), "workers": workers, "memory_peak_mb": memory_peak_mb() + memory,
+        "skipped": savings.table(), "config": config.complete(),
     }
     return Solved(scene, outcome, displacement, parts, summary, exact, own, opening)
 
@@ -247,7 +252,9 @@ def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Conf
 
 
 def _time(summary: dict, watch: Stopwatch) -> None:
-    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {})}
+    asking = summary["timing"].get("asking", 0.0)
+    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {}),
+                         "asking": asking, "orchestrator": watch.total - asking - watch.seconds["reference"]}
 
 
 def _write_remains(folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, checkpoint: Checkpoint,

@@ -51,7 +51,7 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
     region, materials = _regions(np.vstack(matter))
     return Model(
         name=subdomain.name, nodes=np.vstack(points), cells=np.vstack(cells), region=region, materials=materials,
-        fixed=fixed, trace=boundary_dofs(scene, subdomain, sides),
+        fixed=fixed, trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code,
     )
 
 
@@ -65,7 +65,8 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
             nodes = np.vstack([scene.side_points(interface, side), sole.points])
             models.append((
                 Model(f"sole of {interface.name}", nodes, sole.cells, region, materials,
-                      np.zeros((len(nodes), 3), bool), np.empty(0, int)),
+                      np.zeros((len(nodes), 3), bool), np.empty(0, int),
+                      scene.subdomains[interface.subdomains[side]].code),
                 (interface.index, side),
             ))
     return models
@@ -97,6 +98,7 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
     model = Model(
         name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]], cells=cells.reshape(-1, subdomain.connectivity.shape[1]),
         region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
+        code=subdomain.code,
     )
     return Rim(model, nodes)
 
@@ -109,7 +111,7 @@ def whole_model(scene: Scene) -> Model:
 
 
 def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
-    """At most ``count`` models that hold all the given ones side by side, of about equal size.
+    """At most ``count`` models per code that hold all the given ones side by side, of about equal size.
 
     Returns
     -------
@@ -121,11 +123,8 @@ def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
     Each model is moved to a place of its own, which its stiffness does not notice: FreeFEM's search
     tree gives up on many coincident vertices, and soles that meet in a cross point have them.
     """
-    sizes = np.cumsum([len(m.cells) for m in models])
-    bins = np.minimum((sizes - 1) * count // max(sizes[-1], 1), count - 1)
     joined = []
-    for b in np.unique(bins):
-        members = [int(i) for i in np.flatnonzero(bins == b)]
+    for members in _bins(models, count):
         parts = [models[i] for i in members]
         node_shift = np.cumsum([0] + [len(m.nodes) for m in parts])
         region_shift = np.cumsum([0] + [len(m.materials) for m in parts])
@@ -136,9 +135,20 @@ def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
             region=np.concatenate([m.region + s for m, s in zip(parts, region_shift)]),
             materials=np.vstack([m.materials for m in parts]),
             fixed=np.vstack([m.fixed for m in parts]),
-            trace=np.empty(0, int),
+            trace=np.empty(0, int), code=parts[0].code,
         ), members))
     return joined
+
+
+def _bins(models: Sequence[Model], count: int) -> list[list[int]]:
+    """Indices of consecutive models of the same code, at most ``count`` lists for each."""
+    codes, bins = np.array([m.code for m in models]), []
+    for code in np.unique(codes):
+        own = np.flatnonzero(codes == code)
+        sizes = np.cumsum([len(models[i].cells) for i in own])
+        number = np.minimum((sizes - 1) * count // max(sizes[-1], 1), count - 1)
+        bins += [own[number == b].tolist() for b in np.unique(number)]
+    return bins
 
 
 def _apart(clouds: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -58,7 +58,7 @@ class Pool:
         self._models: list[Model] = []
         self._home: dict[int, int] = {}
         self._started = time.perf_counter()
-        self._asked = 0.0  # seconds in which some worker had a task
+        self._asked = self.asked = 0.0  # seconds in which some worker had a task: since the last start, and in all
         self._broken: str = ""
         self._closed = False
         self._done: queue.SimpleQueue = queue.SimpleQueue()
@@ -66,6 +66,7 @@ class Pool:
         lifetime.watch(self)
         self._make = lambda number: worker_class(code, element, self._folder, number, timeout)
         self._code, self._count = code, workers
+        self._transport = next((name for name, kind in code.transports.items() if kind is worker_class), "")
         self._workers: list[Worker] = []
         self._queues: list[queue.SimpleQueue] = []
         self._threads: list[threading.Thread] = []
@@ -149,6 +150,15 @@ class Pool:
                      idle=idle)
             for number, (worker, models) in enumerate(zip(self._workers, held))
         ]
+
+    def codes(self) -> list[dict[str, object]]:
+        """One entry per code: its name, transport and version, distinct models, CPU seconds by kind of work and in all, and
+        the subdomains whose interface compliance was asked for once instead of a run per request."""
+        seconds = self.clock()
+        asked = [note for worker in self._workers for note in getattr(worker, "compliances", list)()]
+        return [{"code": self._code.name, "transport": self._transport, "version": self._code.version(),
+                 "models": len(self._models), "workers": self._count,
+                 "seconds": {**seconds, "total": sum(seconds.values())}, "compliances": asked}]
 
     def version(self) -> dict[str, str]:
         """Name and version of the code."""
@@ -244,7 +254,8 @@ class Pool:
             if isinstance(error, Ended):
                 raise BlackBoxError(str(error)) from error
             raise
-        self._asked += time.perf_counter() - begin
+        self._asked += (seconds := time.perf_counter() - begin)
+        self.asked += seconds
         return results
 
     def _solve(self, op: int, forces: dict[int, np.ndarray]) -> dict[int, np.ndarray]:

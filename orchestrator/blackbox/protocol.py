@@ -31,6 +31,7 @@ class Model:
     materials : (r, 2) float, Young's modulus and Poisson's ratio of each region
     fixed : (n, 3) bool, dofs clamped to zero
     trace : (t,) int, dofs on which traces are exchanged; none of them fixed, no repetition
+    code : which black box of the configuration it is for, where there are several
     """
 
     name: str
@@ -40,6 +41,7 @@ class Model:
     materials: np.ndarray
     fixed: np.ndarray
     trace: np.ndarray
+    code: int = 0
 
 
 class BlackBox(Protocol):
@@ -66,6 +68,9 @@ class BlackBox(Protocol):
 
     def activity(self) -> list[Activity]:
         """What each worker has done with its time so far."""
+
+    def codes(self) -> list[dict[str, object]]:
+        """What each code has spent, for the summary; see ``Pool.codes``."""
 
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""

@@ -5,7 +5,8 @@ A new code is a new module and one line in ``CODES``; a solver of one's own in P
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -16,9 +17,10 @@ from orchestrator.blackbox.freefem import FreeFem
 from orchestrator.blackbox.pool import Pool, default_workers
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.python_code import PythonCode, scikit_fem
+from orchestrator.blackbox.routed import Routed
 from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.worker import Code
-from orchestrator.errors import Problems
+from orchestrator.errors import InputError, KeyPath, Problems
 from orchestrator.savings import Savings
 
 CODES: dict[str, Callable[[], Code]] = {"freefem": FreeFem, "calculix": CalculiX, "scikit-fem": scikit_fem}
@@ -45,14 +47,44 @@ def code_named(name: str) -> Callable[[], Code] | None:
     return None
 
 
-def make_blackbox(settings: Settings) -> Pool:
-    """Check that the code is there, then start the pool.
+def make_blackbox(settings: Settings | Sequence[Settings], used: Iterable[int] | None = None) -> Pool | Routed:
+    """Check that the codes are there, then start them.
+
+    Parameters
+    ----------
+    settings : one, or the entries of a list, to which ``Model.code`` refers
+    used : which entries of a list have a model; default all
 
     Raises InputError for unknown codes, elements or transports and for a code that is not installed
     (nothing has been started then), BlackBoxError when its processes do not start.
     """
+    if not isinstance(settings, Sequence):
+        return _prepared(settings, ("blackbox",))()
+    used = sorted(range(len(settings)) if used is None else set(used))
+    problems, starters = [], {}
+    for index in used:
+        try:
+            starters[index] = _prepared(settings[index], ("blackbox", index) if len(settings) > 1 else ("blackbox",))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    if len(settings) == 1:
+        return starters[0]()
+    pools: dict[int, Pool] = {}
+    try:
+        for index, start in starters.items():
+            pools[index] = start()
+    except BaseException:
+        for pool in pools.values():
+            pool.close()
+        raise
+    return Routed(pools)
+
+
+def _prepared(settings: Settings, path: KeyPath) -> Callable[[], Pool]:
+    """What starts the pool; raises InputError."""
     problems = Problems()
-    path = ("blackbox",)
     make = code_named(settings.code)
     if make is None:
         problems.add((*path, "code"), repr(settings.code), f"one of {', '.join(CODES)}, or file.py, package.module:Class")
@@ -62,16 +94,18 @@ def make_blackbox(settings: Settings) -> Pool:
     if not isinstance(workers, int) or workers < 1:
         problems.add((*path, "workers"), repr(settings.workers), "auto or a number from 1 on")
     problems.raise_if_any()
-    code = make()
+    try:
+        code = make()
+    except InputError as error:  # a code knows nothing of lists
+        raise InputError([replace(p, path=(*path, *p.path[1:])) for p in error.problems]) from error
     if settings.element not in code.elements:
         problems.add((*path, "element"), repr(settings.element), f"one of {', '.join(code.elements)}")
     if settings.transport not in code.transports:
-        problems.add((*path, "transport"), f"{settings.transport} with {code.name}, which ends after every run"
-                     if "pipe" not in code.transports else f"{settings.transport} with {code.name}",
+        problems.add((*path, "transport"), f"{settings.transport} with {code.name}, which ends after every run",
                      f"one of {', '.join(code.transports)}", f"write transport: {next(iter(code.transports))}")
     problems.raise_if_any()
     timeout = float(getattr(settings, "timeout", 600.0))
-    return Pool(code.transports[settings.transport], code, settings.element, workers, timeout)
+    return partial(Pool, code.transports[settings.transport], code, settings.element, workers, timeout)
 
 
 def spared(blackbox: BlackBox, skip, workers: int, steps: int, savings: Savings) -> BlackBox:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..errors import KeyPath, Problem
-from .method import RATIO_RANGE
+from .method import RATIO_RANGE, RUNS_ONCE
 from .paths import find, get
 
 # Mappings of which exactly one of some keys must be given.
@@ -145,7 +145,23 @@ def acceleration_fits(data: Any) -> Iterator[Problem]:
                       "use anderson")
 
 
-RULES = [exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits]
+def blackboxes_fit(data: Any) -> Iterator[Problem]:
+    """A transport the code has, and one element for all."""
+    single, several = find(data, ("blackbox",)), list(find(data, ("blackbox", "*")))
+    for path, entry in (*single, *several):
+        if isinstance(entry, dict) and entry.get("code") in RUNS_ONCE and entry.get("transport") == "pipe":
+            yield Problem((*path, "transport"), f"pipe with {entry['code']}, which ends after every run",
+                          "transport: file", "write transport: file, or leave it out")
+    for path, entry in several:
+        element, first = (e.get("element", "P1") for e in (entry, several[0][1])) if isinstance(entry, dict) and \
+            isinstance(several[0][1], dict) else ("P1", "P1")
+        if element != first:
+            yield Problem((*path, "element"), f"{element} beside {first}", "the same element in all entries",
+                          "interfaces need the same nodes on both sides: choose one element")
+
+
+RULES = [exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
+         blackboxes_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -102,6 +102,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
         except InputError as error:
             problems += error.problems
     data, missing = _find_meshes(data, Path(path).parent)
+    data = _find_solvers(data, Path(path).parent)
     try:
         config = config_from(data)
         problems += missing
@@ -206,6 +207,21 @@ def _find_meshes(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
             problems.append(Problem(("mesh", key), f"no file {' nor '.join(dict.fromkeys(places))}",
                                     "an existing file", "paths are relative to the YAML file's folder"))
     return data, problems
+
+
+def _find_solvers(data: Any, folder: Path) -> Any:
+    """Solvers of the user's own that stand beside the YAML file, with their folder."""
+    def placed(entry: Any) -> Any:
+        code = entry.get("code") if isinstance(entry, dict) else None
+        file = (code.partition(".py")[0] + ".py") if isinstance(code, str) and ".py" in code else ""
+        if not file or not os.path.isfile(folder / file):
+            return entry
+        return {**entry, "code": os.path.normpath(folder / file) + code[len(file):]}
+
+    entry = get(data, "blackbox")
+    if entry is None:
+        return data
+    return {**data, "blackbox": [placed(e) for e in entry] if isinstance(entry, list) else placed(entry)}
 
 
 def _first_line(text: str) -> str:

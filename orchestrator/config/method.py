@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, model_validator
 
-from .base import Count, Name, Part, Positive, auto_or
+from .base import Count, Name, Part, Positive, as_list, auto_or, either
 
 RATIO_RANGE = (1e-3, 1e2)
 
@@ -101,10 +101,19 @@ class Method(Part):
     max_iterations: Count = Field(500, description="far above what a healthy run needs, so it only stops sick ones")
 
 
+CODES = ("freefem", "calculix", "scikit-fem")
+RUNS_ONCE = ("calculix",)  # codes that cannot stay alive between requests
+OWN = r"^(.+\.py(:\w+)?|[\w.]+:\w+)$"
+
+CodeName = either(Annotated[str, Field(pattern=OWN)], Literal[CODES],
+                  lambda value: isinstance(value, str) and (":" in value or value.endswith(".py")),
+                  "one of " + ", ".join(CODES) + ", or your own solver: solver.py, solver.py:Class or package.module:Class")
+
+
 class BlackBox(Part):
     """The finite element code that solves the subdomains."""
 
-    code: Literal["freefem"] = Field("freefem", description="the code for which an adapter exists")
+    code: CodeName = Field("freefem", description="freefem keeps its factors between requests and is the fastest here")
     element: Literal["P1", "P2"] = Field("P1", description=(
         "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))
     transport: Literal["pipe", "file"] = Field("pipe", description=(
@@ -112,6 +121,21 @@ class BlackBox(Part):
     workers: AutoCount = Field("auto", description="processes; auto: one per core")
     timeout: Positive = Field(600.0, description=(
         "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _files(cls, value: Any) -> Any:
+        """Codes that end after every run talk through files unless told otherwise."""
+        if isinstance(value, dict) and value.get("code") in RUNS_ONCE and "transport" not in value:
+            return {**value, "transport": "file"}
+        return value
+
+
+class BlackBoxOn(BlackBox):
+    """The code for the subdomains it names; the last match wins."""
+
+    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
+        ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
 
 
 class Output(Part):

@@ -6,10 +6,13 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from .base import Name, Part
+from .base import Name, Part, either
 from .boundary import BodyForce, BoundaryCondition, InterfaceLaw, everything_perfect
 from .mesh import Material, Mesh, Subdomains
-from .method import BlackBox, Method, Output
+from .method import BlackBox, BlackBoxOn, Method, Output
+
+BlackBoxes = either(Annotated[list[BlackBoxOn], Field(min_length=1)], BlackBox, lambda value: isinstance(value, list),
+                    "a mapping such as {code: freefem}, or a list of such, each with on: [names of subdomains]")
 
 
 class Config(Part):
@@ -31,7 +34,7 @@ class Config(Part):
     interfaces: list[InterfaceLaw] = Field(default_factory=everything_perfect, description=(
         "laws between parts, the last match wins; perfect by default: the body as one piece"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
-    blackbox: BlackBox = Field(BlackBox(), description="the finite element code")
+    blackbox: BlackBoxes = Field(BlackBox(), description="the finite element code, or a list with on: the last match wins")
     output: Output = Field(Output(), description="what is written, and where")
 
     @model_validator(mode="before")
@@ -44,6 +47,11 @@ class Config(Part):
         if not isinstance(output, dict) or output.get("directory") is not None:
             return data
         return {**data, "output": {**output, "directory": f"results/{data['name']}"}}
+
+    @property
+    def codes(self) -> list[BlackBox]:
+        """The black boxes, in the order of the YAML."""
+        return self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
 
     def complete(self) -> dict[str, Any]:
         """The configuration as plain data, defaults filled in; ``config_from`` takes it back."""

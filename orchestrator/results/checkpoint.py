@@ -126,6 +126,8 @@ def fingerprint(config: Mapping[str, object], *arrays: np.ndarray) -> str:
 
 
 def _relevant(value: object, path: str) -> object:
+    if path == "blackbox" and isinstance(value, list):
+        return [_relevant(entry, path) for entry in value]
     if not isinstance(value, Mapping):
         return value
     inner = {str(key): (f"{path}.{key}" if path else str(key), item) for key, item in value.items()}

@@ -20,7 +20,7 @@ from orchestrator.results.workload import idle_text
 NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
-        "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload",
+        "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload", "codes",
         "versions", "memory_peak_mb", "skipped", "config"]
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
@@ -160,6 +160,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
                                                  ("interfaces", "interface"), ("load_steps", "load step"))
                                if shown(key))),
             ("time", _time_text(summary)),
+            ("codes", _codes_text(summary)),
             ("workers", idle_text(summary.get("workload"))),
             ("skipped", _skipped_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
@@ -206,6 +207,25 @@ def _skipped_text(summary: Mapping[str, object]) -> str:
     """What was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
     return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
                      for entry in summary.get("skipped") or ())
+
+
+def _codes_text(summary: Mapping[str, object]) -> str | None:
+    """Seconds in each code and in the orchestrator, where there are several codes or one that was asked for compliances."""
+    codes = summary.get("codes") or []
+    if len(codes) < 2 and not any(entry["compliances"] for entry in codes):
+        return None
+    rows = []
+    for entry in codes:
+        count, asked = entry["subdomains"], entry["compliances"]
+        row = (f"{entry['code']} ({entry['transport']}): {entry['seconds']['total']:.2f} s of CPU for {count} "
+               f"subdomain{'s' if count != 1 else ''}")
+        if asked:
+            loads, seconds = sum(note["unit_loads"] for note in asked), sum(note["seconds"] for note in asked)
+            row += (f"; asked once for the interface compliance of {len(asked)} of them ({loads:,} unit loads, "
+                    f"{seconds:.2f} s), cheaper than a run per iteration")
+        rows.append(row)
+    own = (summary.get("timing") or {}).get("orchestrator")
+    return "\n".join(rows + ([f"orchestrator: {own:.2f} s of wall clock, between requests"] if own is not None else []))
 
 
 def _time_text(summary: Mapping[str, object]) -> str | None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from orchestrator.config import Config, steps, vectors_per_step
 from orchestrator.errors import InputError, Problems
+from orchestrator.scene.blackboxes import assign_codes
 from orchestrator.scene.boundary import prescribe, resolve_boundary
 from orchestrator.scene.interfaces import make_interfaces
 from orchestrator.scene.loads import body_loads, surface_loads
@@ -27,7 +28,7 @@ def build_scene(config: Config) -> Scene:
         a bad mesh is reported alone, since nothing else can be judged without it
     """
     mesh, faces = make_mesh(config.mesh)
-    if config.blackbox.element == "P2":
+    if config.codes[0].element == "P2":
         mesh, faces = quadratic(mesh, faces)
     problems, count = Problems(), steps(config)
     materials, cell_material = assign_materials(mesh, config.materials, problems)
@@ -50,7 +51,7 @@ def build_scene(config: Config) -> Scene:
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
                problems)
     interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, fixed, config.interfaces, problems)
-    if config.blackbox.element == "P2" and any(i.law == "contact" for i in interfaces):
+    if config.codes[0].element == "P2" and any(i.law == "contact" for i in interfaces):
         problems.add(("blackbox", "element"), "P2 with contact interfaces", "perfect interfaces, or imposed jumps",
                      "use element: P1 for contact")
     if not unresolved:
@@ -59,6 +60,7 @@ def build_scene(config: Config) -> Scene:
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
     subdomains = _subdomains(partition, numbering, cell_material, fixed, prescribed, split)
+    assign_codes(mesh, subdomains, config.codes)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
                  fixed, prescribed, _joined(split, numbering), count)
 

@@ -51,6 +51,7 @@ class Subdomain:
     fixed : (n_E, 3) bool, prescribed displacement components
     prescribed : (steps, n_E, 3) float, their values (zero elsewhere)
     loads : (steps, n_E, 3) float, consistent nodal forces of tractions, pressures, body forces
+    code : index of the entry of the YAML's ``blackbox`` that solves it
     """
 
     index: int
@@ -62,6 +63,7 @@ class Subdomain:
     fixed: np.ndarray
     prescribed: np.ndarray
     loads: np.ndarray
+    code: int = 0
 
 
 @dataclass

@@ -187,12 +187,12 @@ def apart(w: np.ndarray, end: np.ndarray) -> float:
 
 def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | None, wants_fields: bool,
            tell: Callable, continued: int) -> Followed:
-    workers = default_workers() if config.blackbox.workers == "auto" else config.blackbox.workers
+    workers = max(default_workers() if code.workers == "auto" else code.workers for code in config.codes)
     method, fields = config.method, None
     with watch("soles"):
         soles = make_soles(scene, method.sole)
     with watch("start"):
-        blackbox = make_blackbox(config.blackbox)
+        blackbox = make_blackbox(config.codes, {s.code for s in scene.subdomains})
     with blackbox:
         d = prepare(scene, soles, method, blackbox, workers, watch)
         trail = Trail(d.space)

@@ -27,7 +27,7 @@ from orchestrator.timing import Stopwatch
 ETA, ACCURATE = 1e-5, 1e-6  # the paper's η, and the true relative energy error that studies count stages to
 QUANTITIES = ("iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance", "residual",
               "error_bound", "macro_imbalance", "law_residual", "true_error")  # columns of curves.csv
-_HOW = ("name", "method", "blackbox", "output")  # keys that do not shape a scene
+_HOW = ("name", "method", "output")  # keys that do not shape a scene
 
 
 @dataclass(frozen=True)

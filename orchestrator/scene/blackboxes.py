@@ -1,0 +1,45 @@
+"""Which black box solves which subdomain: the entries of ``blackbox:`` matched against names."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import Problems
+from orchestrator.scene.model import Mesh, Subdomain
+from orchestrator.scene.names import matching, patterns_of, suggestion
+
+
+def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: list[Any]) -> None:
+    """Give every subdomain the index of the last entry that matches its name or that of the volume it is in.
+
+    Raises
+    ------
+    InputError : an entry that matches nothing, a subdomain that none matches
+    """
+    problems, chosen = Problems(), np.full(len(subdomains), -1)
+    names = [_names(mesh, s) for s in subdomains]
+    known = [name for own in names for name in own]
+    for i, entry in enumerate(entries):
+        patterns = patterns_of(getattr(entry, "on", None))
+        for pattern in patterns:
+            hit = [bool(matching(pattern, own)) for own in names]
+            if not any(hit):
+                problems.add(("blackbox", i, "on"), f"no subdomain and no volume is called {pattern!r}",
+                             "names of subdomains, shell wildcards allowed", suggestion(pattern, known, "subdomain"))
+            chosen[hit] = i
+    left = [s.name for s, code in zip(subdomains, chosen) if code < 0]
+    if left:
+        problems.add(("blackbox",), f"no entry for {', '.join(left[:8])}"
+                     + (f" and {len(left) - 8} more" if len(left) > 8 else ""), "a black box for each subdomain",
+                     "begin the list with an entry without on:, which holds for all")
+    problems.raise_if_any()
+    for subdomain, code in zip(subdomains, chosen.tolist()):
+        subdomain.code = code
+
+
+def _names(mesh: Mesh, subdomain: Subdomain) -> list[str]:
+    """What a subdomain goes by: its own name and, if it lies in one volume, that volume's."""
+    inside = np.unique(mesh.volume[subdomain.cells])
+    return [subdomain.name] + ([mesh.volumes[inside[0]]] if len(inside) == 1 else [])
