@@ -98,6 +98,19 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
 
 
 @app.command()
+def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefem, calculix, scikit-fem, or your own: solver.py")],
+                transport: Annotated[Optional[str], typer.Option(help="pipe or file; default: all the code has")] = None,
+                timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> None:
+    """Run a code against the black box protocol: is it fit to take part?"""
+    def action() -> int:
+        from .blackbox.trial import try_out
+
+        return try_out(code, transport, timeout)
+
+    _guarded(action)
+
+
+@app.command()
 def doctor() -> None:
     """Tell whether FreeFEM, its plugins and its BLAS are in order."""
     def action() -> int:

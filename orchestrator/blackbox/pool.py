@@ -7,6 +7,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -167,6 +168,11 @@ class Pool:
     def memory_peak_mb(self) -> float:
         """Largest resident memory of the code's processes, MB, summed over workers."""
         return float(sum(worker.note_memory() for worker in self._workers))
+
+    @property
+    def folder(self) -> Path:
+        """Where meshes and messages are written; removed with the pool."""
+        return self._folder
 
     def pids(self) -> list[int]:
         """Process ids of the code's processes that run now."""

@@ -12,12 +12,15 @@ import importlib
 import importlib.util
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from orchestrator.blackbox import messages
+from orchestrator.blackbox.diagnosis import diagnosis
 from orchestrator.blackbox.protocol import Model
 
 
@@ -65,11 +68,29 @@ class Server:
         stiffness = sp.csr_array(self.solver.stiffness(model))
         assembled = time.process_time()
         self.models[index], self.prepared[index] = model, self.solver.prepare(model)
-        # no rigid motion of any part escapes these
-        probe = np.where(model.fixed.ravel(), 0.0, np.where(np.arange(model.fixed.size) % 5 == 0, 3.0, 1.0))[None]
-        left = np.where(model.fixed.ravel(), 0.0, (stiffness @ self._displacements(index, probe)[0]) - probe[0])
-        residual = np.linalg.norm(left) / max(np.linalg.norm(probe), 1e-300)
+        residual = self._probe(index, stiffness)
         self._reply([index, 0, model.fixed.size, 1], [assembled - start, time.process_time() - assembled, 0], [residual])
+
+    def _probe(self, index: int, stiffness: sp.csr_array) -> float:
+        """Relative residual of three load cases; raises ValueError when it is the solver, not the model, that is wrong."""
+        free = np.flatnonzero(~self.models[index].fixed)
+        forces = np.zeros((3, self.models[index].fixed.size))
+        # no rigid motion of any part escapes these
+        forces[:, free] = np.where(np.arange(len(free)) % np.array([[5], [7], [3]]) == 0, 3.0, 1.0)
+        u = self._displacements(index, forces)
+        if not np.isfinite(u).all():
+            raise ValueError("solve() returned values that are not finite")
+        held = sp.csc_array(stiffness[free][:, free])
+        residual = _residual(held, u[:, free], forces[:, free])
+        if not residual <= messages.RESIDUAL_LIMIT or u[:, self.models[index].fixed.ravel()].any():
+            expected = np.zeros(u.shape)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # a singular matrix, reported by its residual
+                expected[:, free] = spla.spsolve(held, forces[:, free].T).T
+            if _residual(held, expected[:, free], forces[:, free]) <= messages.RESIDUAL_LIMIT:
+                what = diagnosis(u, expected) or f"a relative residual of {residual:.1e}"
+                raise ValueError(f"solve() does not fit stiffness(): {what}")
+        return residual
 
     def _solve(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
         at = 0
@@ -110,6 +131,12 @@ class Server:
             self.replies.write(np.int64(values.size).tobytes())
             self.replies.write(values.tobytes())
         self.replies.flush()
+
+
+def _residual(matrix: sp.csc_array, u: np.ndarray, forces: np.ndarray) -> float:
+    """‖K u − f‖ / ‖f‖, the largest of all load cases."""
+    left = np.linalg.norm((matrix @ u.T).T - forces, axis=1) / np.maximum(np.linalg.norm(forces, axis=1), 1e-300)
+    return float(np.max(left, initial=0.0))
 
 
 def read_model(path: str) -> Model:

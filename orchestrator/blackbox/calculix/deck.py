@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import Model
 
-LARGEST, SMALLEST = 1e99, 1e-99  # beyond, exponents have three digits and a number 21 characters
+SMALLEST = 1e-99  # below, exponents have three digits and a number 21 characters
 
 
 def mesh(model: Model) -> str:
@@ -57,13 +57,11 @@ def unit_loads(dofs: np.ndarray) -> str:
 
 
 def load_cases(forces: np.ndarray) -> str:
-    """A static step per row of (rhs, 3n) forces; the restart file keeps every step's displacements as doubles."""
+    """A static step per row of (rhs, 3n) forces, at most about 1 in size; the restart file keeps every step's displacements as doubles."""
     text = io.StringIO()
     for step, row in enumerate(forces):
         text.write("*STEP\n" + "*RESTART,WRITE\n" * (step == 0) + "*STATIC\n*CLOAD,OP=NEW\n")
         loaded = np.flatnonzero(np.abs(row) > SMALLEST)
-        if np.abs(row).max(initial=0.0) > LARGEST:
-            raise ValueError("a force of more than two digits in its exponent")
         # a step must load something; a zero leaves the model at rest
         _rows(text, "%d,%d,%.13e", *(np.c_[loaded // 3, loaded % 3].T + 1), row[loaded])
         text.write("1,1,0.\n" * (len(loaded) == 0) + "*END STEP\n")

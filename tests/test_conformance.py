@@ -1,0 +1,188 @@
+"""The protocol's checks: all codes pass them, wrong adapters are caught, each with a message of its own."""
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from blackbox_case import box, forces, settings
+from typer.testing import CliRunner
+
+from orchestrator.blackbox import conformance
+from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.cli import app
+from orchestrator.errors import BlackBoxError, InputError
+
+ROOT = Path(__file__).parents[1]
+TEMPLATE = ROOT / "orchestrator" / "blackbox" / "template.py"
+
+
+def verdicts(**changes) -> dict[str, str]:
+    """What is wrong, by check; empty texts for what passed."""
+    return {name: wrong for name, _, wrong in conformance.run_checks(lambda: make_blackbox(settings(**changes)))}
+
+
+@pytest.mark.parametrize("changes", [
+    {"code": "freefem"}, {"code": "freefem", "transport": "file"}, {"code": "calculix", "transport": "file"},
+    {"code": "scikit-fem"}, {"code": str(TEMPLATE)}], ids=lambda c: "-".join(map(str, c.values())).rpartition("/")[2])
+def test_every_adapter_keeps_the_protocol(changes):
+    found = verdicts(**changes)
+    assert [name for name, wrong in found.items() if wrong] == []
+    assert len(found) == len(conformance.CHECKS) + 2
+
+
+# what is wrong with it: the body of the method, words of the message
+PROTOTYPE = '''
+import numpy as np
+from orchestrator.blackbox import template
+
+class Solver(template.Solver):
+    def solve(self, prepared, forces):
+        u = super().solve(prepared, forces)
+        {solve}
+
+    def stiffness(self, model):
+        k = super().stiffness(model)
+        {stiffness}
+'''
+WRONG = {
+    "sign": ("return -u", "return k", "the opposite sign"),
+    "component after component": ("return u.reshape(len(u), -1, 3).swapaxes(1, 2).reshape(u.shape)", "return k",
+                                  "3 * node + component is expected"),
+    "node order": ("return u.reshape(len(u), -1, 3)[:, ::-1].reshape(u.shape)", "return k", "nodes are numbered otherwise"),
+    "units": ("return u / 1e6", "return k * 1e6", "are forces, lengths and moduli in the units of the model?"),
+    "float32": ("return u.astype(np.float32)", "return k", "single precision"),
+    "dropped load case": ("u[-1] = 0 if len(u) > 1 else u[-1]; return u", "return k", "was not answered"),
+    "load cases reversed": ("return u[::-1]", "return k", "load cases in another order"),
+    "a load case too few": ("return u[:-1]", "return k", "a row per load case"),
+    "dofs too few": ("return u[:, :-3]", "return k", "a column per dof"),
+    "not finite": ("u[0, -1] = np.nan; return u", "return k", "not finite"),
+    "clamped dofs move": ("return u + 1e-3 * np.abs(u).max() * (u == 0)", "return k", "clamped dofs move"),
+    "not linear": ("return u if len(u) > 1 else 1.001 * u", "return k", "not linear"),
+    "not repeatable": ("self.n = getattr(self, 'n', 0) + 1; return u * (1 + 1e-8 * self.n)", "return k", "1 times what is expected"),
+    "a stiffness without symmetry": ("return u", "k.data[::7] *= 1.0001; return k", "digits only"),
+    "held stiffness": ("return u", "k = k.tolil(); k[0, 0] *= 2; return k.tocsr()", "stiffness of the body: relative difference"),
+    "an exception": ("raise RuntimeError('out of licences')", "return k", "out of licences"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_adapters_are_caught(name, tmp_path):
+    solve, stiffness, words = WRONG[name]
+    path = tmp_path / "wrong.py"
+    path.write_text(PROTOTYPE.format(solve=solve, stiffness=stiffness))
+    found = [wrong for wrong in verdicts(code=str(path)).values() if wrong]
+    assert found and words in found[0], found
+
+
+@pytest.mark.parametrize("name", ["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"])
+def test_a_run_stops_at_them_too(name, tmp_path):
+    """Loading a subdomain suffices: the message quotes what is wrong and names the subdomain."""
+    solve, stiffness, words = WRONG[name]
+    path = tmp_path / "wrong.py"
+    path.write_text(PROTOTYPE.format(solve=solve, stiffness=stiffness))
+    with make_blackbox(settings(code=str(path))) as blackbox:
+        with pytest.raises(BlackBoxError) as caught:
+            blackbox.load([box(name="punch")])
+    assert caught.value.subdomain == "punch" and words in str(caught.value)
+
+
+def test_the_command(tmp_path):
+    """Exit code 0 and a table; 3 for a wrong adapter; 2 for one that is not there."""
+    (tmp_path / "wrong.py").write_text(PROTOTYPE.format(solve="return -u", stiffness="return k"))
+
+    def command(*arguments):
+        result = CliRunner().invoke(app, ["conformance", *arguments])
+        return result.exit_code, " ".join(result.output.split())
+
+    code, shown = command("freefem", "--transport", "pipe")
+    assert code == 0 and "It keeps the protocol." in shown
+    code, shown = command(str(tmp_path / "wrong.py"), "--transport", "pipe")
+    assert code == 3 and "the opposite sign" in shown
+    for name, words in (("abaqus", "one of freefem"), ("nowhere.py", "template.py"), ("no.such:Thing", "no Python module")):
+        code, shown = command(name)
+        assert code == 2 and words in shown, shown
+
+
+# ---- bad surroundings ---------------------------------------------------------------------------
+
+
+def wrapped(path: Path, body: str) -> str:
+    """An executable in front of CalculiX; ``$REAL`` is CalculiX, the second argument the job."""
+    path.write_text(f"#!/bin/bash\nREAL={shutil.which('ccx')}\n{body}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+def calculix(**changes):
+    return make_blackbox(settings(**{"code": "calculix", "transport": "file", **changes}))
+
+
+def test_calculix_is_missing(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(InputError, match="no ccx in the path") as caught:
+        calculix()
+    assert "apt-get install calculix-ccx" in str(caught.value) and caught.value.exit_code == 2
+
+
+def test_scikit_fem_is_missing(monkeypatch):
+    monkeypatch.setattr("orchestrator.blackbox.python_code._there", lambda name: False)
+    with pytest.raises(InputError, match="pip install scikit-fem"):
+        make_blackbox(settings(code="scikit-fem"))
+
+
+@pytest.mark.parametrize("lost, words", [("eig", "no file of Green functions"), ("rout", "no restart file"),
+                                         ("sti", "no stored matrix")])
+def test_a_calculix_without_a_needed_feature(lost, words, tmp_path, monkeypatch):
+    """An older version that ignores what it does not know and writes one file less."""
+    script = f'case "$1" in -v) echo "This is Version 2.07";; *) "$REAL" "$@"; rm -f "$2".{lost};; esac'
+    monkeypatch.setenv("ORCHESTRATOR_CALCULIX", wrapped(tmp_path / "old-ccx", script))
+    with pytest.raises(InputError) as caught:
+        calculix()
+    assert words in str(caught.value) and "2.07" in str(caught.value) and "calculix-ccx" in str(caught.value)
+
+
+def test_a_deck_that_calculix_rejects():
+    """Its own words are quoted."""
+    model = box(name="inside out")
+    model.cells[5] = model.cells[5][[1, 0, 2, 3]]
+    with calculix() as blackbox, pytest.raises(BlackBoxError, match="it rejected the deck: .*ERROR.*jacobian") as caught:
+        blackbox.load([box(), model])
+    assert caught.value.subdomain == "inside out" and caught.value.log_tail
+
+
+@pytest.mark.parametrize("fault", ["free", "no stiffness"])
+def test_a_model_that_calculix_cannot_hold(fault):
+    model = box(name="loose", hold=False)
+    if fault == "no stiffness":
+        model = box(name="loose")
+        model.materials[:, 0] = 0.0
+    with calculix() as blackbox, pytest.raises(BlackBoxError) as caught:
+        blackbox.load([model])
+    assert caught.value.subdomain == "loose"
+
+
+def test_a_calculix_that_hangs(tmp_path, monkeypatch):
+    """``blackbox.timeout`` ends it, and its process."""
+    monkeypatch.setenv("ORCHESTRATOR_CALCULIX", wrapped(tmp_path / "slow-ccx", 'echo $$ > "$0".pid; exec sleep 30'))
+    with pytest.raises(BlackBoxError, match="no answer within the time allowed .blackbox.timeout."):
+        with calculix(timeout=0.3) as blackbox:
+            blackbox.load([box()])
+    pid, end = int((tmp_path / "slow-ccx.pid").read_text()), time.monotonic() + 5
+    while os.path.exists(f"/proc/{pid}") and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not os.path.exists(f"/proc/{pid}")
+
+
+def test_forces_that_are_not_finite():
+    model = box(name="poisoned")
+    for some in (3, len(model.trace)):  # run by run, and through the compliance
+        with calculix() as blackbox:
+            blackbox.load([model])
+            f = forces(model, some)
+            f[0, 0] = np.nan
+            with pytest.raises(BlackBoxError, match="not finite") as caught:
+                blackbox.traces({0: f})
+            assert caught.value.subdomain == "poisoned"
