@@ -143,7 +143,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         | contact.pop("law_residuals", {}),
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
         **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
-        "timing": {"blackbox": clock, "asking": asked}, "codes": codes, "workload": workload.record,
+        "timing": {"blackbox": clock}, "asking_seconds": asked, "codes": codes, "workload": workload.record,
         "versions": versions(version), "workers": workers, "memory_peak_mb": memory_peak_mb() + memory,
         "skipped": savings.table(), "config": config.complete(),
     }
@@ -252,9 +252,9 @@ def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Conf
 
 
 def _time(summary: dict, watch: Stopwatch) -> None:
-    asking = summary["timing"].get("asking", 0.0)
-    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {}),
-                         "asking": asking, "orchestrator": watch.total - asking - watch.seconds["reference"]}
+    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {})}
+    # what is left when no code is at work; the reference is neither's
+    summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get("reference", 0.0)
 
 
 def _write_remains(folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, checkpoint: Checkpoint,

@@ -21,7 +21,7 @@ NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
         "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload", "codes",
-        "versions", "memory_peak_mb", "skipped", "config"]
+        "asking_seconds", "orchestrator_seconds", "versions", "memory_peak_mb", "skipped", "config"]
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
           "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",
@@ -224,7 +224,7 @@ def _codes_text(summary: Mapping[str, object]) -> str | None:
             row += (f"; asked once for the interface compliance of {len(asked)} of them ({loads:,} unit loads, "
                     f"{seconds:.2f} s), cheaper than a run per iteration")
         rows.append(row)
-    own = (summary.get("timing") or {}).get("orchestrator")
+    own = summary.get("orchestrator_seconds")
     return "\n".join(rows + ([f"orchestrator: {own:.2f} s of wall clock, between requests"] if own is not None else []))
 
 
