@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from orchestrator.blackbox.layer import Layer
-from orchestrator.blackbox.pool import COST_EXPONENT
 from orchestrator.blackbox.protocol import Model
+from orchestrator.cost import predicted_cost
 from orchestrator.savings import Savings
 
 STAGES = 30  # linear stages expected of a run before it has begun; later, as many as have been
@@ -52,7 +52,7 @@ class Compliance(Layer):
         self.inner.load(models)
         self.matrices, self._unit, self._rows, self._calls = {}, None, (), 0
         self._trace = [len(model.trace) for model in models]
-        self._costs = np.array([float((~model.fixed).sum()) for model in models]) ** COST_EXPONENT
+        self._costs = predicted_cost([(~model.fixed).sum() for model in models])
 
     def expect(self, rows: Sequence[int]) -> None:
         """Say how many right-hand sides each model gets per linear stage; without this nothing is replaced."""

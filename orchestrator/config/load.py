@@ -14,7 +14,6 @@ from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from ..errors import InputError, KeyPath, Problem
-from .availability import not_available
 from .checks import broken_rules
 from .explain import echo, explained
 from .model import Config
@@ -131,7 +130,7 @@ def config_from(data: Any) -> Config:
         problems = explained(error)
     # A misspelt key makes its mapping look incomplete too; the spelling is what to mend.
     misspelt = {problem.path[:-1] for problem in problems if problem.found.startswith("unknown key")}
-    problems += [problem for problem in broken_rules(data) if problem.path not in misspelt] + not_available(data)
+    problems += [problem for problem in broken_rules(data) if problem.path not in misspelt]
     if problems:
         raise InputError(problems)
     return config

@@ -6,10 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from .base import Count, Counts, Name, Part, Positive, Sizes, as_list, either
+from .base import Count, Counts, Name, Part, Positive, Sizes, as_list, auto_or, either
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
                    "a number > 0 (a cube's side), or three of them")
+# a tetrahedron has twelve
+Dofs = auto_or(Annotated[int, Field(ge=12)], "a number of dofs >= 12")
 
 
 class Beam(Part):
@@ -60,7 +62,9 @@ class Subdomains(Part):
     grid: Counts | None = Field(None, description="boxes of equal size along x, y and z")
     metis: Count | None = Field(None, description="number of connected parts of about equal size")
     groups: Literal[True] | None = Field(None, description="one subdomain per physical volume, solid or grain")
-    split_above: Count | None = Field(None, description="with `groups`: cells above which a group is split again")
+    split_above: Dofs | None = Field(None, description=(
+        "with `groups`: dofs (three per node) above which a volume is cut further, in pieces joined by perfect "
+        "interfaces; auto: as many as cost twice the mean of the volumes; none: volumes stay whole"))
 
     @model_validator(mode="before")
     @classmethod

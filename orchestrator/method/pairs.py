@@ -120,7 +120,7 @@ def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, 
     symmetric half the facets' mean normal leans off the plane of symmetry; the true normal does not. Where the
     normal itself is prescribed it stays what it is: nothing presses.
     """
-    normal = node_normals(points, interface.triangles)
+    normal = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
     inside = np.where(interface.free, normal, 0.0)
     length = np.linalg.norm(inside, axis=1)
     length = np.where((length > UPRIGHT) & ~interface.free.all(axis=1), length, 1.0)

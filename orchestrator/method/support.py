@@ -22,7 +22,7 @@ FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as n
 
 
 def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
-    """Names of the subdomains of detached and of weakly held bodies, per load step."""
+    """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
     count = len(scene.subdomains)
     joined = np.array([i.subdomains for i in scene.interfaces if i.law != "contact"]).reshape(-1, 2)
     bodies, body = _groups(count, joined)
@@ -37,7 +37,7 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[st
         lost = ~np.isin(group, group[fixed])
         loose = motion.free(status) & ~lost if motion else np.zeros(bodies, bool)
         for result, chosen in ((detached, lost), (weak, loose)):
-            result.append([s.name for s, b in zip(scene.subdomains, body) if chosen[b]])
+            result.append(list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
     return detached, weak
 
 

@@ -26,13 +26,19 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     detached : names per load step; where such bodies are means nothing, so that they are left out
     """
     lost = {name for step in detached for name in step}
-    kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.name not in lost]
+    kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost]
     result = []
-    far = [s.name for s, u in kept if np.abs(u).max(initial=0.0) > DISPLACEMENT * 2 * size_of(scene.mesh.nodes[s.nodes])]
+    size: dict[str, float] = {}
+    for body in dict.fromkeys(s.body for s, _ in kept):
+        whole = np.unique(np.concatenate([s.nodes for s in scene.subdomains if s.body == body]))
+        size[body] = 2 * size_of(scene.mesh.nodes[whole])
+    far = list(dict.fromkeys(s.body for s, u in kept if np.abs(u).max(initial=0.0) > DISPLACEMENT * size[s.body]))
     if far:
         result.append(f"{_some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
                       "outside small perturbations, which the results rest on")
-    angle = {s.name: rotation(scene.mesh.nodes[s.nodes], u) for s, u in kept}
+    angle: dict[str, float] = {}
+    for s, u in kept:
+        angle[s.body] = max(angle.get(s.body, 0.0), rotation(scene.mesh.nodes[s.nodes], u))
     turned = [name for name, a in angle.items() if a > ROTATION]
     if turned:
         result.append(f"{_some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "

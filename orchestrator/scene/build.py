@@ -74,7 +74,8 @@ def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: 
         cells, start, end = order[bounds[i]:bounds[i + 1]], numbering.offsets[i], numbering.offsets[i + 1]
         nodes = numbering.nodes[start:end]
         made.append(Subdomain(i, name, cells, nodes, numbering.corners[cells] - start, cell_material[cells],
-                              fixed[nodes], prescribed[:, nodes], np.ascontiguousarray(split[:, start:end])))
+                              fixed[nodes], prescribed[:, nodes], np.ascontiguousarray(split[:, start:end]),
+                              partition.body(i)))
     return made
 
 

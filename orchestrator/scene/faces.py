@@ -130,6 +130,16 @@ def components(a: np.ndarray, b: np.ndarray, size: int) -> tuple[int, np.ndarray
     return len(roots), label
 
 
+def edge_patches(triangles: np.ndarray) -> tuple[int, np.ndarray]:
+    """Patches of triangles (k, 3) connected through edges: count, and the patch (k,) of each."""
+    size = len(triangles)
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    edge = np.unique(edges, axis=0, return_inverse=True)[1].ravel()
+    # Triangles and edges are the two kinds of vertices of one graph.
+    count, label = components(np.tile(np.arange(size), 3), size + edge, size + int(edge.max(initial=-1)) + 1)
+    return count, label[:size]
+
+
 def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(k, 3) normals of triangles, each as long as the triangle's area."""
     p, q, r = (nodes[triangles[:, i]] for i in range(3))

@@ -16,6 +16,7 @@ from orchestrator.scene.numbering import SplitNumbering
 from orchestrator.scene.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.partition import Partition
 from orchestrator.scene.quality import place
+from orchestrator.scene.shared_normals import share_normals
 from orchestrator.scene.soles import local_size, node_normals
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
@@ -39,14 +40,16 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     laws = Laws(entries)
     found: list[Interface] = []
     pairs: list[tuple[str, str]] = []
+    cuts: list[tuple[str, str]] = []  # names of the two sides, between bodies and within one
     kept: list[int] = []  # entry behind each patch that stays, and that is left out
     lost: list[int] = []
     for first, last in zip(bounds[:-1], bounds[1:]):
         one, other = (int(i) for i in sides[first])
         names = partition.names[one], partition.names[other]
-        pairs.append(names)
         known = _known_as(mesh, faces, partition, shared[first:last], names)
-        entry = laws.between(*known)
+        whole = partition.body(one) == partition.body(other)  # cuts through a body are perfect, whatever the laws
+        (cuts if whole else pairs).append(names)
+        entry = -1 if whole else laws.between(*known)
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
         free = ~fixed[nodes]
         if not free.any():
@@ -68,9 +71,12 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         interface.index = len(found)
         found.append(interface)
         pairs.append(names)
+    laws.refuse_within(cuts, problems)
     laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems,
                        lambda entry: _how_far(mesh, bodies, partition, entry))
     _number_patches(found)
+    if cuts:
+        share_normals(mesh, numbering, found, [partition.body(i) for i in range(len(partition.names))])
     return found
 
 

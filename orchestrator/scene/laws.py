@@ -66,6 +66,25 @@ class Laws:
         """Whether an entry reads its gap from the geometry, so that sides may be apart."""
         return index >= 0 and getattr(self.entries[index], "gap", None) == "geometry"
 
+    def refuse_within(self, cuts: Iterable[tuple[str, str]], problems: Problems) -> None:
+        """Adds a problem for each entry whose law is meant for cuts through a body alone: these are perfect.
+
+        Parameters
+        ----------
+        cuts : names of the two sides
+        """
+        cuts = list(dict.fromkeys(cuts))
+        for i, entry in enumerate(self.entries):
+            hit = None if self.used[i] else next((c for c in cuts if i in self._matching(c[:1], c[1:])), None)
+            if hit is None:
+                continue
+            self.used[i] = True
+            if entry.law != "perfect":
+                problems.add(("interfaces", i, "between"),
+                             f"{entry.law} between {hit[0]} and {hit[1]}, pieces of one body",
+                             "names of different bodies: their pieces are joined by perfect interfaces",
+                             "leave this entry out; a real joint needs two volumes in the mesh")
+
     def report_unused(self, names: list[str], pairs: list[tuple[str, str]], problems: Problems,
                       nearest: Callable[[Any], str] = lambda entry: "") -> None:
         """Adds a problem for each entry that matched no interface.

@@ -36,21 +36,36 @@ def metis(mesh: Mesh, faces: Faces, count: int) -> tuple[np.ndarray, np.ndarray]
     # Bodies in the order of the volumes, so that part numbers follow the volumes.
     order = np.argsort(mesh.volume[first], kind="stable")
     shares = _shares(np.bincount(body)[order], count)
+    return cut(faces, np.argsort(order)[body], shares), np.repeat(mesh.volume[first][order], shares)
+
+
+def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Cuts every body by itself in connected parts of about equal size.
+
+    Parameters
+    ----------
+    body : (m,) int, the body of each tet; each is connected through faces
+    shares : (bodies,) int, in how many parts, at most one per tet
+
+    Returns
+    -------
+    part : (m,) int; the parts of a body follow one another, bodies in their order
+    """
     starts = np.r_[0, np.cumsum(shares)]
     part = np.empty(len(body), dtype=np.int64)
     a, b = _links(faces, body)
     by_body = np.argsort(body, kind="stable")
-    cell_range = np.searchsorted(body[by_body], np.arange(number + 1))
+    cell_range = np.searchsorted(body[by_body], np.arange(len(shares) + 1))
     link_order = np.argsort(body[a], kind="stable")
-    link_range = np.searchsorted(body[a][link_order], np.arange(number + 1))
+    link_range = np.searchsorted(body[a][link_order], np.arange(len(shares) + 1))
     local = np.empty(len(body), dtype=np.int64)
-    for rank, i in enumerate(order):
+    for i, share in enumerate(shares):
         cells = by_body[cell_range[i]:cell_range[i + 1]]
         links = link_order[link_range[i]:link_range[i + 1]]
         local[cells] = np.arange(len(cells))
-        part[cells] = starts[rank] + _cut(local[a[links]], local[b[links]], len(cells), int(shares[rank]))
+        part[cells] = starts[i] + _cut(local[a[links]], local[b[links]], len(cells), int(share))
     _gather_strays(faces, part, body)
-    return part, np.repeat(mesh.volume[first][order], shares)
+    return part
 
 
 def _links(faces: Faces, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

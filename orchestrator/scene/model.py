@@ -52,6 +52,7 @@ class Subdomain:
     prescribed : (steps, n_E, 3) float, their values (zero elsewhere)
     loads : (steps, n_E, 3) float, consistent nodal forces of tractions, pressures, body forces
     code : index of the entry of the YAML's ``blackbox`` that solves it
+    body : name of the body that it is a piece of; its own where bodies are not cut further
     """
 
     index: int
@@ -64,6 +65,10 @@ class Subdomain:
     prescribed: np.ndarray
     loads: np.ndarray
     code: int = 0
+    body: str = ""
+
+    def __post_init__(self) -> None:
+        self.body = self.body or self.name
 
 
 @dataclass
@@ -84,6 +89,8 @@ class Interface:
     friction : Coulomb's coefficient (contact)
     gap : (n,) initial gap along the normal, negative where the parts are pressed into each other (contact)
     jump : (3,) imposed jump of displacement from E1 to E2 (jump)
+    normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
+        larger one between bodies that are cut further
     """
 
     index: int
@@ -98,6 +105,7 @@ class Interface:
     friction: float = 0.0
     gap: np.ndarray | None = None
     jump: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

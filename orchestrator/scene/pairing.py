@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.faces import Faces, area_vectors, components
+from orchestrator.scene.faces import Faces, area_vectors, edge_patches
 from orchestrator.scene.model import Mesh
 
 # Nodes closer than this share of the local mesh size h = √(2 × facet area) coincide.
@@ -203,11 +203,8 @@ def _one_to_one(triangles: np.ndarray, opposite: np.ndarray) -> np.ndarray:
 
 def _connected(triangles: np.ndarray) -> list[np.ndarray]:
     """Indices of triangles, one array per patch connected through edges, the lowest first."""
-    k = len(triangles)
-    if k == 0:
+    if len(triangles) == 0:
         return []
-    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
-    edge = np.unique(edges, axis=0, return_inverse=True)[1].ravel()
-    count, label = components(np.tile(np.arange(k), 3), k + edge, k + int(edge.max()) + 1)
-    order = np.argsort(label[:k], kind="stable")
+    label = edge_patches(triangles)[1]
+    order = np.argsort(label, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.scene.faces import Faces, pieces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import place
+from orchestrator.scene.splitting import split
 
 PATH = ("subdomains",)
 AXES = "xyz"
@@ -19,10 +20,18 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Partition:
-    """``subdomain`` (m,) int per tet, and a name for each subdomain."""
+    """``subdomain`` (m,) int per tet, and for each subdomain a name and the name of the body it is a piece of.
+
+    Where bodies are not cut further, both names are the same and ``bodies`` may be left out.
+    """
 
     subdomain: np.ndarray
     names: list[str]
+    bodies: list[str] = field(default_factory=list)
+
+    def body(self, index: int) -> str:
+        """Name of the body that a subdomain is a piece of."""
+        return self.bodies[index] if self.bodies else self.names[index]
 
 
 def slices(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
@@ -77,7 +86,8 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     partition = METHODS[kind](mesh, faces, entry)
     _check_empty(partition)
     _check_connected(mesh, faces, partition, kind)
-    return partition
+    above = getattr(subdomains, "split_above", None)
+    return partition if above is None else Partition(*split(mesh, faces, partition.names, above))
 
 
 def _layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
