@@ -35,7 +35,7 @@ def split(mesh: Mesh, faces: Faces, names: list[str], above: int | str) -> tuple
     """
     sizes = np.bincount(mesh.volume)
     part, shares = mesh.volume, np.ones(len(names), dtype=np.int64)
-    dofs = _dofs(mesh, part)
+    dofs = _dofs(mesh, part, len(shares))
     limit = (UNEVEN * predicted_cost(dofs).mean()) ** (1 / EXPONENT) if above == "auto" else above
     while True:
         largest = np.maximum.reduceat(dofs, np.cumsum(shares) - shares)
@@ -46,12 +46,16 @@ def split(mesh: Mesh, faces: Faces, names: list[str], above: int | str) -> tuple
         wanted = np.maximum(np.ceil(shares * largest / limit).astype(np.int64), shares + 1)
         shares = np.where(more, np.minimum(wanted, sizes), shares)
         part = cut(faces, mesh.volume, shares)
-        dofs = _dofs(mesh, part)
+        dofs = _dofs(mesh, part, shares.sum())
+    body = np.repeat(np.arange(len(names)), shares)[dofs > 0]  # METIS may leave parts empty
+    part = np.unique(part, return_inverse=True)[1]
+    shares = np.bincount(body)
     numbered = [[name] if share == 1 else [f"{name}.{i}" for i in range(1, share + 1)]
                 for name, share in zip(names, shares)]
     return part, unique_names([name for own in numbered for name in own]), np.repeat(names, shares).tolist()
 
 
-def _dofs(mesh: Mesh, part: np.ndarray) -> np.ndarray:
-    """Dofs of each part, three per node."""
-    return 3 * np.diff(split_numbering(mesh.cells, part, len(mesh.nodes)).offsets)
+def _dofs(mesh: Mesh, part: np.ndarray, count: int) -> np.ndarray:
+    """(count,) dofs of each part, three per node."""
+    found = 3 * np.diff(split_numbering(mesh.cells, part, len(mesh.nodes)).offsets)
+    return np.r_[found, np.zeros(count - len(found), dtype=np.int64)]
