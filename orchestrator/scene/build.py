@@ -75,7 +75,7 @@ def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: 
         nodes = numbering.nodes[start:end]
         made.append(Subdomain(i, name, cells, nodes, numbering.corners[cells] - start, cell_material[cells],
                               fixed[nodes], prescribed[:, nodes], np.ascontiguousarray(split[:, start:end]),
-                              partition.body(i)))
+                              body=partition.body(i)))
     return made
 
 
