@@ -162,5 +162,6 @@ def _apart(clouds: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Region of each cell and the table of different (E, ν) they refer to."""
-    materials, region = np.unique(matter, axis=0, return_inverse=True)
-    return region.ravel(), materials
+    # as complex numbers: sorting rows is ten times slower
+    materials, region = np.unique(np.ascontiguousarray(matter).view(complex).ravel(), return_inverse=True)
+    return region, materials.view(float).reshape(-1, 2)

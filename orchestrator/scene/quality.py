@@ -50,10 +50,12 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
 
 def _oriented(mesh: Mesh, problems: Problems) -> Mesh:
     volumes = tet_volumes(mesh.nodes, mesh.cells)
-    corners = mesh.nodes[mesh.cells]
+    flat = np.abs(volumes) <= FLAT * np.linalg.norm(np.ptp(mesh.nodes, axis=0)) ** 3  # no edge is longer than that
+    thin = np.flatnonzero(flat)
+    corners = mesh.nodes[mesh.cells[thin]]
     longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1)
                       for i in range(4) for j in range(i)], axis=0) ** 1.5
-    flat = np.abs(volumes) <= FLAT * longest
+    flat[thin] = np.abs(volumes[thin]) <= FLAT * longest
     inverted = (volumes < 0) & ~flat
     if inverted.any() and not (volumes[~flat] > 0).any():
         cells = mesh.cells[:, [0, 2, 1, 3]]

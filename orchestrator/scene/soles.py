@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.scene.faces import cross
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find
 
@@ -83,7 +84,7 @@ class Facets:
     def area_vectors(self) -> np.ndarray:
         """(k, 3) float, area × unit normal."""
         a, b, c = np.moveaxis(self.points[self.triangles[:, :3]], 1, 0)
-        return 0.5 * np.cross(b - a, c - a)
+        return 0.5 * cross(b - a, c - a)
 
 
 def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -92,7 +93,7 @@ def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     On a structured patch of right triangles this is the length of their legs.
     """
     a, b, c = np.moveaxis(points[triangles[:, :3]], 1, 0)
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = 0.5 * np.linalg.norm(cross(b - a, c - a), axis=1)
     count = np.bincount(triangles.ravel(), minlength=len(points))
     total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
     return np.sqrt(2 * total / count)
@@ -104,7 +105,7 @@ def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     In the middle of an edge all angles are the same.
     """
     corners = points[triangles[:, :3]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     result = np.zeros_like(points)
     for i in range(3):
@@ -216,7 +217,7 @@ def _thinnest(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn
 
 
 def _volume(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+    return np.einsum("ij,ij->i", cross(b - a, c - a), d - a) / 6
 
 
 def merge(first: Sole, second: Sole, n: int) -> Sole:
