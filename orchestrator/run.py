@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from orchestrator.blackbox.pool import default_workers
 from orchestrator.blackbox.registry import make_blackbox, spared
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
-from orchestrator.method.criteria import make_criterion
+from orchestrator.method.criteria import LawCriterion
 from orchestrator.method.events import Iteration
 from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
-from orchestrator.method.recovery import reactions, recover
+from orchestrator.method.recovery import delivered, reactions, recover
 from orchestrator.method.load_cases import expanded, load_cases
 from orchestrator.method.reference import Reference, solve_reference
 from orchestrator.method.decomposition import Decomposition, prepare
@@ -24,6 +25,7 @@ from orchestrator.method.solver import Outcome, iterate
 from orchestrator.method.support import held_bodies
 from orchestrator.results.cautions import cautions
 from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
+from orchestrator.results.discretisation import Estimate, Estimator
 from orchestrator.results.fields import Fields, write_fields
 from orchestrator.results.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
@@ -53,6 +55,7 @@ class Solved:
     reference : the undecomposed solution, if asked for
     sides : per subdomain (T, n_E, 3), continuous over perfect interfaces; None where no interface opens
     interfaces : what happens on the interfaces that are not perfect; None where there are none
+    discretisation : its estimated error; None where neither the tolerance nor the fields ask for it
     """
 
     scene: Scene
@@ -63,6 +66,7 @@ class Solved:
     reference: Reference | None
     sides: list[np.ndarray] | None = None
     interfaces: InterfaceFields | None = None
+    discretisation: Estimate | None = None
 
 
 def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *, reference: bool = False,
@@ -103,6 +107,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     with blackbox:
         workload = Workload(blackbox, watch)
         decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings)
+        estimator = cache(lambda: Estimator(scene))
         workload.end("set_up")
         solved = cases.part_of(decomposition)
 
@@ -113,14 +118,23 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
             watch.seconds["bound"] -= watch.seconds["reference"] - before  # the loop measures it there too
             return error
 
+        def estimate(view, fields, bound) -> float:
+            own = delivered(view, bound, recover(view, fields, bound)[1])
+            # with contact, the steps left out are smaller than those they follow from
+            return estimator()([cases.all_steps(u) for u in own] if view.all_perfect else own).relative
+
         earlier = (start.state, start.iteration, start.sweeps - decomposition.setup_sweeps) if start else ()
         outcome = iterate(solved, config.method, subscribers, watch, *earlier,
-                          true_error=true_error if exact else None)
+                          true_error=true_error if exact else None, estimate=estimate)
         workload.end("iterations")
         with watch("linear_stage"):
             displacement, parts = recover(solved, outcome.fields, outcome.bound)
             displacement, parts = cases.all_steps(displacement), [cases.all_steps(part) for part in parts]
             outcome = expanded(decomposition, outcome, cases)
+        estimated = None
+        if config.method.tolerance.error == "auto" or config.output.fields:
+            with watch("bound"):
+                estimated = estimator()(delivered(decomposition, outcome.bound, parts))
         own, opening = None, interface_fields(decomposition, outcome)
         if opening is not None:
             displacement, own = sides(decomposition, outcome, parts)
@@ -138,6 +152,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         "sweeps": {"setup": setup, "iterations": outcome.sweeps, "total": setup + outcome.sweeps},
         "indicator": last.indicator, "error_bound": outcome.bound.relative,
         "true_error": exact.relative_error(displacement) if exact else None,
+        "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in
                       ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | contact.pop("law_residuals", {}),
@@ -147,7 +162,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         "versions": versions(version), "workers": workers, "memory_peak_mb": memory_peak_mb() + memory,
         "skipped": savings.table(), "config": config.complete(),
     }
-    return Solved(scene, outcome, displacement, parts, summary, exact, own, opening)
+    return Solved(scene, outcome, displacement, parts, summary, exact, own, opening, estimated)
 
 
 def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome: Outcome,
@@ -155,7 +170,7 @@ def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome
     """The part of the summary that speaks of interfaces that are not perfect; empty where all are."""
     if interfaces is None:
         return {}
-    laws = make_criterion(decomposition, config.method.tolerance)(outcome.fields, outcome.local, 0.0).laws
+    laws = LawCriterion(decomposition, config.method.tolerance).laws(outcome.fields, outcome.local)
     detached, weakly_held = held_bodies(scene, interfaces)
     return {
         "law_residuals": {"law_residual": laws.largest, "interface_residual": laws.residual,
@@ -240,7 +255,7 @@ def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Conf
         lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
         if config.output.fields:
             fields = write_fields(folder, scene.mesh, scene.cell_subdomain, lame, solved.displacement,
-                                  solved.sides, solved.interfaces)
+                                  solved.sides, solved.interfaces, solved.discretisation and solved.discretisation.cells)
         elif config.output.figures:
             fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement,
                             solved.sides, solved.interfaces)

@@ -15,6 +15,7 @@ AutoCount = auto_or(Count, "a whole number >= 1")
 AutoPoisson = auto_or(Annotated[float, Field(gt=-1, lt=0.5)], "a number > -1 and < 0.5")
 AutoRelaxation = auto_or(Annotated[float, Field(gt=0, le=1)], "a number > 0 and <= 1")
 Fraction = Annotated[float, Field(gt=0, lt=1)]
+AutoFraction = auto_or(Fraction, "a number > 0 and < 1")
 
 
 class Sole(Part):
@@ -58,9 +59,13 @@ class SearchDirection(Part):
 
 
 class Tolerance(Part):
-    """Exactly one criterion."""
+    """Exactly one criterion, error or indicator."""
 
-    error: Fraction | None = Field(None, description="guaranteed bound on the relative energy error, between 0 and 1")
+    error: AutoFraction | None = Field(None, description=(
+        "guaranteed bound on the relative energy error, between 0 and 1; auto: a fraction of the estimated "
+        "discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
+    fraction: Fraction = Field(0.1, description=(
+        "with error: auto, the iterations' error over the mesh's; their squares add up, so that 0.1 adds half a per cent"))
     indicator: Positive | None = Field(None, description="the paper's indicator, a squared ratio; for studies")
 
 

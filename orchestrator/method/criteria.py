@@ -3,19 +3,37 @@
 - ``error_bound``   (perfect interfaces) the Prager–Synge bound of ``bound``
 - ``law_residual``  (other laws) the largest measure of ``law_residuals``
 - ``indicator``     the paper's η, for its studies only
+
+With ``error: auto`` the value follows an estimate of the discretisation error:
+
+    ε ≤ fraction · η_h,   η_h estimated anew whenever ε has fallen to the level that the last estimate asked for.
+
+On perfect interfaces ε is the bound. By Galerkin orthogonality both errors are the legs of a right-angled triangle,
+so that a fraction of 0.1 makes the whole error half a per cent larger. With contact ε is the largest law residual or
+the energy residual, whichever is larger:
+
+    ε_K = max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K.
+
+It is in the units of the error because the laws are monotone (frictionless ones; Coulomb's where the statuses are
+right): (f̂ − f*)·(ŵ − w*) ≤ 0 against the solution *, and ‖u − u*‖²_K = (f − f*)·(w − w*), so that with f − f̂ = k(w − ŵ)
+
+    ‖u − u*‖²_K ≤ ‖f − f̂‖_k⁻¹ (‖w − w*‖_k + ‖f − f*‖_k⁻¹) ≤ c ‖f − f̂‖_k⁻¹ ‖u − u*‖_K,
+
+c of order one for soles as stiff as the bodies behind them, which the defaults are. It is no guarantee.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orchestrator.method.bound import Bound
 from orchestrator.method.local_state import LocalState
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.indicator import force_imbalance
+from orchestrator.method.indicator import energy_residual, force_imbalance
 from orchestrator.method.law_residuals import LawResiduals, law_residuals
 from orchestrator.method.linear_stage import Admissible
 
@@ -27,13 +45,23 @@ class Verdict:
     Parameters
     ----------
     met : whether it holds
+    measure : what has been compared with the tolerance
     bound : for the delivered fields; its ``relative`` is nan where it is not known
     laws : the measures of the interface laws, where there are such
+    sweeps : back-substitutions per subdomain and load step
     """
 
     met: bool
+    measure: float
     bound: Bound
     laws: LawResiduals | None = None
+    sweeps: float = 0.0
+
+
+# What ``error: auto`` begins with, before there is an estimate, and what it never goes below: the fixed default.
+FIRST, LEAST = 0.1, 1e-6
+# (fields, bound) → estimated discretisation error, relative, energy norm
+Estimate = Callable[[Admissible, Bound], float]
 
 
 class ErrorCriterion:
@@ -44,20 +72,19 @@ class ErrorCriterion:
     """
 
     def __init__(self, d: Decomposition, tolerance):
-        self.d, self.by_error = d, tolerance.error is not None
-        self.value = tolerance.error if self.by_error else tolerance.indicator
-        self.target = ("error_bound" if self.by_error else "indicator", self.value)
+        self.d, self.by_error, self.value = d, *_asked(tolerance)
+        self.name = "error_bound" if self.by_error else "indicator"
         self.ratio = 0.0
 
     def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
         bound = self.d.bound(fields, complete=False)
         if not self.by_error:
-            return Verdict(eta <= self.value, bound)
+            return Verdict(eta <= self.value, eta, bound)
         imbalance = force_imbalance(self.d.stage.direction, fields)
         if bound.a <= self.value and self.ratio * imbalance <= self.value:
             bound = self.d.bound(fields)
             self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
-        return Verdict(bool(bound.relative <= self.value), bound)
+        return Verdict(bool(bound.relative <= self.value), bound.relative, bound, sweeps=bound.sweeps)
 
     def final(self, fields: Admissible, bound: Bound) -> Bound:
         """The bound of the delivered fields, evaluated now if it has not been."""
@@ -68,17 +95,23 @@ class LawCriterion:
     """Contact: equilibrium and every law below the tolerance, or η."""
 
     def __init__(self, d: Decomposition, tolerance):
-        self.d, self.by_error = d, tolerance.error is not None
-        self.value = tolerance.error if self.by_error else tolerance.indicator
-        self.target = ("law_residual" if self.by_error else "indicator", self.value)
+        self.d, self.by_error, self.value = d, *_asked(tolerance)
+        self.auto = tolerance.error == "auto"
+        self.name = "law_residual" if self.by_error else "indicator"
         # bodies move by their loads even where their interfaces do not
         self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
 
     def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
+        laws, bound = self.laws(fields, local), self._delivered(fields)
+        measure = laws.largest if self.by_error else eta
+        if self.auto:
+            measure = max(measure, energy_residual(self.d.stage.direction, fields, local, bound.energy))
+        return Verdict(bool(measure <= self.value), measure, bound, laws)
+
+    def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
+        """How well the laws and equilibrium hold on the interfaces."""
         scale = max(np.abs(fields.u).max(initial=0.0), self.scale)
-        laws = law_residuals(self.d.local.pairs, fields.w, fields.f, local, scale, self.d.local.previous)
-        met = (laws.largest if self.by_error else eta) <= self.value
-        return Verdict(bool(met), self._delivered(fields), laws)
+        return law_residuals(self.d.local.pairs, fields.w, fields.f, local, scale, self.d.local.previous)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
@@ -94,6 +127,44 @@ class LawCriterion:
         return bound
 
 
-def make_criterion(d: Decomposition, tolerance) -> ErrorCriterion | LawCriterion:
-    """The criterion for a decomposition and ``method.tolerance``."""
-    return (ErrorCriterion if d.all_perfect else LawCriterion)(d, tolerance)
+class AutoCriterion:
+    """Another criterion, whose tolerance follows the estimated discretisation error.
+
+    Parameters
+    ----------
+    inner : the criterion
+    fraction : tolerance over estimate
+    estimate : costs one back-substitution per subdomain and load step
+    """
+
+    def __init__(self, inner: "ErrorCriterion | LawCriterion", fraction: float, estimate: Estimate):
+        self.inner, self.fraction, self.estimate = inner, fraction, estimate
+        self.name, self.final = inner.name, inner.final
+        self.discretisation_error = math.nan
+
+    @property
+    def value(self) -> float:
+        """The tolerance as it is now."""
+        return self.inner.value
+
+    def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
+        verdict = self.inner(fields, local, eta)
+        if not verdict.met:
+            return verdict
+        self.discretisation_error = self.estimate(fields, verdict.bound)
+        self.inner.value = max(self.fraction * self.discretisation_error, LEAST)
+        return replace(verdict, met=bool(verdict.measure <= self.inner.value), sweeps=verdict.sweeps + 1)
+
+
+def _asked(tolerance) -> tuple[bool, float]:
+    """Whether the error decides, and below what."""
+    if tolerance.error == "auto":
+        return True, FIRST
+    return (False, tolerance.indicator) if tolerance.error is None else (True, tolerance.error)
+
+
+def make_criterion(d: Decomposition, tolerance,
+                   estimate: Estimate | None = None) -> ErrorCriterion | LawCriterion | AutoCriterion:
+    """The criterion for a decomposition and ``method.tolerance``; ``estimate`` is needed for ``error: auto``."""
+    criterion = (ErrorCriterion if d.all_perfect else LawCriterion)(d, tolerance)
+    return AutoCriterion(criterion, tolerance.fraction, estimate) if tolerance.error == "auto" else criterion

@@ -30,6 +30,7 @@ class Iteration:
     macro_imbalance : largest |Cᵀf| over the interfaces, relative; 0 to rounding, eq. (17)
     true_error : against the undecomposed solution, relative energy norm; nan without one
     law_residual : with contact, the largest measure of ``law_residuals``; the next four are its parts
+    discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
     state : (dofs, steps) the state s to resume from
     """
 
@@ -53,12 +54,19 @@ class Iteration:
     tension: float = math.nan
     cone: float = math.nan
     slip_direction: float = math.nan
+    discretisation_error: float = math.nan
+
+    @property
+    def tolerance(self) -> float:
+        """The value that the run waits for; with ``error: auto`` it follows the estimate."""
+        return self.target[1]
 
 
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", "open", "stick", "slip",
     "macro_imbalance", "true_error", "law_residual", "penetration", "tension", "cone", "slip_direction",
+    "tolerance", "discretisation_error",
 ]
 
 

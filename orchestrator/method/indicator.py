@@ -54,6 +54,20 @@ def force_imbalance(direction: SearchDirection, fields: Admissible) -> float:
     return _ratio(fields.f + fields.f[direction.partner], fields.f, 1 / direction.diagonal)
 
 
+def energy_residual(direction: SearchDirection, fields: Admissible, local: LocalState, energy: np.ndarray) -> float:
+    """max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K: the numerator of η in the units of the energy error.
+
+    Parameters
+    ----------
+    energy : (T,) ‖u‖²_K; the diagonal of k stands in for it in the inverse norm
+    """
+    (w_hat, f_hat), k = local.hats, direction.k
+    w, f = fields.w - w_hat, fields.f - f_hat
+    gap = np.sum(w * (k @ w), axis=0) + np.sum(f**2 / direction.diagonal[:, None], axis=0)
+    size = energy.max(initial=0.0)
+    return float(np.sqrt(gap.max(initial=0.0) / size)) if size > 0 else 0.0 if not gap.any() else np.inf
+
+
 def residual_size(direction: SearchDirection, residual: np.ndarray, s: np.ndarray) -> float:
     """‖F(s) − s‖ / ‖F(s)‖, weighted by the inverse diagonal of k⁻."""
     return _ratio(residual, s + residual, 1 / direction.diagonal)

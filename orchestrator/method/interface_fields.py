@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.laws.points import BONDED, OPEN, SLIP, STICK
 from orchestrator.method.pairs import node_areas, pair_normals
+from orchestrator.method.recovery import delivered
 from orchestrator.method.solver import Outcome
 from orchestrator.scene.model import Interface
 
@@ -142,11 +143,8 @@ def sides(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[
     """
     total = np.zeros((d.scene.steps, len(d.scene.mesh.nodes), 3))
     copies = np.zeros(len(d.scene.mesh.nodes))
-    result = []
-    for e, (s, part) in enumerate(zip(d.scene.subdomains, parts)):
-        own = part.reshape(len(part), -1).copy()
-        own[:, d.traces[e]] += outcome.bound.correction[d.space.boundary[e]].T
-        result.append(own.reshape(part.shape))
-        total[:, s.nodes] += result[-1]
+    result = delivered(d, outcome.bound, parts)
+    for s, own in zip(d.scene.subdomains, result):
+        total[:, s.nodes] += own
         copies[s.nodes] += 1
     return total / np.maximum(copies, 1)[:, None], result

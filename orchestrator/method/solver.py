@@ -65,7 +65,7 @@ class Outcome:
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
             start: np.ndarray | None = None, first: int = 0, spent: float = 0.0,
-            true_error: Callable | None = None) -> Outcome:
+            true_error: Callable | None = None, estimate: Callable | None = None) -> Outcome:
     """Solve all load steps, batch after batch; with perfect interfaces there is one batch.
 
     Parameters as in ``iterate_batch``. ``method.increment`` load steps make a batch. Each starts from
@@ -94,7 +94,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: St
             for subscriber in subscribers:
                 subscriber(event)
 
-        outcomes.append(iterate_batch(view, method, [tell], watch, whole[:, batch], first, spent, true_error))
+        outcomes.append(iterate_batch(view, method, [tell], watch, whole[:, batch], first, spent, true_error,
+                                      estimate))
         first, spent = outcomes[-1].iterations, outcomes[-1].sweeps
     result = outcomes[0] if len(outcomes) == 1 else _joined(outcomes)
     for subscriber in subscribers:
@@ -118,7 +119,7 @@ def _joined(outcomes: list[Outcome]) -> Outcome:
 
 def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
                   start: np.ndarray, first: int = 0, spent: float = 0.0,
-                  true_error: Callable | None = None) -> Outcome:
+                  true_error: Callable | None = None, estimate: Callable | None = None) -> Outcome:
     """Alternate linear and local stages until the stopping criterion holds for all steps of a batch.
 
     Parameters
@@ -127,9 +128,11 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
     subscribers : called with every ``Iteration``
     start, first, spent : state (D, T), iteration number and sweeps to start from
     true_error : (fields, bound) → relative energy error, where the exact solution is known
+    estimate : (d, fields, bound) → estimated discretisation error; for ``error: auto``
     """
     direction = d.stage.direction
-    acceleration, criterion = make_acceleration(d, method), make_criterion(d, method.tolerance)
+    acceleration, criterion = make_acceleration(d, method), make_criterion(
+        d, method.tolerance, lambda fields, bound: estimate(d, fields, bound))
     s, sweeps, history, share = start, spent, [], d.steps / d.scene.steps
     last = first + method.max_iterations
     iteration, converged, reason = first, False, "max_iterations"
@@ -152,14 +155,15 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
             eta = latin_indicator(direction, d.local, fields, local, exact=method.tolerance.indicator is not None)
             verdict = criterion(fields, local, eta)
             bound, laws = verdict.bound, verdict.laws
-            sweeps += bound.sweeps * share
+            sweeps += verdict.sweeps * share
             event = Iteration(
                 iteration, d.setup_sweeps + sweeps, watch.total, eta, displacement_jump(direction, fields),
                 force_imbalance(direction, fields), residual_size(direction, residual, best), bound.relative,
-                *local.counts, criterion.target, best,
+                *local.counts, (criterion.name, criterion.value), best,
                 macro_imbalance(d.stage.macro.C, fields) if d.stage.macro else math.nan,
                 true_error(fields, bound) if true_error else math.nan,
                 *((laws.largest, laws.penetration, laws.tension, laws.cone, laws.direction) if laws else ()),
+                discretisation_error=getattr(criterion, "discretisation_error", math.nan),
             )
         history.append(replace(event, state=event.state[:0]))  # the states themselves are large
         for subscriber in subscribers:

@@ -29,6 +29,7 @@ from orchestrator.scene.quadratic import TET_EDGES
 NAME = "fields.npz"
 PVD_NAME = "fields/fields.pvd"
 _REQUIRED = ("nodes", "cells", "subdomain", "lame", "displacement")
+_ERROR = "discretisation_error"
 _SIDES = "displacement_sides_"  # + index of the subdomain
 
 
@@ -44,6 +45,7 @@ class Fields:
     displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the node
     sides : per subdomain (steps, n_E, 3) on its own nodes (``numbering``); None where nothing opens
     interfaces : fields of the interfaces that are not perfect, if there are any
+    discretisation_error : (steps, m) estimate of it per cell, relative, energy norm; None where not estimated
     """
 
     nodes: np.ndarray
@@ -53,6 +55,7 @@ class Fields:
     displacement: np.ndarray
     sides: list[np.ndarray] | None = None
     interfaces: InterfaceFields | None = None
+    discretisation_error: np.ndarray | None = None
 
     @property
     def steps(self) -> int:
@@ -70,7 +73,8 @@ class Fields:
             return self
         split = self.numbering
         return Fields(self.nodes[split.nodes], split.corners, self.subdomain, self.lame,
-                      np.concatenate(self.sides, axis=1), interfaces=self.interfaces)
+                      np.concatenate(self.sides, axis=1), interfaces=self.interfaces,
+                      discretisation_error=self.discretisation_error)
 
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
@@ -131,7 +135,8 @@ class Fields:
             with np.load(path, allow_pickle=False) as data:
                 count = sum(name.startswith(_SIDES) for name in data)
                 return cls(*(data[name] for name in _REQUIRED),
-                           [data[f"{_SIDES}{e}"] for e in range(count)] or None, InterfaceFields.from_arrays(data))
+                           [data[f"{_SIDES}{e}"] for e in range(count)] or None, InterfaceFields.from_arrays(data),
+                           data[_ERROR] if _ERROR in data else None)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}",
                                      f"arrays {', '.join(_REQUIRED)}, as a run writes them",
@@ -140,21 +145,21 @@ class Fields:
 
 def write_fields(folder: ResultsFolder, mesh: Mesh, cell_subdomain: np.ndarray, lame: np.ndarray,
                  displacement: np.ndarray, sides: list[np.ndarray] | None = None,
-                 interfaces: InterfaceFields | None = None) -> Fields:
+                 interfaces: InterfaceFields | None = None, discretisation_error: np.ndarray | None = None) -> Fields:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
     Parameters
     ----------
     mesh : the undecomposed mesh
     cell_subdomain : (m,) int; lame : (m, 2), λ and μ per cell; displacement : (steps, n, 3)
-    sides, interfaces : where interfaces open, see ``Fields``
+    sides, interfaces, discretisation_error : see ``Fields``
 
     Raises
     ------
     InputError : disk full or folder not writable
     """
     fields = Fields(mesh.nodes, mesh.cells, np.asarray(cell_subdomain), np.asarray(lame, float),
-                    np.asarray(displacement, float), sides, interfaces)
+                    np.asarray(displacement, float), sides, interfaces, discretisation_error)
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvd")  # of an earlier run with more steps
     names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
@@ -172,6 +177,8 @@ def write_npz(folder: ResultsFolder, fields: Fields) -> Path:
     more = {f"{_SIDES}{e}": u for e, u in enumerate(fields.sides or ())}
     if fields.interfaces is not None:
         more |= fields.interfaces.arrays()
+    if fields.discretisation_error is not None:
+        more[_ERROR] = fields.discretisation_error
     with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
         np.savez(file, **{name: getattr(fields, name) for name in _REQUIRED}, **more)
     return folder / NAME
@@ -183,10 +190,11 @@ def _write_vtu(folder: ResultsFolder, name: str, fields: Fields, step: int) -> N
     sigma = fields.stress(step)
     ten = fields.cells.shape[1] == 10
     peak = {"von_mises_max": [fields.nodal_von_mises(step).max(axis=1)]} if ten else {}
+    estimated = {} if fields.discretisation_error is None else {_ERROR: [fields.discretisation_error[step]]}
     grid = meshio.Mesh(
         fields.nodes, [("tetra10" if ten else "tetra", fields.cells)],
         point_data={"displacement": fields.displacement[step]},
         cell_data={"stress": [sigma], "von_mises": [recovery.von_mises(sigma)], **peak,
-                   "subdomain": [fields.subdomain.astype(np.int32)]})
+                   "subdomain": [fields.subdomain.astype(np.int32)], **estimated})
     with folder.replacing(name) as temporary:
         meshio.vtu.write(temporary, grid, binary=True, compression=None)

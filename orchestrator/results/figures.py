@@ -132,7 +132,8 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
         if value:
             contact = summary.get("status_counts") is not None
             names = {"error": "law residual" if contact else "error bound", "indicator": "indicator η"}
-            return names.get(key, key), float(value)
+            value = summary.get("tolerance") if value == "auto" else value
+            return None if value is None else (names.get(key, key), float(value))
     return None
 
 

@@ -20,6 +20,8 @@ _QUANTITIES = [
     ("error_bound", "√(a² + b² − 2 δᵀNᵀδf), relative to the energy norm of the solution; "
                     "a = ‖u_D − u₂‖_K, b = ‖K⁺Nᵀδf‖_K (Prager–Synge)",
      "guaranteed upper bound of ‖u_D − u_exact‖_K / ‖u_exact‖_K"),
+    ("discretisation_error", "η_h = (Σ_cells ∫ (σ* − σ) : C⁻¹ (σ* − σ))^½ / (‖u_D‖² + η_h²)^½",
+     "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
     ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
      "eq. (16): distance of the linear from the local stage; a squared ratio, no measure of accuracy"),

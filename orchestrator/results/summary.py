@@ -19,6 +19,7 @@ from orchestrator.results.workload import idle_text
 
 NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
+        "discretisation_error", "tolerance",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
         "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload", "codes",
         "asking_seconds", "orchestrator_seconds", "versions", "memory_peak_mb", "skipped", "config"]
@@ -152,6 +153,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("error bound", shown("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
             ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
             ("law residual", _law_text(summary)),
+            ("mesh's error", _mesh_text(summary)),
             ("contact", _status_text(summary)),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
@@ -171,6 +173,17 @@ def _law_text(summary: Mapping[str, object]) -> str | None:
     residuals = jsonable(summary.get("residuals"))
     value = residuals.get("law_residual") if isinstance(residuals, Mapping) else None
     return None if value is None else f"{value:.2e}  (equilibrium and interface laws, the largest relative residual)"
+
+
+def _mesh_text(summary: Mapping[str, object]) -> str | None:
+    value, config = jsonable(summary.get("discretisation_error")), summary.get("config") or {}
+    if value is None:
+        return None
+    asked = (config.get("method") or {}).get("tolerance") or {}
+    text = f"{value:.2e}  (estimated discretisation error, relative, energy norm)"
+    if asked.get("error") == "auto":
+        text += f"; tolerance {summary['tolerance']:.2e}, {asked['fraction']:g} of it"
+    return text
 
 
 def _status_text(summary: Mapping[str, object]) -> str | None:
