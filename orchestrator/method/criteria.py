@@ -37,6 +37,12 @@ from orchestrator.method.indicator import energy_residual, force_imbalance
 from orchestrator.method.law_residuals import LawResiduals, law_residuals
 from orchestrator.method.linear_stage import Admissible
 
+# What ``error: auto`` begins with, before there is an estimate, and what it never goes below: the fixed default.
+FIRST, LEAST = 0.1, 1e-6
+BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells no bound
+# (fields, bound) → estimated discretisation error, relative, energy norm
+Estimate = Callable[[Admissible, Bound], float]
+
 
 @dataclass
 class Verdict:
@@ -58,12 +64,6 @@ class Verdict:
     sweeps: float = 0.0
 
 
-# What ``error: auto`` begins with, before there is an estimate, and what it never goes below: the fixed default.
-FIRST, LEAST = 0.1, 1e-6
-# (fields, bound) → estimated discretisation error, relative, energy norm
-Estimate = Callable[[Admissible, Bound], float]
-
-
 class ErrorCriterion:
     """Perfect interfaces: the error bound, or η.
 
@@ -81,7 +81,7 @@ class ErrorCriterion:
         if not self.by_error:
             return Verdict(eta <= self.value, eta, bound)
         imbalance = force_imbalance(self.d.stage.direction, fields)
-        if bound.a <= self.value and self.ratio * imbalance <= self.value:
+        if bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value):
             bound = self.d.bound(fields)
             self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
         return Verdict(bool(bound.relative <= self.value), bound.relative, bound, sweeps=bound.sweeps)

@@ -82,6 +82,11 @@ class Estimator:
         size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
+    def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
+        """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
+        return np.array([self._squares(stress(strain(self.gradients, self.cells, u), self.lame))[1].sum()
+                         for u in np.concatenate(sides, axis=1)])
+
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (m, 6).
 
