@@ -65,6 +65,17 @@ def test_bending():
         assert 0.5 < run.summary["discretisation_error"] / np.sqrt(1 - energy / exact) < 2
 
 
+def test_ten_node_tets():
+    p2 = {"blackbox": {"element": "P2", "workers": 1}}
+    runs = [solved(bent(h, 1e-7, **p2)) for h in (5.0, 2.5)]
+    exact = 2 * solved(bent(1.25, 1e-4, **p2)).summary["energy"][0]
+    for run in runs:
+        ratio = run.summary["discretisation_error"] / np.sqrt(1 - 2 * run.summary["energy"][0] / exact)
+        assert 0.5 < ratio < 2
+    hanging_bar = solved({**hanging(2, tolerance=1e-8), **p2})
+    assert hanging_bar.summary["discretisation_error"] < 1e-6  # quadratic: these elements hold the solution
+
+
 def test_cells_add_up_and_units_do_not_matter():
     run, other = solved(bent(2.5)), solved({**bent(2.5), "materials": [{"young": 200e9, "poisson": 0.3}]})
     cells = run.discretisation.cells

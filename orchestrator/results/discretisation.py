@@ -1,7 +1,8 @@
 """Estimate of the discretisation error from recovered stresses (Zienkiewicz and Zhu).
 
-A nodal stress σ* is the mean of the surrounding cells' stresses weighted by their volumes, linear in between. It is
-closer to the exact stress than the finite element stress σ itself, so that their distance estimates the error:
+A nodal stress σ* is the mean of the surrounding cells' stresses there weighted by their volumes, interpolated like the
+displacement. It is closer to the exact stress than the finite element stress σ itself, so that their distance
+estimates the error:
 
     η²_cell = ∫_cell (σ* − σ) : C⁻¹ (σ* − σ),     η² = Σ η²_cell
 
@@ -16,12 +17,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial, prod
 
 import numpy as np
 
-from orchestrator.results.stress import shape_gradients, strain, stress
+from orchestrator.results.stress import CENTRE, shape_gradients, strain, stress
 from orchestrator.scene.faces import components
 from orchestrator.scene.model import Scene
+from orchestrator.scene.quadratic import TET_EDGES
 
 _WEIGHT = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)  # shear stresses stand twice in the tensor
 
@@ -45,7 +48,7 @@ class Estimator:
 
     Parameters
     ----------
-    scene : of four-node tets
+    scene : of four-node or ten-node tets
     """
 
     def __init__(self, scene: Scene):
@@ -65,7 +68,9 @@ class Estimator:
         matter = np.unique(np.ascontiguousarray(self.lame).view(complex).ravel(), return_inverse=True)[1]
         keys = joined[self.cells] * (int(matter.max()) + 1) + matter[:, None]
         self.corner = np.unique(keys, return_inverse=True)[1].reshape(self.cells.shape)
-        self.weight = np.bincount(self.corner.ravel(), np.repeat(self.volumes, 4))
+        self.share = np.repeat(self.volumes, self.cells.shape[1])
+        self.weight = np.bincount(self.corner.ravel(), self.share)
+        self.product = _mean_products(self.cells.shape[1])
 
     def __call__(self, sides: Sequence[np.ndarray]) -> Estimate:
         """Estimate the error of displacements.
@@ -77,38 +82,58 @@ class Estimator:
         displacement = np.concatenate(sides, axis=1)
         squares, energies = np.empty((2, len(displacement), len(self.cells)))
         for t, u in enumerate(displacement):
-            squares[t, self.order], energies[t] = self._squares(stress(strain(self.gradients, self.cells, u), self.lame))
+            squares[t, self.order], energies[t] = self._squares(self._stress(u))
         errors, energy = squares.sum(axis=1), energies.sum(axis=1)
         size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
     def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
         """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
-        return np.array([self._squares(stress(strain(self.gradients, self.cells, u), self.lame))[1].sum()
-                         for u in np.concatenate(sides, axis=1)])
+        return np.array([self._squares(self._stress(u))[1].sum() for u in np.concatenate(sides, axis=1)])
+
+    def _stress(self, displacement: np.ndarray) -> np.ndarray:
+        """(6, m, p) stress at the cells' own p nodes."""
+        ten = self.cells.shape[1] == 10
+        corners = [stress(strain(self.gradients, self.cells, displacement, at), self.lame).T
+                   for at in (np.eye(4) if ten else [CENTRE])]
+        corners = np.stack(corners, axis=-1)
+        if not ten:
+            return np.broadcast_to(corners, (*corners.shape[:2], 4))
+        return np.concatenate([corners, corners[:, :, TET_EDGES].mean(axis=-1)], axis=-1)
 
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (m, 6).
-
-        C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ; the product of two linear functions with corner values a and b has the
-        mean (Σa Σb + Σab) / 20 over a tet.
-        """
+        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, m, p); C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ."""
         first, second = self.lame.T
         dilation = first / (3 * first + 2 * second)
-        error, energy = np.zeros((2, len(sigma)))
-        trace = np.zeros((len(sigma), 4))
-        for c, weight in enumerate(_WEIGHT):
-            mean = np.bincount(self.corner.ravel(), np.repeat(self.volumes * sigma[:, c], 4)) / self.weight
-            gap = mean[self.corner] - sigma[:, c, None]
-            error += weight * _mean_square(gap)
-            energy += weight * sigma[:, c] ** 2
-            if c < 3:
+        error, energy = np.zeros((2, len(self.cells)))
+        trace = np.zeros(self.cells.shape)
+        for component, weight in zip(sigma, _WEIGHT):
+            mean = np.bincount(self.corner.ravel(), self.share * component.ravel()) / self.weight
+            gap = mean[self.corner] - component
+            error += weight * self._mean_square(gap)
+            energy += weight * self._mean_square(component)
+            if weight == 1:
                 trace += gap
-        error -= dilation * _mean_square(trace)
-        energy -= dilation * sigma[:, :3].sum(axis=1) ** 2
-        return np.maximum(error, 0.0) * self.volumes / (2 * second), energy * self.volumes / (2 * second)
+        error -= dilation * self._mean_square(trace)
+        energy -= dilation * self._mean_square(sigma[:3].sum(axis=0))
+        scale = self.volumes / (2 * second)
+        return np.maximum(error, 0.0) * scale, energy * scale
+
+    def _mean_square(self, values: np.ndarray) -> np.ndarray:
+        """(m,) mean over each cell of the square of the function with these nodal values (m, p)."""
+        return np.sum((values @ self.product) * values, axis=1)
 
 
-def _mean_square(corners: np.ndarray) -> np.ndarray:
-    """(m,) mean over each tet of the square of the linear function with these values (m, 4) in its corners."""
-    return (corners.sum(axis=1) ** 2 + (corners**2).sum(axis=1)) / 20
+def _mean_products(count: int) -> np.ndarray:
+    """(p, p) mean over a tet of the products of its p = 4 or 10 shape functions, polynomials of its coordinates λ.
+
+    λ₁ᵃλ₂ᵇλ₃ᶜλ₄ᵈ has the mean 3! a! b! c! d! / (3 + a + b + c + d)!.
+    """
+    one = np.eye(4, dtype=int)
+    functions = [[(1.0, e)] for e in one] if count == 4 else (
+        [[(2.0, 2 * e), (-1.0, e)] for e in one] + [[(4.0, one[i] + one[j])] for i, j in TET_EDGES])
+
+    def mean(powers: np.ndarray) -> float:
+        return 6 * prod(factorial(p) for p in powers) / factorial(3 + sum(powers))
+
+    return np.array([[sum(a * b * mean(p + q) for a, p in f for b, q in g) for g in functions] for f in functions])
