@@ -25,7 +25,7 @@ from orchestrator.results.plotting import (
     png,
     tidy,
 )
-from orchestrator.results.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
+from orchestrator.results.summary import BLACKBOX_STAGES, STAGES
 
 # column, label, colour, marker
 _MAIN = {"error_bound", "law_residual"}
@@ -145,13 +145,13 @@ def time_per_stage(summary: Mapping[str, object]) -> bytes:
     rest = total - sum(seconds for _, seconds in wall)
     if rest > 0.005 * total:
         wall.append(("everything else", rest))
-    own = timing.get("blackbox") or {}
-    inside = [(stage, float(own.get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
-    code = ((summary.get("config") or {}).get("blackbox") or {}).get("code") or "the black box"
     sections = [(f"wall clock: {total:.2f} s", wall, BLUE)]
-    if blackbox_seconds(timing):
-        sections.append((f"{code}, on its own clock: {blackbox_seconds(timing):.2f} s, summed over its workers",
-                         inside, ORANGE))
+    codes = summary.get("codes") or [{"code": "the black box", "transport": "", "seconds": timing.get("blackbox") or {}}]
+    for entry in codes:
+        own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
+        if spent := sum(seconds for _, seconds in own):
+            name = f"{entry['code']} ({entry['transport']})" if len(codes) > 1 else entry["code"]
+            sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers", own, ORANGE))
 
     rows = sum(len(bars) + 1 for _, bars, _ in sections)
     height = 0.27 * rows + 0.9
