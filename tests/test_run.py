@@ -198,6 +198,15 @@ SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results sh
 }
 
 
+SHIPPED_CODES = {  # what shortens it, iterations at most, its codes and transports
+    "two_codes": (["mesh.box.cells=[16, 4, 4]"], 15, ["freefem pipe", "calculix file"]),
+    "four_codes": (["mesh.box.cells=[10, 2, 2]"], 20,
+                   ["freefem pipe", "freefem file", "calculix file", "scikit-fem pipe", "template.py pipe"]),
+    "assembly_codes": (["mesh.h=12", "output.fields=false"], 30, ["freefem pipe", "calculix file"]),
+    "punch": ([], 50, ["freefem pipe", "calculix file"]),
+}
+
+
 def statuses(summary, kind):
     return summary["status_counts"][kind]
 
@@ -210,7 +219,7 @@ def hertz_pressure(force):
 
 def test_every_shipped_configuration_is_run(configs_dir):
     """No example without a test."""
-    assert {path.stem for path in configs_dir.glob("*.yaml")} == {*SHIPPED, *SHIPPED_CONTACT}
+    assert {path.stem for path in configs_dir.glob("*.yaml")} == {*SHIPPED, *SHIPPED_CONTACT, *SHIPPED_CODES}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -240,6 +249,28 @@ def test_shipped_contact_configurations(name, tmp_path, temporary, configs_dir):
     assert summary["residuals"]["law_residual"] <= summary["config"]["method"]["tolerance"]["error"]
     with np.load(tmp_path / "out" / "fields.npz") as fields:
         assert shows(summary, fields)
+
+
+@pytest.mark.parametrize("name", SHIPPED_CODES)
+def test_shipped_configurations_of_several_codes(name, tmp_path, temporary, configs_dir):
+    """Converged, with every code at work; supports carry the loads; nothing is left by any code."""
+    changes, iterations, codes = SHIPPED_CODES[name]
+    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
+    code, shown, err = ended(launch(temporary, "run", configs_dir / f"{name}.yaml", "--output", tmp_path / "out", *settings))
+    assert code == 0, err
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["iterations"] <= iterations
+    assert [f"{entry['code']} {entry['transport']}" for entry in summary["codes"]] == codes
+    assert all(entry["seconds"]["total"] > 0 and entry["subdomains"] for entry in summary["codes"])
+    assert 0 < summary["orchestrator_seconds"] < summary["timing"]["total"] and "orchestrator: " in shown
+    reactions = np.array(summary["reactions"])
+    assert np.abs(reactions.sum(axis=0)).max() <= 1e-5 * np.abs(reactions).max()
+    if name == "punch":  # sticks in part, sticks more, slides, sticks again
+        assert statuses(summary, "slip")[2] == statuses(summary, "stick")[3] == 88
+        assert abs(reactions[0][2][0] / reactions[0][2][2]) == pytest.approx(0.3, rel=0.03)
+    else:
+        assert summary["error_bound"] <= 1e-6
+    assert nothing_left(temporary)
 
 
 # --- runs that do not converge ----------------------------------------------------------------------------

@@ -44,6 +44,7 @@ class View:
     palette : (c, 3) colours in [0, 1] from the lower limit to the upper
     inches : width of the picture
     shaded : whether light falls on it; without, colours are exactly those of the scale
+    magnified : factor on the displacements drawn
     """
 
     points: np.ndarray
@@ -58,6 +59,7 @@ class View:
     palette: np.ndarray = field(default_factory=lambda: viridis())
     inches: float = WIDTH
     shaded: bool = True
+    magnified: float = 1.0
 
 
 def view(fields: Fields, step: int | None = None) -> View:
@@ -97,7 +99,8 @@ def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[V
     return [View(moved[step][node], triangles, stress[step], moved[step][lines], outline, camera, limits, beyond,
                  f"displacements drawn × {factor:g}   ·   largest displacement {largest[step]:.3g}   ·   "
                  f"largest von Mises stress {stress[step].max():.3g}"
-                 + (f"   ·   load step {step + 1} of {fields.steps}" if fields.steps > 1 else ""), inches=inches)
+                 + (f"   ·   load step {step + 1} of {fields.steps}" if fields.steps > 1 else ""), inches=inches,
+                 magnified=factor)
             for step in steps]
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results import deformed, panels
+from orchestrator.results import codes, deformed, panels
 from orchestrator.results.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.plotting import (
@@ -68,7 +68,8 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
         if fields is not None and fields.steps and len(fields.cells):
             figures = [panels.opened(fields), panels.interfaces(fields)] if opens else []
             views = [view for figure in figures for view in figure.views] or [deformed.view(fields, step)]
-            drawing = deformed.Drawing(*views)  # VTK is busy while matplotlib draws the others
+            by_code = codes.code_view(fields, summary)
+            drawing = deformed.Drawing(*views, *filter(None, [by_code]))  # VTK is busy while matplotlib draws the others
         if len(history.get("iteration", ())):
             written.append(folder.write("figures/convergence.png", convergence(summary, history)))
         if (summary.get("timing") or {}).get("total"):
@@ -78,6 +79,9 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
             if not opens:
                 picture = deformed.compose(views[0], pictures[0] if pictures else None, title)
                 written.append(folder.write("figures/deformed.png", picture))
+            if by_code is not None:
+                mine, pictures = pictures and pictures[-1], pictures and pictures[:-1]
+                written.append(folder.write("figures/codes.png", codes.compose(by_code, mine, summary)))
             for name, figure in zip(("deformed", "interfaces"), figures):
                 mine, pictures = pictures and pictures[:len(figure.views)], pictures and pictures[len(figure.views):]
                 written.append(folder.write(f"figures/{name}.png", panels.compose(figure, mine, title)))
@@ -146,11 +150,11 @@ def time_per_stage(summary: Mapping[str, object]) -> bytes:
     if rest > 0.005 * total:
         wall.append(("everything else", rest))
     sections = [(f"wall clock: {total:.2f} s", wall, BLUE)]
-    codes = summary.get("codes") or [{"code": "the black box", "transport": "", "seconds": timing.get("blackbox") or {}}]
-    for entry in codes:
+    entries = summary.get("codes") or [{"code": "the black box", "transport": "", "seconds": timing.get("blackbox") or {}}]
+    for entry in entries:
         own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
         if spent := sum(seconds for _, seconds in own):
-            name = f"{entry['code']} ({entry['transport']})" if len(codes) > 1 else entry["code"]
+            name = codes.label(entry) if len(entries) > 1 else entry["code"]
             sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers", own, ORANGE))
 
     rows = sum(len(bars) + 1 for _, bars, _ in sections)

@@ -14,6 +14,7 @@ import numpy as np
 
 import orchestrator
 from orchestrator.errors import InputError, Problem
+from orchestrator.results.codes import codes_text
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.workload import idle_text
 
@@ -162,7 +163,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
                                                  ("interfaces", "interface"), ("load_steps", "load step"))
                                if shown(key))),
             ("time", _time_text(summary)),
-            ("codes", _codes_text(summary)),
+            ("codes", codes_text(summary)),
             ("workers", idle_text(summary.get("workload"))),
             ("skipped", _skipped_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
@@ -220,25 +221,6 @@ def _skipped_text(summary: Mapping[str, object]) -> str:
     """What was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
     return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
                      for entry in summary.get("skipped") or ())
-
-
-def _codes_text(summary: Mapping[str, object]) -> str | None:
-    """Seconds in each code and in the orchestrator, where there are several codes or one that was asked for compliances."""
-    codes = summary.get("codes") or []
-    if len(codes) < 2 and not any(entry["compliances"] for entry in codes):
-        return None
-    rows = []
-    for entry in codes:
-        count, asked = entry["subdomains"], entry["compliances"]
-        row = (f"{entry['code']} ({entry['transport']}): {entry['seconds']['total']:.2f} s of CPU for {count} "
-               f"subdomain{'s' if count != 1 else ''}")
-        if asked:
-            loads, seconds = sum(note["unit_loads"] for note in asked), sum(note["seconds"] for note in asked)
-            row += (f"; asked once for the interface compliance of {len(asked)} of them ({loads:,} unit loads, "
-                    f"{seconds:.2f} s), cheaper than a run per iteration")
-        rows.append(row)
-    own = summary.get("orchestrator_seconds")
-    return "\n".join(rows + ([f"orchestrator: {own:.2f} s of wall clock, between requests"] if own is not None else []))
 
 
 def _time_text(summary: Mapping[str, object]) -> str | None:

@@ -25,7 +25,7 @@ from orchestrator.blackbox.worker import Ended
 from orchestrator.errors import InputError, Problem
 
 JOB = "job"
-PROBES = 8  # unit loads of the run that is made for the check and for its cost
+PROBES = 32  # unit loads of the run that is made for the check and for its cost
 
 
 @dataclass
