@@ -200,8 +200,8 @@ def test_defaults_and_attribute_names(write):
     assert config.mesh.box.cells == [8, 2, 2] and config.mesh.beam is None and config.mesh.scale == 1
     assert config.materials[0].young == 200e3 and config.materials[0].on == ["*"]
     assert config.boundary[0].on.plane == "x" and config.subdomains.slices.count == 4
-    assert (config.method.sole.kind, config.method.sole.modulus_ratio, config.method.sole.thickness) == ("symmetric", 0.5, "auto")
-    assert (config.method.macro.strategy, config.method.macro.basis) == ("equilibrium", "affine")
+    assert (config.method.sole.kind, config.method.sole.modulus_ratio, config.method.sole.thickness) == ("auto", 0.5, "auto")
+    assert (config.method.macro.strategy, config.method.macro.basis) == ("equilibrium", "auto")
     assert (config.method.acceleration, config.method.relaxation, config.method.memory) == ("anderson", "auto", "auto")
     assert config.method.search_direction.kplus == "exchange"
     assert config.method.tolerance.error == 1e-6 and config.method.tolerance.indicator is None

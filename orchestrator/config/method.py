@@ -21,9 +21,10 @@ AutoFraction = auto_or(Fraction, "a number > 0 and < 1")
 class Sole(Part):
     """The layer of plain matter glued to each interface: the search direction in mechanical form."""
 
-    kind: Literal["layer", "symmetric", "springs"] = Field("symmetric", description=(
+    kind: Literal["auto", "layer", "symmetric", "overlap", "springs"] = Field("auto", description=(
         "symmetric: half the layer on each side of the interface, so both neighbours get the same "
-        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer"))
+        "stiffness; 15-30 % fewer iterations than the paper's one-sided layer. overlap: a copy of the first row "
+        "of elements of both sides, for mixed moduli, ν above 0.49 and slender parts. auto: overlap there, else symmetric"))
     modulus_ratio: Positive = Field(0.5, description=(
         "sole modulus over the larger modulus of the two neighbours; 0.5 is a flat optimum (0.35-0.8)"))
     contact: Literal["layer", "symmetric", "springs"] = Field("springs", description=(
@@ -44,9 +45,10 @@ class Macro(Part):
 
     strategy: Literal["none", "equilibrium", "continuity"] = Field("equilibrium", description=(
         "equilibrium: the number of iterations then hardly grows with the number of subdomains"))
-    basis: Literal["translations", "rigid", "affine", "quadratic"] = Field("affine", description=(
+    basis: Literal["auto", "translations", "rigid", "affine", "quadratic", "modes"] = Field("auto", description=(
         "affine: rotations are needed in bending, extensions and shears save iterations; "
-        "quadratic pays for slabs and nearly incompressible matter"))
+        "modes: affine and the subdomains' soft modes, computed at set-up. "
+        "auto: modes for subdomains with ν above 0.49 or 10 times longer than thick, else affine"))
     on: Literal["perfect", "all"] = Field("perfect", description=(
         "perfect: on perfect interfaces; the coarse correction does better on contact. all: the paper's"))
 

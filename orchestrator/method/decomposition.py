@@ -21,8 +21,10 @@ from orchestrator.method.macro import Macro
 from orchestrator.method.macro_basis import interface_basis
 from orchestrator.method.pairs import make_pairs
 from orchestrator.method.search_direction import SearchDirection, assemble_search_direction
+from orchestrator.method.soft_modes import enriched, soft_modes
 from orchestrator.method.traces import TraceSpace
 from orchestrator.savings import Savings
+from orchestrator.scene.hardness import hardness
 from orchestrator.scene.model import Scene
 from orchestrator.scene.rigid import rigid_modes
 from orchestrator.scene.soles import Sole
@@ -150,6 +152,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     wanted = [i.law == "perfect" or method.macro.on == "all" for i in scene.interfaces]
     if method.macro.strategy == "none" or not any(wanted):
         return None
+    kind = method.macro.basis
     points = [scene.points(i) for i in scene.interfaces]
     first = range(len(points))
     if method.skip.congruent:
@@ -159,6 +162,13 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
         if taken and wanted[first[index]] and first[index] < index:
             bases.append(bases[first[index]])
             continue
-        basis = interface_basis(points[index], interface.free, method.macro.basis)
+        basis = interface_basis(points[index], interface.free, "affine" if kind in ("auto", "modes") else kind)
         bases.append(basis if taken else basis[:, :0])
-    return Macro(space, direction, bases, method.macro.strategy, blackbox)
+    spent = 0.0
+    if kind in ("auto", "modes"):
+        stubborn = hardness(scene).stubborn if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
+        modes, spent = soft_modes(space, direction.k, blackbox, stubborn)
+        bases = enriched(space, direction.k, bases, modes)
+    macro = Macro(space, direction, bases, method.macro.strategy, blackbox)
+    macro.sweeps += spent
+    return macro

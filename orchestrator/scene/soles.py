@@ -11,11 +11,12 @@ by agree to rounding. Through the thickness t a displacement then fades as (1 �
 1 − z/t. Across the layer that is 7/3 times as stiff and along it 2/5 times; a layer √(35/6) times as thick
 (``STRETCH``) with 3/7 · √(35/6) times the modulus is what the linear one is in both.
 
-Three kinds:
+Four kinds:
 
 - ``layer`` (the paper's): each side carries a layer along its own outward normal;
 - ``symmetric``: each side carries a layer along +n and one along −n, half the modulus each.
   Both sides then see the very same stiffness, which makes the two search directions conjugate.
+- ``overlap``: a copy of the first row of elements of both sides, see ``overlap``.
 - ``springs``: a layer so thin that the nodes hardly feel each other, as contact laws, which are
   pointwise, like it. Modulus and thickness shrink together: E/thickness is what counts.
 """
@@ -27,7 +28,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.scene.faces import cross
+from orchestrator.scene.hardness import Hardness, hardness
 from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.overlap import overlap
 from orchestrator.scene.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find
 
 # Thickness is halved this often where prisms would invert; facets that stay bad get outer
@@ -292,10 +295,23 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
 
 def make_soles(scene: Scene, settings) -> list[tuple[Sole, Sole]]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration."""
-    kinds = [settings.kind if i.law == "perfect" else settings.contact for i in scene.interfaces]
+    hard = hardness(scene) if settings.kind == "auto" else None
     soles = []
-    for interface, kind in zip(scene.interfaces, kinds):
+    for interface in scene.interfaces:
+        kind = settings.contact if interface.law != "perfect" else kind_for(hard, interface) if hard else settings.kind
+        together = np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
+        if kind == "overlap" and together:
+            sole = Sole(*overlap(scene, interface, settings.modulus_ratio))
+            soles.append((sole, sole))
+            continue
+        kind = "symmetric" if kind == "overlap" else kind
         first, second = (facets_of(scene, interface, settings, kind, side) for side in (0, 1))
         together = np.array_equal(first.points, second.points)
         soles.append(soles_of(first, kind, None if together else second))
     return soles
+
+
+def kind_for(hard: Hardness, interface: Interface) -> str:
+    """The kind that ``auto`` stands for on a perfect interface."""
+    stubborn = hard.stubborn[list(interface.subdomains)].any()
+    return "overlap" if stubborn or hard.uneven[interface.index] else "symmetric"
