@@ -26,7 +26,7 @@ from orchestrator.method.traces import TraceSpace
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
 BLOCK = 16  # right-hand sides per subdomain and message
 ACCURATE = 0.02  # residual of a mode that is good enough: it only has to be caught, not known
-LARGEST_SHARE, LARGEST = 0.75, 320  # columns spent on one subdomain at most: of its boundary dofs; in all
+LARGEST = 320  # columns spent on one subdomain at most
 INDEPENDENT = 1e-2  # share of a mode on one interface, in energy norm, that is worth a macro function
 
 
@@ -44,7 +44,6 @@ class _Krylov:
         self.block = _orthonormal(k, start, np.zeros((len(start), 0)))
         self.basis, self.images = np.zeros((2, len(start), 0))
         self.projected = np.zeros((0, 0))
-        self.most = min(max(LARGEST_SHARE * len(start), BLOCK), LARGEST)
 
     @property
     def forces(self) -> np.ndarray:
@@ -63,7 +62,7 @@ class _Krylov:
         left = self.images @ vector[:, watched] - self.basis @ (vector[:, watched] * value[watched])
         settled = np.all(_energy(self.k, left) <= ACCURATE**2)
         self.block = _orthonormal(self.k, image, self.basis)
-        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > self.most:
+        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > LARGEST:
             self.modes = self.basis @ vector[:, watched][:, :soft]
 
 
@@ -91,7 +90,7 @@ def soft_modes(space: TraceSpace, k: sp.csr_array, blackbox: BlackBox,
         size = part.stop - part.start
         if wanted[e] and size:
             own = sp.csr_array(robin[part, part])
-            start = np.random.default_rng(e).standard_normal((size, min(BLOCK, size)))
+            start = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
             under_way[e] = _Krylov(own, start)
     while under_way:
         requests = {e: s.forces for e, s in under_way.items()}

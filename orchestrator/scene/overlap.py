@@ -4,8 +4,9 @@ The first row of elements of both sides is copied, half the modulus each, and cl
 sole feels at a node is then a share of what the elements there feel, whatever their matter, their
 shape and their order along the interface: with stiff and soft cells side by side (contrast 1:1000)
 a sole that follows the facets alone misses the stiff cells that touch the interface by an edge.
-The Schur complement of a subdomain never exceeds its own first row clamped behind (S ≤ K_ΓΓ), so that
-with modulus ratio r on like matter S ≤ (1/r) k always: nothing is left that the sole is too soft for.
+The Schur complement of a subdomain never exceeds its own first row clamped behind, so that with modulus
+ratio r and at most n interfaces meeting in an element S ≤ (2 n / r) k, whatever the contrast: there is
+nothing that the sole is too soft for.
 """
 
 from __future__ import annotations

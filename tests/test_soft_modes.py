@@ -1,0 +1,94 @@
+"""Where affine macro functions fail: soles of the neighbours' own elements, soft modes, and when they are chosen."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+from method_case import box_of, config, method, prepared, saved, solved
+
+from orchestrator.method.soft_modes import SOFT, soft_modes
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.hardness import hardness
+from orchestrator.scene.soles import make_soles
+from orchestrator.scene.structured import bricks
+
+SOFT_AND_STIFF = [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}]
+
+
+def mixed(path, cells=(8, 4, 2), **changes):
+    """The bar of 2 × 2 × 1 parts with every tet soft or 1000 times stiffer, at random."""
+    mesh = bricks(np.array([4.0, 2.0, 1.0]), np.array(cells), "box")
+    mesh.volume = np.random.default_rng(1).integers(0, 2, len(mesh.cells))
+    mesh.volumes = ["volume_1", "volume_2"]
+    return {"mesh": saved(mesh, path), "subdomains": {"grid": [2, 2, 1]}, "materials": SOFT_AND_STIFF, **changes}
+
+
+def flat(**changes):
+    """Parts 20 times wider than thick."""
+    return {"mesh": {"box": {"size": [4.0, 2.0, 0.1], "cells": [8, 4, 4]}}, "subdomains": {"grid": [4, 2, 2]},
+            **changes}
+
+
+def spectra(made, wanted=True):
+    """Per subdomain with interfaces C and the soles' k on its boundary dofs; its soft modes if wanted, their sweeps."""
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        parts = {e: s.stop - s.start for e, s in enumerate(d.space.boundary) if s.stop > s.start}
+        compliance = blackbox.traces({e: np.eye(n) for e, n in parts.items()})
+        modes, sweeps = soft_modes(d.space, d.stage.direction.k, blackbox, np.full(len(scene.subdomains), wanted))
+    robin = (d.space.scatter @ d.stage.direction.k @ d.space.scatter.T).tocsr()
+    return {e: ((c + c.T) / 2, robin[s, s].toarray()) for e, c in compliance.items()
+            for s in [d.space.boundary[e]]}, modes, sweeps
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_no_subdomain_is_stiffer_than_the_overlap_allows(tmp_path, element):
+    ratio = 0.5
+    made = config(**mixed(tmp_path / "mixed.mesh", (4, 2, 1), **method({"kind": "overlap", "modulus_ratio": ratio})),
+                  blackbox={"element": element, "workers": 1})
+    pairs, _, _ = spectra(made, wanted=False)
+    for compliance, k in pairs.values():
+        stiffness = np.linalg.inv(compliance) - k
+        worst = la.eigh(stiffness, k, eigvals_only=True)[-1]
+        assert worst <= 2 * 2 / ratio * (1 + 1e-6)  # two interfaces meet in the elements along the middle line
+
+
+def test_overlap_is_the_same_from_both_sides(tmp_path):
+    made = config(**mixed(tmp_path / "mixed.mesh", **method({"kind": "overlap"})))
+    assert all(one is two for one, two in make_soles(build_scene(made), made.method.sole))
+
+
+def test_soft_modes_are_those_of_the_dense_problem():
+    made = config(**flat(**method({"kind": "overlap"}, macro={"basis": "affine"})))
+    pairs, modes, sweeps = spectra(made)
+    found = 0
+    for e, (compliance, k) in pairs.items():
+        value, vector = la.eigh(k @ compliance @ k, k)
+        soft = vector[:, value > 1 / (1 + SOFT)]
+        left = soft - modes[e] @ (modes[e].T @ (k @ soft))
+        assert modes[e].shape[1] == soft.shape[1]
+        assert np.sqrt(np.sum(left * (k @ left), axis=0)).max() < 0.2
+        found += soft.shape[1]
+    assert found > 0 and 0 < sweeps < max(len(k) for _, k in pairs.values())
+
+
+def test_what_is_hard(tmp_path):
+    assert not hardness(build_scene(config())).stubborn.any()
+    even = hardness(build_scene(config(**mixed(tmp_path / "mixed.mesh", materials=[{"young": 1.0, "poisson": 0.3}]))))
+    uneven = hardness(build_scene(config(**mixed(tmp_path / "mixed.mesh"))))
+    assert not even.uneven.any() and uneven.uneven.all() and not uneven.stubborn.any()
+    assert hardness(build_scene(config(**flat()))).stubborn.all()
+    assert hardness(build_scene(config(materials=[{"young": 1.0, "poisson": 0.499}]))).stubborn.all()
+
+
+@pytest.mark.parametrize("case", ["mixed", "flat"])
+def test_hard_cases_before_and_after(tmp_path, case):
+    data = mixed(tmp_path / "mixed.mesh") if case == "mixed" else flat(
+        boundary=[{"on": {"plane": "x", "at": 0.0}, "displacement": [0, 0, 0]},
+                  {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 0, 10.0]}])
+    iterations = {}
+    for name, settings in (("before", method({"kind": "symmetric"}, macro={"basis": "affine"})), ("auto", method())):
+        run = solved(**{**data, **settings})
+        assert run.outcome.converged and run.summary["true_error"] <= run.summary["error_bound"] <= 1e-6
+        iterations[name] = run.outcome.iterations
+    assert iterations["auto"] < 0.6 * iterations["before"] and iterations["auto"] <= 30, iterations
