@@ -52,7 +52,7 @@ def test_unknown_name():
 def test_matrix_of_two_cases(tmp_path, capsys):
     from orchestrator.studies.cases import defaults, paper, with_method
     from orchestrator.studies.framework import Case, Study
-    from orchestrator.studies.scaling import picture
+    from orchestrator.studies.stages import picture
 
     study = Study("tiny", "a tiny matrix", tmp_path)
     first = study.solve(Case(with_method(tiny(), defaults()), {"case": "defaults"}))
@@ -248,3 +248,50 @@ def test_polycrystal_in_small(tmp_path, monkeypatch):
     for picture in ("polycrystal_small.png", "figure13.png", "run/figures/deformed.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     assert not (tmp_path / "run/scratch").exists()
+
+
+def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
+    """The whole study on cubes of two elements a side, coarse problems of a few."""
+    from orchestrator.studies import prediction, scaling
+    from orchestrator.studies.framework import Study
+
+    monkeypatch.setattr(scaling, "without_ranks", lambda: "not in this test")
+    monkeypatch.setattr(scaling, "measure_coarse", lambda: prediction.measure_coarse((2, 3)))
+    study = Study("scaling", "tiny", tmp_path)
+    scaling.run(study, elements=2)
+    study.close()
+    table = rows_of(tmp_path / "table.csv")
+    assert [(r["case"], r["workers"]) for r in table] == [("strong", "1"), ("strong", "2"), ("weak", "1"), ("weak", "2")]
+    assert float(table[0]["efficiency"]) == 1 and 0.5 <= float(table[1]["balance"]) <= 1
+    assert all(float(r["over_floor"]) > 1 and 0 < float(r["idle"]) < 1 for r in table)
+    text = (tmp_path / "prediction.md").read_text()
+    assert "100,000 subdomains" in text and "coarse problem: solve" in text
+    assert (tmp_path / "scaling.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_coarse_problem_that_is_predicted_is_that_of_a_run():
+    import method_case as case
+
+    from orchestrator.config import config_from
+    from orchestrator.scene.build import build_scene
+    from orchestrator.studies.cases import cube
+    from orchestrator.studies.prediction import macro_pattern
+
+    config = config_from(cube(3, 2))
+    with case.box_of(config) as blackbox:
+        macro = case.prepared(config, build_scene(config), blackbox).stage.macro.matrix
+    predicted = macro_pattern(3)
+    assert predicted.shape == macro.shape and predicted.nnz == macro.nnz
+
+
+def test_prediction_adds_up():
+    from orchestrator.studies.prediction import Coarse, Costs, limit, predict
+
+    costs = Costs(start=1, scene=0.01, factorise=2, solve=0.1, message=0.01, own=0.02, iterations=10, sweeps=12, trace=300)
+    coarse = Coarse(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3))
+    small, large = (predict(costs, coarse, count) for count in (1000, 100_000))
+    assert small["iterations"]["solve"] == large["iterations"]["solve"] == pytest.approx(1.2)
+    assert large["set_up"]["coarse problem: factorise"] == pytest.approx(1e4 * small["set_up"]["coarse problem: factorise"])
+    assert large["set_up"]["scene, on every rank"] == pytest.approx(1000)
+    count = limit(costs, coarse)
+    assert predict(costs, coarse, round(count))["iterations"]["coarse problem: solve"] == pytest.approx(1.2, rel=1e-3)

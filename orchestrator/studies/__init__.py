@@ -17,8 +17,8 @@ _REGISTRY = {
     "fig8": ("fig8", "run", "paper, figures 8 and 9: axial stress after one and two iterations"),
     "fig10": ("sole_modulus", "equilibrium", "paper, figure 10: soles 100 times softer to stiffer, equilibrium"),
     "fig11": ("sole_modulus", "continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
-    "slices": ("scaling", "slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
-    "cubes": ("scaling", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
+    "slices": ("stages", "slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
+    "cubes": ("stages", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
     "metis": ("parts", "metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
     "assembly": ("parts", "assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
     "contact_cubes": ("contact", "cubes", "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
@@ -27,6 +27,7 @@ _REGISTRY = {
     "ten_grains": ("ten_grains", "run", "a contact problem of 8,235 dofs from the command line, with wall time"),
     "polycrystal": ("polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
     "polycrystal_small": ("polycrystal", "small", "the same with 15 grains"),
+    "scaling": ("scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
     "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}

@@ -8,7 +8,7 @@ from orchestrator.studies.bracket import bracket
 from orchestrator.studies.cases import assembly as assembly_problem
 from orchestrator.studies.cases import defaults, with_method
 from orchestrator.studies.framework import Case, Study
-from orchestrator.studies.scaling import COLUMNS, picture
+from orchestrator.studies.stages import COLUMNS, picture
 
 METIS_STAGES = 25
 
