@@ -161,8 +161,8 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
         f"{costs.iterations}: the macro problem makes them independent of N (`study cubes`).", "",
         "| measured, seconds | |", "| --- | ---: |",
         *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
-        f"The coarse problem is the macro problem, {FIELDS} unknowns per interface. It is factorised and solved on every "
-        "rank. Measured on matrices of its pattern, with the ordering of a run:", "",
+        f"The coarse problem is the macro problem, {FIELDS} unknowns per interface. It is factorised and solved on "
+        "every rank. Measured on matrices of its pattern, with the ordering of a run:", "",
         "| subdomains | unknowns | factorise s | solve s | entries of the factor |", "| ---: " * 5 + "|",
         *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} |"
           for r in measured), "",
@@ -183,9 +183,9 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
     lines += ["| in all | " + " | ".join(f"{seconds:.3g}" for seconds in total) + " |",
               "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |"]
     memory = [8e-9 * coarse.at("entries", count) for count in CLUSTER]
-    lines += ["", f"The redundant coarse problem is the limit: from {limit(costs, coarse):,.0f} subdomains on, solving it "
-              "takes longer than a subdomain's own back-substitutions, and its factor takes "
-              f"{memory[0]:.3g} GB on every rank for {CLUSTER[0]:,} subdomains, {memory[1]:,.0f} GB for {CLUSTER[1]:,}. "
+    lines += ["", f"The redundant coarse problem is the limit: from {limit(costs, coarse):,.0f} subdomains on, "
+              "solving it takes longer than a subdomain's own back-substitutions, and its factor takes "
+              f"{memory[0]:.3g} GB per rank for {CLUSTER[0]:,} subdomains, {memory[1]:,.0f} GB for {CLUSTER[1]:,}. "
               "Beyond some thousands it must be spread over ranks, or decomposed in its turn, and scenes must be built "
               "in parts.", ""]
     return "\n".join(lines)
