@@ -97,7 +97,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         with watch("reference"), make_blackbox(config.codes[0]) as whole:
             exact = solve_reference(scene, whole)
     with watch("soles"):
-        soles = make_soles(scene, config.method.sole)
+        soles = make_soles(scene, config.method.sole, config.method.skip.congruent)
     stage("assembling and factorising")
     savings, cases = Savings(), load_cases(scene, config.method.skip)
     savings.add(cases.switch, "load steps", cases.left_out)

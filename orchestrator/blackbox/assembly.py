@@ -35,5 +35,13 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: 
     found: dict[int, sp.csr_array] = {}
     for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
         ends = np.cumsum([0] + [3 * len(models[kinds[m]].nodes) for m in members])
-        found |= {int(kinds[m]): sp.csr_array(stiffness[a:b, a:b]) for m, a, b in zip(members, ends[:-1], ends[1:])}
+        found |= {int(kinds[m]): _block(stiffness, a, b) for m, a, b in zip(members, ends[:-1], ends[1:])}
     return [found[int(k)] for k in first]
+
+
+def _block(stiffness: sp.csr_array, first: int, last: int) -> sp.csr_array:
+    """Rows and columns first … last − 1 of a matrix that couples them with no others."""
+    pointers = stiffness.indptr[first : last + 1]
+    inside = slice(pointers[0], pointers[-1])
+    return sp.csr_array((stiffness.data[inside], stiffness.indices[inside] - first, pointers - pointers[0]),
+                        shape=(last - first,) * 2)

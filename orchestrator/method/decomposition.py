@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.congruence import first_alike, same_shape
 from orchestrator.blackbox.extended import extended_model, sides_of
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.bound import ErrorBound
@@ -24,6 +23,7 @@ from orchestrator.method.search_direction import SearchDirection, assemble_searc
 from orchestrator.method.soft_modes import enriched, soft_modes
 from orchestrator.method.traces import TraceSpace
 from orchestrator.savings import Savings
+from orchestrator.scene.congruence import first_alike, same_shape
 from orchestrator.scene.hardness import hardness
 from orchestrator.scene.model import Scene
 from orchestrator.scene.rigid import rigid_modes
@@ -138,10 +138,13 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
         lawful = [i for i in scene.interfaces if i.law != "perfect"]
-        local = ContactStage(direction, make_pairs(scene, space, direction.k, lawful))
+        pairs = make_pairs(scene, space, direction.k, lawful)
+        local = ContactStage(direction, pairs)
         if method.coarse != "none":
             with watch("macro"):
-                coarse = CoarseCorrection(scene, stage, make_pairs(scene, space, direction.k, scene.interfaces))
+                if len(lawful) < len(scene.interfaces):
+                    pairs = make_pairs(scene, space, direction.k, scene.interfaces)
+                coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
                          stage, local, modes, bound, coarse, sweeps)

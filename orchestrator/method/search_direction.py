@@ -70,13 +70,17 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     rows, columns, values = [], [], []
     for stiffness, (_, (index, side)) in zip(
             assembled([model for model, _ in requests], blackbox, workers, share, savings), requests):
-        dofs = np.flatnonzero(scene.interfaces[index].free.ravel())
-        block = sp.coo_array(stiffness[dofs][:, dofs])
+        free = np.zeros(stiffness.shape[0], dtype=bool)  # the outer nodes are clamped
+        free[: scene.interfaces[index].free.size] = scene.interfaces[index].free.ravel()
+        place = np.cumsum(free) - 1
+        row, column = np.repeat(np.arange(len(free)), np.diff(stiffness.indptr)), stiffness.indices
+        kept = free[row] & free[column]
+        row, column, value = place[row[kept]], place[column[kept]], stiffness.data[kept]
         both = soles[index][0] is soles[index][1]
         for slot in space.slots[index] if both else (space.slots[index][side],):
-            rows.append(slot[block.row])
-            columns.append(slot[block.col])
-            values.append(block.data)
+            rows.append(slot[row])
+            columns.append(slot[column])
+            values.append(value)
     d = space.size
     if not rows:
         return SearchDirection(sp.csr_array((d, d)), space.partner)

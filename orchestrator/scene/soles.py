@@ -23,10 +23,12 @@ Four kinds:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from orchestrator.scene.congruence import equal, first_alike, same_shape
 from orchestrator.scene.faces import cross
 from orchestrator.scene.hardness import Hardness, hardness
 from orchestrator.scene.model import Interface, Scene
@@ -83,7 +85,16 @@ class Facets:
     poisson: np.ndarray
     thickness: np.ndarray
 
-    @property
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """(n, 3) unit normals at the corners of the facets, zero at nodes in the middle of edges."""
+        return node_normals(self.points, self.triangles[:, :3])
+
+    def same_matter(self, other: Facets) -> bool:
+        """Whether the matter is that of other facets, whose triangles are the same."""
+        return all(equal(getattr(self, name), getattr(other, name)) for name in ("young", "poisson", "thickness"))
+
+    @cached_property
     def area_vectors(self) -> np.ndarray:
         """(k, 3) float, area × unit normal."""
         a, b, c = np.moveaxis(self.points[self.triangles[:, :3]], 1, 0)
@@ -144,7 +155,7 @@ def prisms(facets: Facets, direction: int) -> Sole:
     odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
     turn = direction * np.where(odd == 1, -1.0, 1.0)
 
-    normals = direction * node_normals(facets.points, corners)
+    normals = direction * facets.normals
     vectors = facets.area_vectors
     area = np.linalg.norm(vectors, axis=1)
     thickness = facets.thickness.copy()
@@ -293,21 +304,45 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
     return both, both
 
 
-def make_soles(scene: Scene, settings) -> list[tuple[Sole, Sole]]:
-    """The soles of every interface, first and second side, after ``method.sole`` of the configuration."""
+def make_soles(scene: Scene, settings, share: bool = True) -> list[tuple[Sole, Sole]]:
+    """The soles of every interface, first and second side, after ``method.sole`` of the configuration.
+
+    Parameters
+    ----------
+    share : layers on interfaces that differ by a translation alone are made once, then moved
+    """
     hard = hardness(scene) if settings.kind == "auto" else None
-    soles = []
+    soles: list[tuple[Sole, Sole] | None] = []
+    kinds, facets = [], []  # of the layers; facets of both sides, or of one for both where they lie upon each other
     for interface in scene.interfaces:
         kind = settings.contact if interface.law != "perfect" else kind_for(hard, interface) if hard else settings.kind
         together = np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
         if kind == "overlap" and together:
-            sole = Sole(*overlap(scene, interface, settings.modulus_ratio))
-            soles.append((sole, sole))
+            soles.append((Sole(*overlap(scene, interface, settings.modulus_ratio)),) * 2)
             continue
-        kind = "symmetric" if kind == "overlap" else kind
-        first, second = (facets_of(scene, interface, settings, kind, side) for side in (0, 1))
-        together = np.array_equal(first.points, second.points)
-        soles.append(soles_of(first, kind, None if together else second))
+        soles.append(None)
+        kinds.append("symmetric" if kind == "overlap" else kind)
+        upon = np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
+        facets.append([facets_of(scene, interface, settings, kinds[-1], side) for side in ((0,) if upon else (0, 1))])
+    layers = iter(_layers(kinds, facets, share))
+    return [sole or next(layers) for sole in soles]
+
+
+def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[tuple[Sole, Sole]]:
+    """The soles of facets, those that differ by a translation alone from others as their copies."""
+    keys = [(kind, *(f.triangles.tobytes() for f in own)) if share else number
+            for number, (kind, own) in enumerate(zip(kinds, facets))]
+    first = first_alike(keys, lambda i, j: all(a.same_matter(b) for a, b in zip(facets[i], facets[j]))
+                        and same_shape(*(np.vstack([f.points for f in facets[n]]) for n in (i, j))))
+    soles: list[tuple[Sole, Sole]] = []
+    for number, (kind, own) in enumerate(zip(kinds, facets)):
+        if first[number] == number:
+            soles.append(soles_of(own[0], kind, *own[1:]))
+            continue
+        shift = own[0].points[0] - facets[first[number]][0].points[0]
+        one, two = soles[first[number]]
+        moved = replace(one, points=one.points + shift)
+        soles.append((moved, moved if two is one else replace(two, points=two.points + shift)))
     return soles
 
 
