@@ -131,6 +131,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         outcome = iterate(solved, config.method, subscribers, watch, *earlier,
                           true_error=true_error if exact else None, estimate=estimate)
         workload.end("iterations")
+        savings.add("frozen", "load steps of a linear stage", outcome.frozen)
         with watch("linear_stage"):
             displacement, parts = recover(solved, outcome.fields, outcome.bound)
             displacement, parts = cases.all_steps(displacement), [cases.all_steps(part) for part in parts]

@@ -163,6 +163,17 @@ def test_the_bound_of_a_superposition():
     assert error <= bound <= 1e-3 and bound <= 6 * error
 
 
+def test_a_load_step_that_is_accurate_enough_is_not_solved_on():
+    """A load a hundredth of another one: what is asked of the larger one's last stages it has had before."""
+    small = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [[10.0, 1.0, 0.0], [0.0, 0.01, 0.1]]}]}
+    every = solved(**METIS, **small, **method(skip={"frozen": False}, tolerance={"error": 1e-10}))
+    few = solved(**METIS, **small, **method(tolerance={"error": 1e-10}))
+    same(few, every)
+    assert saved(few)["frozen"]["load steps of a linear stage"] > 0 and "frozen" not in saved(every)
+    assert few.summary["sweeps"]["iterations"] < every.summary["sweeps"]["iterations"]
+    assert few.summary["true_error"] <= few.summary["error_bound"] <= 1e-10
+
+
 PRESS = {"mesh": {"box": {"size": [1.0, 1.0, 2.0], "cells": [3, 3, 6]}}, "subdomains": {"grid": [1, 1, 2]}}
 
 

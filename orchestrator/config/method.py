@@ -82,6 +82,8 @@ class Skip(Part):
         "perfect interfaces: load steps that are combinations of others follow from their solutions"))
     proportional: bool = Field(True, description=(
         "contact without friction: load steps equal to another one, or without gaps proportional to it, follow from it"))
+    frozen: bool = Field(True, description=(
+        "perfect interfaces: load steps whose own error is below the tolerance are not solved on with the others"))
     compliance: bool = Field(True, description=(
         "one solve per interface dof and dense products from then on replace the solves of the iterations, "
         "where measured costs say that it pays"))

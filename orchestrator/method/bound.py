@@ -48,6 +48,8 @@ class Bound:
     repositioned : (modes,) × T rigid motions c of the floating subdomains
     correction : (B, T) δ, what brings u + R c to u_D on the boundary dofs
     sweeps : back-substitutions spent
+    errors : (T,) like ``relative`` (like ``a`` where only that was asked for), of each step by itself; infinite
+        where other steps depend on it
     """
 
     relative: float
@@ -56,6 +58,7 @@ class Bound:
     repositioned: np.ndarray
     correction: np.ndarray
     sweeps: int = 0
+    errors: np.ndarray | float = np.inf
 
 
 class ErrorBound:
@@ -140,15 +143,22 @@ class ErrorBound:
         size = np.sqrt(max(energy.max(initial=0.0), 0.0))
         a = self._largest(a2)
         if not complete:
-            return Bound(np.nan, _relative(a, size), energy, c, delta)
+            return Bound(np.nan, _relative(a, size), energy, c, delta, errors=self._each(a2, size))
 
         change = -self.share * (fields.f + fields.f[self.space.partner])
         self._add_local_stage_exchange(change, u)
         change, balanced = self._balanced(change)
         h = self.space.scatter @ change
         b2, sweeps = self._dual_energy(h)
-        gap = self._largest(a2 + b2 - 2 * np.sum(delta * h, axis=0))
-        return Bound(_relative(gap, size) if balanced else np.inf, _relative(a, size), energy, c, delta, sweeps)
+        squares = a2 + b2 - 2 * np.sum(delta * h, axis=0)
+        if not balanced:
+            return Bound(np.inf, _relative(a, size), energy, c, delta, sweeps)
+        gap = self._largest(squares)
+        return Bound(_relative(gap, size), _relative(a, size), energy, c, delta, sweeps, self._each(squares, size - gap))
+
+    def _each(self, squares: np.ndarray, size: float) -> np.ndarray | float:
+        """(T,) relative errors of the steps from the squared ones; infinite while others follow from them."""
+        return np.sqrt(np.maximum(squares, 0.0)) / size if self.weights is None and size > 0 else np.inf
 
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""

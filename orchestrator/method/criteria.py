@@ -42,6 +42,7 @@ FIRST, LEAST = 0.1, 1e-6
 BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells no bound
 # (fields, bound) → estimated discretisation error, relative, energy norm
 Estimate = Callable[[Admissible, Bound], float]
+CLEAR = 0.1  # fraction of the tolerance below which the bound's first part promises the whole
 
 
 @dataclass
@@ -69,12 +70,18 @@ class ErrorCriterion:
 
     The bound's second part costs back-substitutions. It is evaluated once the first part is below
     the tolerance, and again when the force imbalance has fallen enough to make a difference.
+
+    Attributes
+    ----------
+    done : (T,) bool, load steps that seem accurate enough: by their own bound, or while only its first part is
+        known by that being far below the tolerance. The run ends on the bound of all steps.
     """
 
     def __init__(self, d: Decomposition, tolerance):
         self.d, self.by_error, self.value = d, *_asked(tolerance)
         self.name = "error_bound" if self.by_error else "indicator"
         self.ratio = 0.0
+        self.done = np.zeros(d.steps, dtype=bool)
 
     def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
         bound = self.d.bound(fields, complete=False)
@@ -84,6 +91,9 @@ class ErrorCriterion:
         if bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value):
             bound = self.d.bound(fields)
             self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
+            self.done[:] = bound.errors <= self.value
+        elif self.ratio == 0:
+            self.done[:] = bound.errors <= CLEAR * self.value
         return Verdict(bool(bound.relative <= self.value), bound.relative, bound, sweeps=bound.sweeps)
 
     def final(self, fields: Admissible, bound: Bound) -> Bound:
@@ -98,6 +108,7 @@ class LawCriterion:
         self.d, self.by_error, self.value = d, *_asked(tolerance)
         self.auto = tolerance.error == "auto"
         self.name = "law_residual" if self.by_error else "indicator"
+        self.done = np.zeros(d.steps, dtype=bool)  # history joins the steps: none is done before the others
         # bodies move by their loads even where their interfaces do not
         self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
 
@@ -139,7 +150,7 @@ class AutoCriterion:
 
     def __init__(self, inner: "ErrorCriterion | LawCriterion", fraction: float, estimate: Estimate):
         self.inner, self.fraction, self.estimate = inner, fraction, estimate
-        self.name, self.final = inner.name, inner.final
+        self.name, self.final, self.done = inner.name, inner.final, inner.done
         self.discretisation_error = math.nan
 
     @property
@@ -153,6 +164,7 @@ class AutoCriterion:
             return verdict
         self.discretisation_error = self.estimate(fields, verdict.bound)
         self.inner.value = max(self.fraction * self.discretisation_error, LEAST)
+        self.done[:] = False
         return replace(verdict, met=bool(verdict.measure <= self.inner.value), sweeps=verdict.sweeps + 1)
 
 

@@ -50,6 +50,7 @@ class Outcome:
     iterations : linear stages after set-up
     sweeps : back-substitutions per subdomain and load step, iterations alone
     last : the last event
+    frozen : load steps that took no part in a linear stage because they were accurate enough, summed over the stages
     """
 
     fields: Admissible
@@ -61,6 +62,7 @@ class Outcome:
     sweeps: float
     last: Iteration
     history: list[Iteration] = field(default_factory=list)
+    frozen: int = 0
 
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Callable], watch: Stopwatch,
@@ -137,10 +139,11 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
     last = first + method.max_iterations
     iteration, converged, reason = first, False, "max_iterations"
     reach = 0.0  # largest interface displacement of the first stage
+    frozen, left_out = np.zeros(d.steps, dtype=bool), 0  # load steps that need no further stage
     while True:
         iteration += 1
         with watch("linear_stage"):
-            sweeps += bool(s.any()) * share
+            sweeps += bool(s.any()) * share * (1 - frozen.mean())
             evaluated = d.stage(s)
         reach = reach or np.abs(evaluated.w).max(initial=0.0)
         if d.coarse is not None:
@@ -177,12 +180,16 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
         elif iteration < last:
             with watch("acceleration"):
                 s = acceleration.next()
+                if method.skip.frozen:
+                    frozen = criterion.done
+                    s[:, frozen] = evaluated.s[:, frozen]  # the answers to what was asked before are remembered
+                    left_out += int(frozen.sum())
             continue
         break
     with watch("bound"):
         final = criterion.final(fields, bound)
         sweeps += final.sweeps * share if final is not bound else 0
-    return Outcome(fields, local, final, converged, reason, iteration, sweeps, event, history)
+    return Outcome(fields, local, final, converged, reason, iteration, sweeps, event, history, left_out)
 
 
 def make_acceleration(d: Decomposition, method) -> Relaxation | ResidualMinimisation | Anderson:
