@@ -12,7 +12,6 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.scene.faces import Faces, pieces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import place
-from orchestrator.scene.splitting import split
 
 PATH = ("subdomains",)
 AXES = "xyz"
@@ -87,7 +86,11 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     _check_empty(partition)
     _check_connected(mesh, faces, partition, kind)
     above = getattr(subdomains, "split_above", None)
-    return partition if above is None else Partition(*split(mesh, faces, partition.names, above))
+    if above is None:
+        return partition
+    from orchestrator.scene.splitting import split  # by METIS, as above
+
+    return Partition(*split(mesh, faces, partition.names, above))
 
 
 def _layers(mesh: Mesh, axis: int, count: int) -> np.ndarray:
