@@ -112,11 +112,12 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefe
 
 @app.command()
 def doctor() -> None:
-    """Tell whether FreeFEM, its plugins and its BLAS are in order."""
+    """Tell whether FreeFEM, its plugins and its BLAS are in order, and which other codes are there."""
     def action() -> int:
         from .blackbox.freefem import doctor as examine
+        from .blackbox.registry import others
 
-        print("\n".join(examine()))
+        print("\n".join([*examine(), *others()]))
         return CONVERGED
 
     _guarded(action)

@@ -47,6 +47,17 @@ def code_named(name: str) -> Callable[[], Code] | None:
     return None
 
 
+def others() -> list[str]:
+    """A line for each code beside FreeFEM, which no run needs unless it names it."""
+    lines = []
+    for name in (name for name in CODES if name != "freefem"):
+        try:
+            lines.append(f"{name}: {CODES[name]().version()}")
+        except InputError as error:
+            lines.append(f"no {name} (optional): {error.problems[0].cure}")
+    return lines
+
+
 def make_blackbox(settings: Settings | Sequence[Settings], used: Iterable[int] | None = None) -> Pool | Routed:
     """Check that the codes are there, then start them.
 

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.activity import Activity
 from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.protocol import Model
+from orchestrator.errors import BlackBoxError
 
 
 class Routed:
@@ -27,8 +28,9 @@ class Routed:
     def __init__(self, pools: Mapping[int, Pool]):
         self.pools = dict(pools)
         self._home: list[tuple[int, int]] = []  # (code, number in its pool) of every model
+        self._ended = ""
         self._threads = ThreadPoolExecutor(len(self.pools), "routed")
-        self.asked = 0.0
+        self.asked = sum(pool.asked for pool in self.pools.values())
 
     def load(self, models: Sequence[Model]) -> None:
         """As the protocol says."""
@@ -83,6 +85,7 @@ class Routed:
 
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""
+        self._ended = self._ended or "the black box is closed"
         for pool in self.pools.values():
             pool.close()
         self._threads.shutdown(wait=False, cancel_futures=True)
@@ -103,6 +106,8 @@ class Routed:
 
     def _all(self, tasks: Mapping[int, Callable[[Pool], Any]]) -> dict[int, Any]:
         """Run one task per code at once; the first failure ends all codes and is raised."""
+        if self._ended:
+            raise BlackBoxError(self._ended)
         begin = time.perf_counter()
         futures = {self._threads.submit(task, self.pools[code]): code for code, task in tasks.items()}
         try:
@@ -111,8 +116,9 @@ class Routed:
                 done, left = wait(left, return_when=FIRST_COMPLETED)
                 for future in done:
                     future.result()
-        except BaseException:
+        except BaseException as error:
             self.close()
+            self._ended = f"the black box has ended after a failure: {str(error) or type(error).__name__}"
             raise
         self.asked += time.perf_counter() - begin
         return {code: future.result() for future, code in futures.items()}

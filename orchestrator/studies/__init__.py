@@ -28,6 +28,7 @@ _REGISTRY = {
     "polycrystal": ("polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
     "polycrystal_small": ("polycrystal", "small", "the same with 15 grains"),
     "scaling": ("scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
+    "codes": ("codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
     "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}
