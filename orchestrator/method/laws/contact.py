@@ -26,29 +26,34 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
     previous : (P, 3) jump at the previous load step; its tangential part is where friction sticks
     derivative : also return ∂f̂/∂F where the contact is closed
     """
-    n = points.normal
     p = points.along(F) + points.stiff_n * points.gap
-    closed = p < 0
-    trial = F - points.stiff_t[:, None] * previous
-    trial -= points.along(trial)[:, None] * n
-    size = np.sqrt(np.einsum("pi,pi->p", trial, trial))
-    limit = points.friction * np.abs(p)
-    slips = closed & ((size > limit) | (points.friction == 0))
-    direction = trial / np.where(size > 0, size, 1.0)[:, None]
-    tangential = np.where(slips[:, None], limit[:, None] * direction, trial)
-    result = np.where(closed[:, None], p[:, None] * n + tangential, 0.0)
-    status = np.where(closed, np.where(slips, SLIP, STICK), OPEN)
+    active = np.flatnonzero(p < 0)
+    p, stiff_t, friction = p[active], points.stiff_t[active], points.friction[active]
+    # a row per component: numpy is several times faster along long rows than across short ones
+    n, trial, before = (np.ascontiguousarray(x[active].T) for x in (points.normal, F, previous))
+    trial -= stiff_t * before
+    trial -= _dot(trial, n) * n
+    size = np.sqrt(_dot(trial, trial))
+    limit = friction * np.abs(p)
+    slips = (size > limit) | (friction == 0)
+    turn = limit / np.where(size > 0, size, 1.0)
+    result, status = np.zeros(F.shape), np.full(len(F), OPEN)
+    result[active] = (p * n + np.where(slips, turn, 1.0) * trial).T
+    status[active] = np.where(slips, SLIP, STICK)
     if not derivative:
         return Answer(result, status)
 
-    active = np.flatnonzero(closed)
     slope = np.broadcast_to(np.eye(3), (len(active), 3, 3)).copy()
-    sliding = np.flatnonzero(slips[active])
-    rows = active[sliding]
-    n, e = n[rows], direction[rows]
+    sliding = np.flatnonzero(slips)
+    n, e = n.T[sliding], (trial / np.where(size > 0, size, 1.0)).T[sliding]
     normal = n[:, :, None] * n[:, None, :]
     # slip: f̂_t = −μ p e, whose direction e turns with the trial force
-    turn = np.where(size[rows] > 0, limit[rows] / np.where(size[rows] > 0, size[rows], 1.0), 0.0)[:, None, None]
-    slope[sliding] = (normal - (points.friction[rows, None] * e)[:, :, None] * n[:, None, :]
+    turn = np.where(size > 0, turn, 0.0)[sliding, None, None]
+    slope[sliding] = (normal - (friction[sliding, None] * e)[:, :, None] * n[:, None, :]
                       + turn * (np.eye(3) - normal - e[:, :, None] * e[:, None, :]))
     return Answer(result, status, active, slope)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(P,) products of vectors (3, P)."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
