@@ -144,7 +144,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         if opening is not None:
             displacement, own = sides(decomposition, outcome, parts)
         contact = _contact(scene, decomposition, config, outcome, opening)
-        forces = reactions(decomposition, parts)
+        forces = reactions(decomposition, parts, outcome.fields.f)
         clock, memory, version = blackbox.clock(), blackbox.memory_peak_mb(), blackbox.version()
         codes, asked = blackbox.codes(), blackbox.asked - asked_for_reference
         for entry, code in zip(codes, used):

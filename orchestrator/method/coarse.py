@@ -72,10 +72,10 @@ class CoarseCorrection:
         ends = np.searchsorted(space.owner, np.arange(self.bodies + 1))
         self.parts = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
         k = stage.direction.k
-        U = self._orthonormal(_affine_fields(scene, space)[space.gather], k)
+        U = self._orthonormal(self._fields(scene), k)
         V = k @ U
         self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
-        W = self.boundary_response[space.gather]
+        W = space.trace(self.boundary_response)
         self.response = _Response(U, V, W, V - k @ W)
         self.K0 = self._per_body(U, self.response.F)
         dropped = np.array([~U[part].any(axis=0) for part in self.parts])
@@ -203,6 +203,14 @@ class CoarseCorrection:
             if b > a:
                 np.matmul(T[a:b].T, AL[a:b], out=blocks[i])
         return self.pattern.values(-blocks, self.K0)
+
+    def _fields(self, scene: Scene) -> np.ndarray:
+        """(D, 12) affine fields of the owner's body; tied dofs stay at rest, so that contact pairs do all the work."""
+        space = self.stage.space
+        fields = space.trace(_affine_fields(scene, space))
+        if space.ties is not None:
+            fields[space.ties.dofs] = 0.0
+        return fields
 
     def _orthonormal(self, fields: np.ndarray, k) -> np.ndarray:
         """(D, 12) the same span per body with UᵀkU = 1; what is dependent becomes zero.

@@ -7,6 +7,8 @@ With k = k⁺ on both sides, d = w₂ − w₁ and n from side 1 to side 2:
 
     F = ½(f₁ − f₂) + ½k(w₂ − w₁),   f̂ = law(F),   d = (F − f̂)/keq,   keq = k/2
     f̂₁ = f̂, f̂₂ = −f̂,   ŵ₁ = ½(w₁ + w₂) − (f₁ + f₂)/(2k) − d/2,   ŵ₂ = ŵ₁ + d
+
+Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """
 
 from __future__ import annotations
@@ -81,9 +83,11 @@ class ContactStage:
             first = 0.5 * (w1 + w2) - points.compliance(total) / 4 - previous / 2
             w_hat[pairs.one[free], t] = first[free]
             w_hat[pairs.two[free], t] = (first + previous)[free]
-        one, two = pairs.one[free], pairs.two[free]
+        one, two, tied = pairs.one[free], pairs.two[free], pairs.tied
         f_hat = 0.5 * (f - f[partner])  # likewise
         f_hat[one], f_hat[two] = force.transpose(1, 2, 0)[free], -force.transpose(1, 2, 0)[free]
-        mine = np.concatenate([one, two])
+        w_hat[tied] = pairs.targets
+        f_hat[tied] = f[tied] - pairs.tie_stiffness[:, None] * (w[tied] - pairs.targets)
+        mine = np.concatenate([one, two, tied])
         s[mine] = (f_hat + direction.k @ w_hat)[mine]
         return LocalState(s, (w_hat, f_hat), force, jump, status)

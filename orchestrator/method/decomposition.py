@@ -80,6 +80,7 @@ class Decomposition:
         loading, stage = self.loading.batch(steps), copy(self.stage)
         stage.loaded = loading.boundary
         local, coarse = copy(self.local), copy(self.coarse)
+        local.pairs = local.pairs.batch(steps)
         if previous is not None:
             local.previous = previous
         if coarse is not None:

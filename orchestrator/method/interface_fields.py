@@ -98,11 +98,13 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
         return None
     pairs, steps = d.local.pairs, d.scene.steps
     chosen = sorted(pairs.interfaces, key=lambda i: i.index)
-    offsets = np.cumsum([0] + [len(i.global_nodes) for i in chosen])
+    corners = [i.corners for i in chosen]  # mid-edge nodes are tied to them
+    offsets = np.cumsum([0] + [len(c) for c in corners])
     place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
-    normal, length = (np.concatenate(x) for x in zip(*(pair_normals(d.scene.points(i), i) for i in chosen)))
-    area = np.concatenate([node_areas(d.scene.points(i), i.triangles) for i in chosen])
-    initial = np.concatenate([np.zeros(len(i.global_nodes)) if i.gap is None else i.gap for i in chosen])
+    normal, length = (np.concatenate([x[c] for x, c in zip(both, corners)])
+                      for both in zip(*(pair_normals(d.scene.points(i), i) for i in chosen)))
+    area = np.concatenate([node_areas(d.scene.points(i), i.triangles)[c] for i, c in zip(chosen, corners)])
+    initial = np.concatenate([np.zeros(len(c)) if i.gap is None else i.gap[c] for i, c in zip(chosen, corners)])
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
@@ -117,8 +119,8 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
     return InterfaceFields(
         np.array([i.name for i in chosen]), np.array([i.law for i in chosen]),
         np.array([i.subdomains for i in chosen]), offsets,
-        *(np.concatenate([d.scene.side_nodes(i, side) for i in chosen]) for side in (0, 1)),
-        np.concatenate([i.triangles + a for i, a in zip(chosen, offsets)]),
+        *(np.concatenate([d.scene.side_nodes(i, side)[c] for i, c in zip(chosen, corners)]) for side in (0, 1)),
+        np.concatenate([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)]),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
         initial + length * opening, jump - opening[:, :, None] * normal, -push / (length * area), traction, status,
         resultant)
@@ -126,7 +128,7 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
     """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed."""
-    return np.concatenate([start[i.index] + np.flatnonzero(i.free.any(axis=1)) for i in interfaces])
+    return np.concatenate([start[i.index] + np.flatnonzero(i.free[i.corners].any(axis=1)) for i in interfaces])
 
 
 def sides(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:

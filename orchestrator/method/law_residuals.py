@@ -5,7 +5,7 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 Forces and pressures are compared with the largest there are, or with a small share of k⁺ w where
 the interfaces carry next to nothing:
 
-- residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹
+- residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹, tied dofs included
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
 - penetration  largest −(g₀ + n·d) over the largest displacement
 - tension      largest tensile pressure over the largest pressure
@@ -85,6 +85,9 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
         rubbing = contact & (local.status[t] == SLIP) & (points.friction > 0)
         direction = max(direction, wrong[rubbing].max(initial=0.0))
         previous = local.jump[t]
+    tied, weight = pairs.tied, 1 / pairs.tie_stiffness[:, None]
+    if len(tied):
+        top += float(np.sum(weight * (f[tied] - local.hats[1][tied]) ** 2))
     bottom = max(bottom, REST**2 * moved)
     pressure = max(pressure, REST * reach) or 1.0
     scale = scale or 1.0

@@ -67,14 +67,14 @@ class LinearStage:
             u += self.solve(self.space.scatter @ s)
         alpha = np.zeros((0, s.shape[1]))
         if self.macro is not None:
-            w = u[self.space.gather]
+            w = self.space.trace(u)
             alpha = self.macro.multiplier(w, s - self.direction.k @ w)
             u -= self.macro.displacement(alpha)
         return self.complete(s, u, alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α)."""
-        w = u[self.space.gather]
+        w = self.space.trace(u)
         return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.k @ w)
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:

@@ -97,8 +97,9 @@ def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, f
         start += len(number)
     if not rows:
         return sp.csr_array((space.size, 0))
-    return sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+    both = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
                         shape=(space.size, start))
+    return both if space.ties is None else sp.csr_array(space.ties.change @ both)
 
 
 def _assembled(blocks: list[tuple[np.ndarray, np.ndarray]], size: int) -> sp.csr_array:

@@ -6,7 +6,7 @@ it. Both sides get the mean of their own k⁻, so that β₁ = β₂ = ½ and ke
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,6 +33,7 @@ class Pairs:
     free : (P, 3) bool, whether the trace dof exists
     points : geometry, search direction and law parameters
     area : (P,) share of the interface's area
+    tied : (q,) int, trace dofs that follow the pairs' (see ``ties``), with targets (q, T) and k⁺ tie_stiffness (q,)
     """
 
     interfaces: list[Interface]
@@ -42,6 +43,9 @@ class Pairs:
     free: np.ndarray
     points: Points
     area: np.ndarray
+    tied: np.ndarray
+    targets: np.ndarray
+    tie_stiffness: np.ndarray
 
     def __len__(self) -> int:
         return len(self.one)
@@ -62,6 +66,10 @@ class Pairs:
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
         """(P, 3) of a trace vector (D,) on one side; zero where prescribed."""
         return np.where(self.free, x[side], 0.0)
+
+    def batch(self, steps: slice) -> Pairs:
+        """The same pairs for some of the load steps."""
+        return replace(self, targets=self.targets[:, steps])
 
     def _runs(self) -> list[tuple[str, slice]]:
         """Neighbouring interfaces of the same law are worked on as one."""
@@ -89,6 +97,8 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
             sides[side][i.free] = space.slots[i.index][side]
         points = scene.points(i)
         mobile = i.free.any(axis=1)  # the others are prescribed: nothing is left to a law
+        if i.law != "perfect":
+            mobile &= np.isin(np.arange(len(mobile)), i.corners)
         n = int(mobile.sum())
         one.append(sides[0][mobile])
         two.append(sides[1][mobile])
@@ -109,7 +119,8 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     stiff_t = (trace - stiff_n) / 2
     points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate(gap), np.concatenate(friction),
                     np.concatenate(jump))
-    return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area))
+    tied, targets = (space.ties.dofs, space.ties.targets) if space.ties else (np.empty(0, int), np.empty((0, scene.steps)))
+    return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area), tied, targets, k.diagonal()[tied])
 
 
 def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
@@ -128,10 +139,11 @@ def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, 
 
 
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) a third of the area of the facets around each node."""
-    a, b, c = np.moveaxis(points[triangles], 1, 0)
+    """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied."""
+    corners = triangles[:, :3]
+    a, b, c = np.moveaxis(points[corners], 1, 0)
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return np.bincount(triangles.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
+    return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
 
 
 def _node_blocks(k: sp.csr_array, dofs: np.ndarray, free: np.ndarray) -> np.ndarray:

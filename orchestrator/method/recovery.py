@@ -60,8 +60,13 @@ def delivered(d: Decomposition, bound: Bound, parts: list[np.ndarray]) -> list[n
     return result
 
 
-def reactions(d: Decomposition, parts: list[np.ndarray]) -> list[list[list[float]]]:
+def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[list[list[float]]]:
     """Resultant force on each boundary entry, per load step.
+
+    Parameters
+    ----------
+    parts : per subdomain (T, n_E, 3), as recovered
+    f : (D, T) interface forces; prescribed corners take half of what tied mid-edge nodes beside them need
 
     Returns
     -------
@@ -76,6 +81,10 @@ def reactions(d: Decomposition, parts: list[np.ndarray]) -> list[list[list[float
             held = s.fixed[rim.nodes]
             np.add.at(nodal, (slice(None), s.nodes[rim.nodes]),
                       np.where(held, internal - s.loads[:, rim.nodes], 0.0))
+    if (ties := d.space.ties) is not None:
+        at, subdomain, node, component = ties.supports.T
+        held = np.array([scene.subdomains[e].nodes[n] for e, n in zip(subdomain, node)], dtype=int)
+        np.add.at(nodal, (slice(None), held, component), 0.5 * f[ties.dofs[at]].T)
     owner = np.full(len(scene.mesh.nodes) * 3, -1).reshape(-1, 3)
     for entry in scene.boundary:
         if entry.kind == "displacement":

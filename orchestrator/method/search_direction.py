@@ -85,6 +85,8 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     if not rows:
         return SearchDirection(sp.csr_array((d, d)), space.partner)
     k = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(d, d))
+    if space.ties is not None:
+        k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)
     return SearchDirection(k, space.partner)
 
 

@@ -7,7 +7,8 @@ Two numberings are used throughout the method:
 - *trace dofs* (D of them): one per interface, side and free component. A dof of a subdomain
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
-The trace operator of eq. (1) is then a gather, ``w = u[gather]``; its transpose adds up.
+The trace operator of eq. (1) is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
+tets are in contact, a change of basis follows (see ``ties``).
 The operators of eq. (5) need the other side's index only: ``A f = f + f[partner]`` and
 ``B w = w[partner] − w``.
 """
@@ -20,6 +21,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.ties import Ties, make_ties
 from orchestrator.scene.model import Scene
 
 
@@ -36,6 +38,7 @@ class TraceSpace:
     slots : per interface, the trace dofs of side 1 and of side 2, paired
     owner : (D,) int, subdomain of each trace dof
     perfect : per interface, whether it is perfect
+    ties : mid-edge nodes tied to their corners, if there are any
     """
 
     boundary: list[slice]
@@ -45,6 +48,7 @@ class TraceSpace:
     slots: list[tuple[np.ndarray, np.ndarray]]
     owner: np.ndarray
     perfect: list[bool]
+    ties: Ties | None = None
 
     @classmethod
     def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> "TraceSpace":
@@ -72,7 +76,7 @@ class TraceSpace:
         for one, two in slots:
             partner[one], partner[two] = two, one
         return cls(boundary, _joined(global_dof), _joined(gather), partner, [tuple(s) for s in slots], _joined(owner),
-                   [i.law == "perfect" for i in scene.interfaces])
+                   [i.law == "perfect" for i in scene.interfaces], make_ties(scene, slots, count))
 
     @property
     def size(self) -> int:
@@ -83,7 +87,13 @@ class TraceSpace:
     def scatter(self) -> sp.csr_array:
         """(B, D) transpose of the trace operator: sums trace forces into boundary forces."""
         d = self.size
-        return sp.csr_array((np.ones(d), (self.gather, np.arange(d))), shape=(len(self.global_dof), d))
+        sums = sp.csr_array((np.ones(d), (self.gather, np.arange(d))), shape=(len(self.global_dof), d))
+        return sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T)
+
+    def trace(self, boundary: np.ndarray) -> np.ndarray:
+        """(D, columns) traces of boundary displacements (B, columns)."""
+        traces = boundary[self.gather]
+        return traces if self.ties is None else self.ties.change @ traces
 
     @cached_property
     def class_mean(self) -> sp.csr_array:

@@ -51,9 +51,6 @@ def build_scene(config: Config) -> Scene:
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
                problems)
     interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, fixed, config.interfaces, problems)
-    if config.codes[0].element == "P2" and any(i.law == "contact" for i in interfaces):
-        problems.add(("blackbox", "element"), "P2 with contact interfaces", "perfect interfaces, or imposed jumps",
-                     "use element: P1 for contact")
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces]

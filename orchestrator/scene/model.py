@@ -107,6 +107,11 @@ class Interface:
     jump: np.ndarray | None = None
     normals: np.ndarray | None = None
 
+    @property
+    def corners(self) -> np.ndarray:
+        """(c,) int, ascending, those of the patch's nodes that are corners of triangles."""
+        return np.unique(self.triangles[:, :3])
+
 
 @dataclass(frozen=True)
 class Material:

@@ -262,13 +262,13 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
     Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
     0.3: a nearly incompressible sole is stiff in the wrong direction. With ten-node tets the mesh size is
-    half the facets', which is the distance of nodes.
+    half the facets', which is the distance of nodes, unless mid-edge nodes are tied to the corners.
     """
     young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
     poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
     points = scene.side_points(interface, side)
     quadratic = interface.triangles.shape[1] == 6
-    h = local_size(points, interface.triangles) / (2 if quadratic else 1)
+    h = local_size(points, interface.triangles) / (2 if quadratic and interface.law == "perfect" else 1)
     if settings.thickness == "auto":
         thickness = h
     else:
