@@ -101,7 +101,7 @@ class Contacts:
 
 
 def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Per interface the forces (T, n, 3) on either side; zero where prescribed."""
+    """Per interface the forces (T, n, 3) on either side; zero where prescribed, and on tied mid-edge nodes."""
     scene = solved.scene
     sides = [sides_of(scene, s.index) for s in scene.subdomains]
     space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)])
@@ -110,6 +110,8 @@ def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
         pair = np.zeros((2, scene.steps, *interface.free.shape))
         for side, slot in enumerate(slots):
             pair[side][:, interface.free] = solved.outcome.fields.f[slot].T
+        if interface.law != "perfect":
+            pair[:, :, ~np.isin(np.arange(len(interface.free)), interface.triangles[:, :3])] = 0.0  # tied
         result.append((pair[0], pair[1]))
     return result
 
@@ -119,20 +121,21 @@ def contacts(solved: Solved) -> Contacts:
     scene, found, start = solved.scene, [], 0
     both = forces(solved)
     for i in sorted((i for i in scene.interfaces if i.law != "perfect"), key=lambda i: (i.law, i.index)):
-        mobile = i.free.any(axis=1)
+        mobile = i.free.any(axis=1) & np.isin(np.arange(len(i.free)), i.triangles[:, :3])
         end = start + int(mobile.sum())
         status = solved.outcome.local.status[:, start:end]
         start = end
         if i.law != "contact":
             continue
         x = scene.points(i)
-        a, b, c = np.moveaxis(x[i.triangles], 1, 0)
+        corners = i.triangles[:, :3]
+        a, b, c = np.moveaxis(x[corners], 1, 0)
         share = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6, 3)
         one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))
         force = 0.5 * (both[i.index][0] - both[i.index][1]), both[i.index][0] + both[i.index][1]
         normal, length = free_normals(scene, i)
         found.append(((force[0][:, mobile], force[1][:, mobile], np.where(i.free, two - one, 0.0)[:, mobile], status),
-                      (normal[mobile], np.bincount(i.triangles.ravel(), share, len(x))[mobile],
+                      (normal[mobile], np.bincount(corners.ravel(), share, len(x))[mobile],
                        (i.gap / length)[mobile], (i.friction / length)[mobile], x[mobile])))
     return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),
                     *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))

@@ -11,6 +11,9 @@ The laws are written as λ = P(λ + c (d − shift)), which holds for one and he
 1991), and both equations are solved together, step after step, by a semismooth Newton with sparse LU. Pairs that
 meet in a cross point share forces in more than one way, so that the Jacobian is singular: a vanishing
 regularisation of the direction, not of the equations, picks one. Displacements and resultants are unique.
+
+With ten-node tets the pairs are those of the corners, and every node in the middle of an edge of a face in
+contact has the mean displacement of its ends: u = R u, in the place of K and f stand RᵀKR and Rᵀf.
 """
 
 from __future__ import annotations
@@ -96,8 +99,12 @@ class Monolithic:
     def __init__(self, scene: Scene, blackbox: BlackBox):
         self.scene = scene
         self.offsets = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
-        self.K = sp.csr_array(sp.block_diag(blackbox.stiffness([_plain(scene, s) for s in scene.subdomains])))
+        self.R, tied = self._tied()
+        K = sp.block_diag(blackbox.stiffness([_plain(scene, s) for s in scene.subdomains]))
+        self.K = sp.csr_array(self.R.T @ K @ self.R)
         self.free = ~np.concatenate([s.fixed.ravel() for s in scene.subdomains])
+        self.supported = ~self.free
+        self.free[tied] = False
         self.pairs = self._pairs()
         self.inner = sp.csc_array(self.K[self.free][:, self.free])
         self.proximal = sp.diags_array(PROXIMAL * self.inner.diagonal())
@@ -122,7 +129,7 @@ class Monolithic:
     def reactions(self, t: int, parts: list[np.ndarray]) -> np.ndarray:
         """(n, 3) forces that supports exert on the nodes of the mesh."""
         u = np.concatenate([p.ravel() for p in parts])
-        residual = np.where(self.free, 0.0, self.K @ u - self._loads(t))
+        residual = np.where(self.supported, self.K @ u - self._loads(t), 0.0)
         nodal = np.zeros_like(self.scene.mesh.nodes)
         for s, a, b in zip(self.scene.subdomains, self.offsets[:-1], self.offsets[1:]):
             np.add.at(nodal, s.nodes, residual[a:b].reshape(-1, 3))
@@ -228,20 +235,21 @@ class Monolithic:
         count = 0
         for i in scene.interfaces:
             n = len(i.global_nodes)
+            free = i.free if i.law == "perfect" else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
             dofs = [self.offsets[e] + 3 * nodes[:, None] + np.arange(3) for e, nodes in zip(i.subdomains, i.nodes)]
             row = 3 * count + np.arange(3 * n).reshape(-1, 3)
             for side, sign in ((0, -1.0), (1, 1.0)):
-                rows.append(row[i.free])
-                columns.append(dofs[side][i.free])
-                values.append(np.full(i.free.sum(), sign))
-            mobile, (normal, length) = i.free.any(axis=1), free_normals(scene, i)
+                rows.append(row[free])
+                columns.append(dofs[side][free])
+                values.append(np.full(free.sum(), sign))
+            mobile, (normal, length) = free.any(axis=1), free_normals(scene, i)
             presses = normal.any(axis=1)
-            found["free"].append(i.free)
+            found["free"].append(free)
             found["normal"].append(normal)
             found["gap"].append((np.zeros(n) if i.gap is None else i.gap) / length)
             found["friction"].append(i.friction / length)
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
-            found["jump"].append(np.broadcast_to(np.zeros(3) if i.jump is None else i.jump, (n, 3)) * i.free)
+            found["jump"].append(np.broadcast_to(np.zeros(3) if i.jump is None else i.jump, (n, 3)) * free)
             found["bonded"].append(mobile & (i.law != "contact"))
             found["contact"].append(mobile & presses & (i.law == "contact"))
             bounds.append(slice(count, count + n))
@@ -251,9 +259,28 @@ class Monolithic:
         return Pairs(D, bounds=bounds, **{k: np.concatenate(v) for k, v in found.items()})
 
     def _loads(self, t: int) -> np.ndarray:
-        return np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
+        return self.R.T @ np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
+
+    def _tied(self) -> tuple[sp.csr_array, np.ndarray]:
+        """R, and the dofs that follow others."""
+        size, middle, ends = int(self.offsets[-1]), [], []
+        for i in self.scene.interfaces:
+            if i.law == "perfect" or i.triangles.shape[1] == 3:
+                continue
+            for e, nodes in zip(i.subdomains, i.nodes):
+                for column, pair in ((3, (0, 1)), (4, (1, 2)), (5, (2, 0))):
+                    middle.append((self.offsets[e] + 3 * nodes[i.triangles[:, column], None] + np.arange(3)).ravel())
+                    ends.append([(self.offsets[e] + 3 * nodes[i.triangles[:, c], None] + np.arange(3)).ravel() for c in pair])
+        tied, first = np.unique(np.concatenate(middle or [np.empty(0, int)]), return_index=True)
+        ends = np.concatenate(ends, axis=1)[:, first] if ends else np.empty((2, 0), int)
+        R = sp.lil_array(sp.eye_array(size))
+        R[tied, tied] = 0.0
+        for end in ends:
+            R[tied, end] = 0.5
+        return sp.csr_array(R), tied
 
     def _parts(self, u: np.ndarray) -> list[np.ndarray]:
+        u = self.R @ u
         return [u[a:b].reshape(-1, 3) for a, b in zip(self.offsets[:-1], self.offsets[1:])]
 
 
@@ -268,13 +295,13 @@ def normals(scene: Scene, interface: Interface) -> np.ndarray:
     """(n, 3) unit normals out of the first side: the facets' own, weighted by their angle at the node."""
     result = np.zeros((len(interface.global_nodes), 3))
     x = scene.points(interface)
-    for corners in interface.triangles:
+    for corners in interface.triangles[:, :3]:
         for j in range(3):
             at, b, c = corners[j], corners[j - 2], corners[j - 1]
             u, v = x[b] - x[at], x[c] - x[at]
             normal = np.cross(u, v)
             result[at] += normal / np.linalg.norm(normal) * np.arctan2(np.linalg.norm(normal), u @ v)
-    return result / np.linalg.norm(result, axis=1, keepdims=True)
+    return result / np.maximum(np.linalg.norm(result, axis=1, keepdims=True), 1e-300)
 
 
 def free_normals(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,10 @@ import pyvista
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from blackbox_case import box, chain, difference, settings
+from contact_case import BOTTOM, TOP, contact, contacts, converged, monolithic, two_boxes, written
 from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, method, prepared, saved, solved
 from quadratic_case import assemble_ten, with_middles
+from test_contact_verification import ROLLERS, YOUNG, assert_agrees
 
 from orchestrator.blackbox.extended import extended_model
 from orchestrator.blackbox.registry import make_blackbox
@@ -272,3 +274,80 @@ def test_pictures_show_every_node_of_the_surface(tmp_path):
     assert close(area_vectors(mesh.nodes, triangles).reshape(-1, 4, 3).sum(axis=1), area_vectors(mesh.nodes, linear), 1e-12)
     drawn = view(fields_of(found))
     assert np.isfinite(drawn.stress).all() and len(drawn.triangles) == len(triangles)
+
+
+# --- contact ----------------------------------------------------------------------------------------------
+
+SMALL = {"two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}}, "subdomains": {"grid": [1, 1, 2]}},
+         "four blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [4, 2, 4]}}, "subdomains": {"grid": [2, 1, 2]}}}
+
+
+@pytest.mark.parametrize("name, friction", [("two blocks", 0.0), ("two blocks", 0.3), ("four blocks", 0.2)])
+def test_monolithic_contact_agrees(name, friction):
+    """Pressed, sheared, let go: the independent formulation with its own ties, cold and from our solution.
+
+    The interface between the four blocks' upper and lower halves meets the moved top: corners there are prescribed.
+    """
+    assert_agrees(contact(friction, **SMALL[name], **P2), loose=False)
+
+
+def test_contact_beside_perfect_interfaces():
+    """Two layers of two glued blocks each: tied edges lie on perfect interfaces too."""
+    laws = [{"law": "perfect"}, {"between": ["block *-0", "block *-1"], "law": "contact", "friction": 0.3}]
+    made = contact(law=laws, **SMALL["four blocks"], **P2)
+    found = converged(made)
+    for t, step in enumerate(monolithic(found, made).solve()):
+        assert step.converged
+        assert max(np.abs(u[t] - v).max() for u, v in zip(found.parts, step.parts)) <= 1e-6 * np.abs(step.parts[0]).max()
+
+
+def test_patch_of_constant_pressure(tmp_path):
+    """An irregular contact under a uniform pressure: the exact displacement, every corner its area's share."""
+    rollers = [{**entry, "on": name} for entry, name in zip(ROLLERS, ("x", "y", "bottom"))]
+    made = contact(0.1, mesh=written(tmp_path / "boxes.msh", two_boxes(0.35)), subdomains="groups", **P2,
+                   boundary=[*rollers, {"on": "top", "pressure": 50.0}])
+    found = converged(made)
+    assert contacts(found).pressure == pytest.approx(50.0, rel=1e-7)
+    for s, u in zip(found.scene.subdomains, found.parts):
+        exact = found.scene.mesh.nodes[s.nodes] * np.array([0.3, 0.3, -1.0]) * 50 / YOUNG
+        assert u[0] == pytest.approx(exact, abs=1e-8 * 50 / YOUNG)
+
+
+def test_patch_of_linear_pressure(tmp_path):
+    """ν = 0, an irregular contact under p = 100 + 40 x: every corner carries ∫ N p, the bodies the exact stress."""
+    made = contact(0.0, poisson=0.0, mesh=written(tmp_path / "boxes.msh", two_boxes(0.35)), subdomains="groups", **P2,
+                   boundary=[{"on": name, "displacement": [0.0, 0.0, 0.0]} for name in ("bottom", "top")])
+    scene = build_scene(made)
+    x, _, z = scene.mesh.nodes.T
+    z = z - 0.5  # the contact stays plane: u_x = 20 z²/E and no more
+    exact = np.stack([20 * z**2, 0 * x, -(100 + 40 * x) * z], axis=1) / YOUNG
+    scene.prescribed[:] = np.where(scene.fixed, exact, 0.0)
+    for s in scene.subdomains:
+        s.prescribed[:] = scene.prescribed[:, s.nodes]
+    found = solve(made, scene)
+    assert found.outcome.converged
+    for s, u in zip(scene.subdomains, found.parts):
+        assert u[0] == pytest.approx(exact[s.nodes], abs=1e-8 * np.abs(exact).max())
+    (interface,) = scene.interfaces
+    points, corners = scene.points(interface), interface.triangles[:, :3]
+    area = np.linalg.norm(area_vectors(points, corners), axis=1)
+    p = 100 + 40 * points[corners, 0]
+    share = (p.sum(axis=1, keepdims=True) + p) * area[:, None] / 12  # ∫ N p over a triangle, p linear
+    expected = np.bincount(corners.ravel(), share.ravel(), len(points))[interface.corners]
+    seen = found.interfaces
+    assert seen.pressure[0] * seen.area == pytest.approx(expected, rel=1e-7)
+
+
+def test_press_fit():
+    """ν = 0, both ends held, pressed into each other by δ: p = E δ / L."""
+    found = converged(contact(0.2, gap=-0.001, poisson=0.0, **SMALL["two blocks"], **P2,
+                              boundary=[BOTTOM, {"on": TOP, "displacement": [0, 0, 0]}]))
+    assert found.interfaces.pressure == pytest.approx(YOUNG * 0.001, rel=1e-7)
+
+
+def test_contact_in_batches_of_load_steps():
+    """The targets of tied edges beside a moved support go with their load step."""
+    together = converged(contact(0.2, **SMALL["four blocks"], **P2, error=1e-9))
+    one_by_one = converged(contact(0.2, **SMALL["four blocks"], **P2, method={
+        "tolerance": {"error": 1e-9}, "max_iterations": 1000, "increment": 1}))
+    assert close(one_by_one.displacement, together.displacement, 1e-6)

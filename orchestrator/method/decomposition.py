@@ -120,8 +120,12 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         blackbox.load(models)
     with watch("search_direction"):
         direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
-        # energies of boundary corrections are needed where there is an error bound; reactions always
-        rims = assemble_rims(scene, sides if all_perfect else [[] for _ in sides], blackbox, workers, share, savings)
+        # stiffness on interfaces is needed for the error bound and for ties; reactions always need the supports'
+        whole = all_perfect or space.ties is not None
+        rims = assemble_rims(scene, sides if whole else [[] for _ in sides], blackbox, workers, share, savings)
+        stiffness = boundary_stiffness(space, traces, rims) if whole else None
+        if space.ties is not None:
+            space.ties.stiffen(stiffness.diagonal()[space.gather])
     with watch("linear_stage"):
         loading = apply_loads(scene, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
@@ -135,7 +139,6 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         local = PerfectInterfaces(direction, method.search_direction.kplus)
         with watch("bound"):
             external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(scene.subdomains, traces)])
-            stiffness = boundary_stiffness(space, traces, rims)
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
         lawful = [i for i in scene.interfaces if i.law != "perfect"]

@@ -119,8 +119,9 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     stiff_t = (trace - stiff_n) / 2
     points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate(gap), np.concatenate(friction),
                     np.concatenate(jump))
-    tied, targets = (space.ties.dofs, space.ties.targets) if space.ties else (np.empty(0, int), np.empty((0, scene.steps)))
-    return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area), tied, targets, k.diagonal()[tied])
+    ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
+        (np.empty(0, int), np.empty((0, scene.steps)), np.empty(0))
+    return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area), *ties)
 
 
 def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,9 @@ The tie is pointwise in a hierarchical basis of the traces: w_m − ½(w_a + w_b
 
     w → Q w,    f → Q⁻ᵀ f,    k → Q⁻ᵀ k Q⁻¹,    Q⁻¹ = 2 − Q
 
-in which the local stage prescribes these dofs, and contact laws see the corners alone.
+in which the local stage prescribes these dofs, and contact laws see the corners alone. What is
+prescribed needs no search direction that fits the soles: with σ the body's stiffness at such a dof, the
+error shrinks by (σ − k⁺)/(σ + k⁻), so that k⁺ is taken from the body.
 """
 
 from __future__ import annotations
@@ -31,6 +33,9 @@ import scipy.sparse as sp
 from orchestrator.scene.model import Scene
 from orchestrator.scene.quadratic import TRIANGLE_EDGES, edges_of
 
+# k⁺ of a tied dof over the body's stiffness with all else held, of which a half or a quarter remains when nothing is.
+SHARE = 0.25
+
 
 @dataclass
 class Ties:
@@ -41,6 +46,7 @@ class Ties:
     dofs : (q,) int, trace dofs of the mid-edge nodes
     targets : (q, T) what their hierarchical displacement must be: not zero beside prescribed corners
     change : (D, D) sparse Q
+    stiffness : (q,) the search direction k⁺; ones until ``stiffen`` has been called
     supports : (p, 4) int rows (tied dof's position in ``dofs``, subdomain, local node, component): prescribed
         corners, which take half of the tied dof's force
     """
@@ -48,12 +54,17 @@ class Ties:
     dofs: np.ndarray
     targets: np.ndarray
     change: sp.csr_array
+    stiffness: np.ndarray
     supports: np.ndarray
 
     @property
     def inverse(self) -> sp.csr_array:
         """(D, D) sparse Q⁻¹."""
         return sp.csr_array(2 * sp.eye_array(self.change.shape[0]) - self.change)
+
+    def stiffen(self, diagonal: np.ndarray) -> None:
+        """Take k⁺ from the diagonal (D,) of the bodies' stiffness on the trace dofs."""
+        self.stiffness = SHARE * diagonal[self.dofs]
 
 
 def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:
@@ -93,5 +104,6 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
         return None
     rows, columns = np.concatenate(rows), np.concatenate(columns)
     half = sp.csr_array((np.full(len(rows), 0.5), (rows, columns)), shape=(size, size))
-    return Ties(np.concatenate(dofs), np.concatenate(targets), sp.csr_array(sp.eye_array(size) - half),
+    tied = np.concatenate(dofs)
+    return Ties(tied, np.concatenate(targets), sp.csr_array(sp.eye_array(size) - half), np.ones(len(tied)),
                 np.concatenate(supports))
