@@ -80,7 +80,8 @@ class Decomposition:
         loading, stage = self.loading.batch(steps), copy(self.stage)
         stage.loaded = loading.boundary
         local, coarse = copy(self.local), copy(self.coarse)
-        local.pairs = local.pairs.batch(steps)
+        if not self.all_perfect:
+            local.pairs = local.pairs.batch(steps)
         if previous is not None:
             local.previous = previous
         if coarse is not None:

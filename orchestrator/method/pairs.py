@@ -67,8 +67,8 @@ class Pairs:
         """(P, 3) of a trace vector (D,) on one side; zero where prescribed."""
         return np.where(self.free, x[side], 0.0)
 
-    def batch(self, steps: slice) -> Pairs:
-        """The same pairs for some of the load steps."""
+    def batch(self, steps) -> Pairs:
+        """The same pairs for some of the load steps, a slice or indices."""
         return replace(self, targets=self.targets[:, steps])
 
     def _runs(self) -> list[tuple[str, slice]]:
