@@ -30,7 +30,8 @@ class Costs:
     Parameters
     ----------
     start : of Python and the code's process
-    scene : mesh, cut, interfaces, soles and search direction, per subdomain of the whole scene
+    scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
+    prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads
     factorise : assembling and factorising
     solve : one back-substitution; message : what is on the way to the code and back
     own : the orchestrator in one iteration: local stage, acceleration, error measures
@@ -40,6 +41,7 @@ class Costs:
 
     start: float
     scene: float
+    prepare: float
     factorise: float
     solve: float
     message: float
@@ -56,7 +58,7 @@ class Costs:
         (setup,), (loop,) = (summary["workload"][period]["workers"] for period in ("set_up", "iterations"))
         return cls(
             start=timing["startup"] + timing["start"],
-            scene=(timing["mesh"] + timing["soles"] + setup["idle"]) / count,
+            scene=timing["mesh"] / count, prepare=(timing["soles"] + setup["idle"]) / count,
             factorise=(setup["assemble"] + setup["factorise"]) / count,
             solve=loop["solve"] / (count * sweeps), message=max(loop["messages"], 0.0) / (count * sweeps),
             own=loop["idle"] / (count * iterations), iterations=iterations, sweeps=sweeps,
@@ -125,7 +127,8 @@ def predict(costs: Costs, coarse: Coarse, count: int) -> dict[str, dict[str, flo
     return {
         "set_up": {
             "start": costs.start,
-            "scene, on every rank": costs.scene * count,
+            "scene, on one rank": costs.scene * count,
+            "prepare": costs.prepare,
             "factorise": costs.factorise,
             "macro columns": FIELDS * FACES * (costs.solve + costs.message),
             "coarse problem: gather": levels * LATENCY + 8.0 * (FIELDS * FACES) ** 2 * count / BANDWIDTH,

@@ -171,7 +171,8 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
         "; nested dissection would give 2, 1.33 and 1.33 for large N.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
-        "measured. Every rank builds the whole scene, as it does today: its time and memory grow with N.", "",
+        "measured. One rank makes the whole scene for all, as it does today; its memory and what it takes to send it "
+        "are not counted.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER)]
     found = [predict(costs, coarse, count) for count in CLUSTER]
@@ -201,7 +202,7 @@ def picture(rows: Sequence[dict[str, Any]], costs: Costs, coarse: Coarse) -> byt
     left.set_title("Efficiency per core used; ranks × workers", fontsize=10)
     counts = [10**(k / 4) for k in range(4, 21)]
     found = [predict(costs, coarse, int(count)) for count in counts]
-    shown = [("set_up", "scene, on every rank"), ("set_up", "factorise"), ("set_up", "coarse problem: factorise"),
+    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "coarse problem: factorise"),
              ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
              ("iterations", "coarse problem: solve")]
     for (period, what), colour in zip(shown, _COLOURS):
