@@ -7,6 +7,7 @@ it. Both sides get the mean of their own k⁻, so that β₁ = β₂ = ½ and ke
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -52,8 +53,9 @@ class Pairs:
 
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (P, 3), each interface by its own law."""
-        parts = [(part, LAWS[law](part_of(self.points, part), F[part], previous[part], derivative))
-                 for law, part in self._runs()]
+        parts = [(part, LAWS[law](points, F[part], previous[part], derivative)) for law, part, points in self._runs]
+        if len(parts) == 1 and self._all_free:
+            return parts[0][1]
         force = np.where(self.free, np.concatenate([a.force for _, a in parts]), 0.0)
         answer = Answer(force, np.concatenate([a.status for _, a in parts]))
         if derivative:
@@ -71,12 +73,18 @@ class Pairs:
         """The same pairs for some of the load steps, a slice or indices."""
         return replace(self, targets=self.targets[:, steps])
 
-    def _runs(self) -> list[tuple[str, slice]]:
+    @cached_property
+    def _all_free(self) -> bool:
+        return bool(self.free.all())
+
+    @cached_property
+    def _runs(self) -> list[tuple[str, slice, Points]]:
         """Neighbouring interfaces of the same law are worked on as one."""
         laws, runs, start = [i.law for i in self.interfaces], [], 0
         for i, law in enumerate(laws):
             if i + 1 == len(laws) or laws[i + 1] != law:
-                runs.append((law, slice(int(self.bounds[start]), int(self.bounds[i + 1]))))
+                part = slice(int(self.bounds[start]), int(self.bounds[i + 1]))
+                runs.append((law, part, part_of(self.points, part)))
                 start = i + 1
         return runs
 
