@@ -76,7 +76,7 @@ def test_record_of_a_run(solved):
 def test_ranks_are_joined_and_shown(solved, tmp_path):
     record = solved.summary["workload"]
     other = {p: {**part, "seconds": 2 * part["seconds"],
-                 **{t: [{**row, "rank": 1} for row in part[t]] for t in ("stages", "workers")}}
+                 **{t: [{**row, "rank": 1} for row in part[t]] for t in ("stages", "workers", "ranks")}}
              for p, part in record.items()}
     both = joined([record, other])
     assert both["iterations"]["seconds"] == 2 * record["iterations"]["seconds"]
@@ -89,14 +89,18 @@ def test_ranks_are_joined_and_shown(solved, tmp_path):
     write_summary(folder, summary)
     write_history(folder, case.history())
     text = report(tmp_path).read_text()
-    assert "Who did what: iterations" in text
+    assert "Who did what: iterations" in text and "waiting for other ranks" in text
     for row in both["iterations"]["workers"]:
         assert f"| {row['rank']} | {row['worker']} | {row['models']} | {row['dofs']:,} | {row['calls']} |" in text
 
 
-def test_period_without_anything_is_empty():
+def test_period_without_work():
+    """Nothing but waiting for another rank."""
+    waited = iter([1.0, 1.5])
     with make_blackbox(settings(workers=1)) as pool:
-        workload = Workload(pool, Stopwatch())
+        workload = Workload(pool, Stopwatch(), rank=3, waited=lambda: next(waited))
         workload.end("iterations")
+    (rank,) = workload.record["iterations"]["ranks"]
+    assert rank["rank"] == 3 and rank["waiting"] == 0.5
     (row,) = workload.record["iterations"]["workers"]
     assert row["calls"] == 0 and row["idle_share"] == 1 and not workload.record["iterations"]["stages"]

@@ -13,7 +13,15 @@ from orchestrator.results.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.result import Result
 from orchestrator.results.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, summary_rows
-from orchestrator.results.workload import PERIODS, STAGE_HEAD, WORKER_HEAD, stage_rows, worker_rows
+from orchestrator.results.workload import (
+    PERIODS,
+    RANK_HEAD,
+    STAGE_HEAD,
+    WORKER_HEAD,
+    rank_rows,
+    stage_rows,
+    worker_rows,
+)
 
 # quantity, its formula, what it tells
 _QUANTITIES = [
@@ -130,6 +138,8 @@ def _workload(summary: Mapping[str, object]) -> list[Block]:
                    Table(STAGE_HEAD, stage_rows(record[period], STAGES), numeric=True)]
         if record[period]["workers"]:
             blocks.append(Table(WORKER_HEAD, worker_rows(record[period]), numeric=True))
+        if rows := rank_rows(record[period]):
+            blocks.append(Table(RANK_HEAD, rows, numeric=True))
     if blocks:
         blocks.append(Paragraph(
             "Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "

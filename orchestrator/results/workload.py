@@ -7,7 +7,7 @@ putting their lists one after the other (``joined``).
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 
 from orchestrator.blackbox.activity import Activity
@@ -17,7 +17,9 @@ from orchestrator.timing import Stopwatch
 STAGE_HEAD = ("stage", "rank", "calls", "seconds", "share")
 WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
                "waiting", "idle", "idle share")
+RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share")
 PERIODS = {"set_up": "set-up", "iterations": "iterations"}
+_TABLES = ("stages", "workers", "ranks")
 _LEAST = 5e-3  # share from which a stage is worth a row
 
 Record = dict[str, dict[str, object]]
@@ -30,28 +32,33 @@ class Workload:
     ----------
     blackbox, watch : what is observed
     rank : of this process
+    waited : seconds it has waited for other ranks so far; they are part of its stages
     """
 
-    def __init__(self, blackbox: BlackBox, watch: Stopwatch, rank: int = 0):
-        self.blackbox, self.watch, self.rank = blackbox, watch, rank
+    def __init__(self, blackbox: BlackBox, watch: Stopwatch, rank: int = 0,
+                 waited: Callable[[], float] = lambda: 0.0):
+        self.blackbox, self.watch, self.rank, self.waited = blackbox, watch, rank, waited
         self.record: Record = {}
         self._note()
 
     def end(self, period: str) -> None:
         """Record what has happened since the last call under this name."""
         begin, seconds, calls, before = self._begin, self._seconds, self._calls, self._activity
+        waited = -self._waited
         self._note()
+        waited += self._waited
         wall = self._begin - begin
         stages = [{"rank": self.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
                    "seconds": spent, "share": spent / wall}
                   for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
         workers = [_row(self.rank, now.since(then)) for now, then in zip(self._activity, before)]
-        self.record[period] = {"seconds": wall, "stages": stages, "workers": workers}
+        ranks = [{"rank": self.rank, "seconds": wall, "waiting": waited, "share": waited / wall}]
+        self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
 
     def _note(self) -> None:
         self._begin = time.perf_counter()
         self._seconds, self._calls = dict(self.watch.seconds), dict(self.watch.calls)
-        self._activity = self.blackbox.activity()
+        self._activity, self._waited = self.blackbox.activity(), self.waited()
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
@@ -62,7 +69,7 @@ def _row(rank: int, spent: Activity) -> dict[str, object]:
 def joined(records: Sequence[Record]) -> Record:
     """The records of all ranks as one; a period lasts as long as on the slowest rank."""
     return {period: {"seconds": max(r[period]["seconds"] for r in records),
-                     **{table: [row for r in records for row in r[period][table]] for table in ("stages", "workers")}}
+                     **{table: [row for r in records for row in r[period][table]] for table in _TABLES}}
             for period in records[0]}
 
 
@@ -98,3 +105,10 @@ def worker_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
              f"{row['start'] + row['assemble'] + row['factorise']:.2f}",
              *(f"{max(row[name], 0.0):.2f}" for name in ("solve", "messages", "waiting", "idle")),
              f"{100 * row['idle_share']:.1f} %") for row in period["workers"]]
+
+
+def rank_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
+    """As ``RANK_HEAD``; none for a single rank."""
+    ranks = period.get("ranks") or ()
+    return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %")
+            for row in ranks] if len(ranks) > 1 else []
