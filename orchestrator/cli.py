@@ -29,15 +29,37 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
     """Solve a problem and write its results."""
     def action() -> int:
+        from .parallel.team import join
+
+        team = join()
+        try:
+            with team.together():
+                if team.rank:
+                    from .run import follow
+
+                    return follow(team)
+                return lead(team)
+        except BaseException as error:
+            if team.lost():
+                from .blackbox import workdir
+
+                workdir.sweep()  # what the lost ones left
+            if not team.speaks():
+                return CONVERGED
+            raise team.cause(error)
+
+    def lead(team) -> int:
         from .config import load_config, place
+        from .parallel.team import Elsewhere
 
         loaded = load_config(config, overrides or [])
         from .run import run as solve
 
         try:
-            return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet)
-        except InputError as error:
-            raise place(error, loaded) from error
+            return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team)
+        except (InputError, Elsewhere) as error:
+            cause = team.cause(error)
+            raise place(cause, loaded) if isinstance(cause, InputError) else error
 
     _guarded(action)
 

@@ -58,6 +58,9 @@ class InputError(OrchestratorError):
         self.problems = [problems] if isinstance(problems, Problem) else list(problems)
         super().__init__("\n".join(str(p) for p in self.problems))
 
+    def __reduce__(self):
+        return InputError, (self.problems,)  # errors travel between ranks
+
 
 @dataclass
 class Problems:
@@ -90,6 +93,7 @@ class BlackBoxError(OrchestratorError):
     def __init__(self, what: str, subdomain: str = "", exit_code_meaning: str = "", log_tail: str = ""):
         self.what, self.subdomain = what, subdomain
         self.exit_code_meaning, self.log_tail = exit_code_meaning, log_tail
+        self._given = what, subdomain, exit_code_meaning, log_tail
         parts = [what]
         if subdomain:
             parts.append(f"  subdomain: {subdomain}")
@@ -98,3 +102,6 @@ class BlackBoxError(OrchestratorError):
         if log_tail:
             parts.append("  log tail:\n" + "\n".join("    | " + row for row in log_tail.splitlines()))
         super().__init__("\n".join(parts))
+
+    def __reduce__(self):
+        return BlackBoxError, self._given

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.pool import default_workers
 from orchestrator.blackbox.registry import make_blackbox, spared
 from orchestrator.config import Config, Loaded
+from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
 from orchestrator.method.criteria import LawCriterion
 from orchestrator.method.events import Iteration
@@ -23,6 +23,8 @@ from orchestrator.method.reference import Reference, solve_reference
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.solver import Outcome, iterate
 from orchestrator.method.support import held_bodies
+from orchestrator.parallel.placement import owners
+from orchestrator.parallel.team import ALONE, Elsewhere, Team
 from orchestrator.results.cautions import cautions
 from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
 from orchestrator.results.discretisation import Estimate, Estimator
@@ -32,7 +34,8 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.progress import Progress
 from orchestrator.results.summary import memory_peak_mb, print_summary, versions, write_summary
-from orchestrator.results.workload import Workload
+from orchestrator.results.whole_states import whole_states
+from orchestrator.results.workload import Workload, codes_of_all, joined
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
@@ -71,7 +74,7 @@ class Solved:
 
 def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *, reference: bool = False,
           start: SavedState | None = None, watch: Stopwatch | None = None,
-          stage: Callable[[str], None] = lambda name: None) -> Solved:
+          stage: Callable[[str], None] = lambda name: None, team: Team = ALONE) -> Solved | None:
     """Solve a scene; nothing is written.
 
     Parameters
@@ -80,33 +83,41 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
     reference : also solve undecomposed, and follow the true error
     start : where an earlier run stood, to resume from
     stage : told what goes on before the first iteration
+    team : the ranks that solve it together; each calls this with the same scene, only rank 0 gets the solution,
+        and only its subscribers see whole states
 
     Raises
     ------
     InputError, BlackBoxError : see the rooms
     """
     watch = watch or Stopwatch()
-    workers = max(default_workers() if code.workers == "auto" else code.workers for code in config.codes)
+    share = max(1, int(team.cores()))
+    settings = [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in config.codes]
+    workers = max(code.workers for code in settings)
     exact = None
     if reference and any(i.law != "perfect" for i in scene.interfaces):
         raise InputError(Problem(("interfaces",), "--reference with interfaces that are not perfect",
                                  "perfect interfaces: the undecomposed solution has no other",
                                  "leave out --reference; judge by the law residuals in the summary"))
-    if reference:
+    if reference and team.rank == 0:
         stage("solving undecomposed")
-        with watch("reference"), make_blackbox(config.codes[0]) as whole:
+        with watch("reference"), make_blackbox(settings[0]) as whole:
             exact = solve_reference(scene, whole)
+    rank_of = owners_of(scene, team.size)
     with watch("soles"):
-        soles = make_soles(scene, config.method.sole, config.method.skip.congruent)
+        touched = [team.rank in rank_of[list(i.subdomains)] for i in scene.interfaces]
+        soles = make_soles(scene, config.method.sole, config.method.skip.congruent, touched)
     stage("assembling and factorising")
-    savings, cases = Savings(), load_cases(scene, config.method.skip)
-    savings.add(cases.switch, "load steps", cases.left_out)
+    savings, cases = Savings(), team.share(load_cases(scene, config.method.skip) if team.rank == 0 else None)
+    if team.rank == 0:
+        savings.add(cases.switch, "load steps", cases.left_out)
     with watch("start"):
-        used = sorted({s.code for s in scene.subdomains})
-        blackbox = spared(make_blackbox(config.codes, used), config.method.skip, workers, len(cases.chosen), savings)
+        near = {e for i, here in zip(scene.interfaces, touched) if here for e in i.subdomains}
+        used = sorted({s.code for s in scene.subdomains if rank_of[s.index] == team.rank or s.index in near})
+        blackbox = spared(make_blackbox(settings, used), config.method.skip, workers, len(cases.chosen), savings)
     with blackbox:
-        workload = Workload(blackbox, watch)
-        decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings)
+        workload = Workload(blackbox, watch, team.rank)
+        decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings, team, rank_of)
         estimator = cache(lambda: Estimator(scene))
         workload.end("set_up")
         solved = cases.part_of(decomposition)
@@ -117,38 +128,49 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
             nonlocal asked_for_reference
             before, asked = watch.seconds["reference"], blackbox.asked
             with watch("reference"):
-                error = exact.relative_error(cases.all_steps(recover(solved, fields, bound)[0]))
+                found = cases.all_steps(recover(solved, fields, bound)[0])
+                error = team.share(exact.relative_error(found) if exact else None)
             watch.seconds["bound"] -= watch.seconds["reference"] - before  # the loop measures it there too
             asked_for_reference += blackbox.asked - asked
             return error
 
         def estimate(view, fields, bound) -> float:
             own = delivered(view, bound, recover(view, fields, bound)[1])
+            if team.rank:
+                return team.share(None)
             # with contact, the steps left out are smaller than those they follow from
-            return estimator()([cases.all_steps(u) for u in own] if view.all_perfect else own).relative
+            return team.share(estimator()([cases.all_steps(u) for u in own] if view.all_perfect else own).relative)
 
-        earlier = (start.state, start.iteration, start.sweeps - decomposition.setup_sweeps) if start else ()
-        outcome = iterate(solved, config.method, subscribers, watch, *earlier,
-                          true_error=true_error if exact else None, estimate=estimate)
+        space = decomposition.space
+        earlier = ()
+        if start:
+            earlier = start.state[space.number], start.iteration, start.sweeps - decomposition.setup_sweeps
+        outcome = iterate(solved, config.method, whole_states(subscribers, space), watch, *earlier,
+                          true_error=true_error if reference else None, estimate=estimate)
         workload.end("iterations")
-        savings.add("frozen", "load steps of a linear stage", outcome.frozen)
+        if team.rank == 0:
+            savings.add("frozen", "load steps of a linear stage", outcome.frozen)
         with watch("linear_stage"):
             displacement, parts = recover(solved, outcome.fields, outcome.bound)
-            displacement, parts = cases.all_steps(displacement), [cases.all_steps(part) for part in parts]
+            displacement = cases.all_steps(displacement)
+            parts = [part if part is None else cases.all_steps(part) for part in parts]
             outcome = expanded(decomposition, outcome, cases)
         estimated = None
         if config.method.tolerance.error == "auto" or config.output.fields:
             with watch("bound"):
-                estimated = estimator()(delivered(decomposition, outcome.bound, parts))
+                whole = delivered(decomposition, outcome.bound, parts)
+                estimated = estimator()(whole) if team.rank == 0 else None
         own, opening = None, interface_fields(decomposition, outcome)
-        if opening is not None:
+        if not decomposition.all_perfect:
             displacement, own = sides(decomposition, outcome, parts)
         contact = _contact(scene, decomposition, config, outcome, opening)
         forces = reactions(decomposition, parts, outcome.fields.f)
-        clock, memory, version = blackbox.clock(), blackbox.memory_peak_mb(), blackbox.version()
-        codes, asked = blackbox.codes(), blackbox.asked - asked_for_reference
-        for entry, code in zip(codes, used):
-            entry["subdomains"] = [s.index for s in scene.subdomains if s.code == code]
+        spent = team.gather({"clock": blackbox.clock(), "memory": blackbox.memory_peak_mb() + memory_peak_mb(),
+                             "version": blackbox.version(), "codes": dict(zip(used, blackbox.codes())),
+                             "asked": blackbox.asked - asked_for_reference, "workload": workload.record,
+                             "workers": workers, "savings": savings})
+        if spent is None:
+            return None
     setup = decomposition.setup_sweeps
     last = outcome.last
     summary = {
@@ -163,19 +185,35 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         | contact.pop("law_residuals", {}),
         **size_of(scene), "energy": 0.5 * outcome.bound.energy, "reactions": forces,
         **contact, "warnings": cautions(scene, own or parts, opening, contact.get("detached", ())),
-        "timing": {"blackbox": clock}, "asking_seconds": asked, "codes": codes, "workload": workload.record,
-        "versions": versions(version), "workers": workers, "memory_peak_mb": memory_peak_mb() + memory,
-        "skipped": savings.table(), "config": config.complete(),
+        **everybodys(spent, scene), "ranks": team.size, "config": config.complete(),
     }
     return Solved(scene, outcome, displacement, parts, summary, exact, own, opening, estimated)
+
+
+def everybodys(spent: list[dict], scene: Scene) -> dict:
+    """The part of the summary that adds up what each rank has used."""
+    codes = codes_of_all([rank["codes"] for rank in spent])
+    for number, entry in codes.items():
+        entry["subdomains"] = [s.index for s in scene.subdomains if s.code == number]
+    clocks = [rank["clock"] for rank in spent]
+    return {
+        "timing": {"blackbox": {stage: sum(clock[stage] for clock in clocks) for stage in clocks[0]}},
+        "asking_seconds": max(rank["asked"] for rank in spent), "codes": list(codes.values()),
+        "versions": versions({name: version for rank in spent for name, version in rank["version"].items()}),
+        "workload": joined([rank["workload"] for rank in spent]), "workers": sum(rank["workers"] for rank in spent),
+        "memory_peak_mb": sum(rank["memory"] for rank in spent),
+        "skipped": sum((rank["savings"] for rank in spent), Savings()).table(),
+    }
 
 
 def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome: Outcome,
              interfaces: InterfaceFields | None) -> dict:
     """The part of the summary that speaks of interfaces that are not perfect; empty where all are."""
-    if interfaces is None:
+    if decomposition.all_perfect:
         return {}
     laws = LawCriterion(decomposition, config.method.tolerance).laws(outcome.fields, outcome.local)
+    if interfaces is None:
+        return {}
     detached, weakly_held = held_bodies(scene, interfaces)
     return {
         "law_residuals": {"law_residual": laws.largest, "interface_residual": laws.residual,
@@ -201,8 +239,8 @@ def size_of(scene: Scene) -> dict:
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
-        quiet: bool = False) -> int:
-    """Solve a configuration and write its results folder.
+        quiet: bool = False, team: Team = ALONE) -> int:
+    """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
 
     Returns
     -------
@@ -228,10 +266,11 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         checkpoint, last = Checkpoint(folder, key), LastEvent()
         with HistoryWriter(folder, saved.iteration if saved else None) as history:
             try:
+                team.share((config, scene, reference, saved))
                 solved = solve(config, scene, (history, checkpoint, progress, last), reference=reference,
-                               start=saved, watch=watch, stage=progress.stage)
-            except (OrchestratorError, KeyboardInterrupt) as error:
-                _write_remains(folder, config, scene, watch, checkpoint, last, error)
+                               start=saved, watch=watch, stage=progress.stage, team=team)
+            except (OrchestratorError, KeyboardInterrupt, Elsewhere) as error:
+                _write_remains(folder, config, scene, watch, checkpoint, last, team.cause(error))
                 raise
     finally:
         progress.close()
@@ -239,6 +278,29 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     if not quiet:
         print_summary(solved.summary, folder.path)
     return CONVERGED if solved.outcome.converged else NOT_CONVERGED
+
+
+def follow(team: Team) -> int:
+    """What the other ranks do: the same scene as rank 0, without a word. Returns 0; the exit code is rank 0's."""
+    config, scene, reference, start = team.share(None)
+    solve(config, scene, reference=reference, start=start, team=team)
+    return CONVERGED
+
+
+def owners_of(scene: Scene, ranks: int) -> np.ndarray:
+    """(subdomains,) int, the rank of each, by predicted cost and neighbourhood.
+
+    Raises
+    ------
+    InputError : more ranks than subdomains
+    """
+    count = len(scene.subdomains)
+    if ranks > count:
+        raise InputError(Problem(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
+                                 "at least one subdomain for every rank",
+                                 f"mpiexec -n {count} at most, or cut into more subdomains"))
+    costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
+    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks)
 
 
 class LastEvent:

@@ -15,6 +15,15 @@ class Savings:
             saved = self.counts.setdefault(switch, {})
             saved[what] = saved.get(what, 0) + int(count)
 
+    def __add__(self, other: "Savings") -> "Savings":
+        """What both saved, as of two ranks."""
+        total = Savings()
+        for part in (self, other):
+            for switch, saved in part.counts.items():
+                for what, count in saved.items():
+                    total.add(switch, what, count)
+        return total
+
     def table(self) -> list[dict[str, object]]:
         """As in summary.json: one entry per switch."""
         return [{"skip": switch, "saved": dict(saved)} for switch, saved in self.counts.items()]

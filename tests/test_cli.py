@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError, Problem
+from orchestrator.parallel.team import ALONE
 
 ROOT = Path(__file__).parents[1]
 BEAM = str(ROOT / "configs" / "traction_beam.yaml")
@@ -83,7 +84,8 @@ def test_run_hands_over_its_options_and_exit_code(room):
 
     room("orchestrator.run", run=run)
     assert call("run", BEAM, "--set", "method.tolerance.error=1e-8", "--output", "there", "--resume", "--quiet").exit_code == 1
-    assert seen == {"error": 1e-8, "output": Path("there"), "resume": True, "reference": False, "quiet": True}
+    assert seen == {"error": 1e-8, "output": Path("there"), "resume": True, "reference": False, "quiet": True,
+                    "team": ALONE}
 
 
 @pytest.mark.parametrize("error, code, words", [

@@ -56,10 +56,10 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
 
 
 def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tuple[int, int]]]:
-    """One model per different sole, with the (interface, side) it belongs to."""
+    """One model per different sole, with the (interface, side) it belongs to; interfaces without soles are left out."""
     models = []
     for interface, pair in zip(scene.interfaces, soles):
-        for side in (0,) if pair[0] is pair[1] else (0, 1):
+        for side in () if pair is None else (0,) if pair[0] is pair[1] else (0, 1):
             sole = pair[side]
             region, materials = _regions(np.column_stack([sole.young, sole.poisson]))
             nodes = np.vstack([scene.side_points(interface, side), sole.points])

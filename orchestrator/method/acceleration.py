@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.parallel.team import ALONE, Team
+
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
 
 
@@ -49,11 +51,12 @@ class ResidualMinimisation:
     weight : (D,) float, squared weights of the norm in which residuals are minimised
     memory : directions kept; None keeps all
     relaxation : β of the next evaluation
+    team : the ranks that share the state
     """
 
-    def __init__(self, weight: np.ndarray, memory: int | None, relaxation: float):
+    def __init__(self, weight: np.ndarray, memory: int | None, relaxation: float, team: Team = ALONE):
         self.root = np.sqrt(weight)[:, None]
-        self.memory, self.relaxation = memory, relaxation
+        self.memory, self.relaxation, self.team = memory, relaxation, team
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.r: np.ndarray | None = None
         self.point: list[np.ndarray] = []
@@ -74,17 +77,19 @@ class ResidualMinimisation:
         if self.r is None:
             self.r, self.point = r, point
         else:
-            scale = np.linalg.norm(self.r, axis=0)
             dr = r - self.r
             dp = [a - b for a, b in zip(point, self.point)]
-            size = np.linalg.norm(dr, axis=0)
+            scale, size = self.r, dr.copy()
             for _ in range(2):  # twice is enough
-                for q, p in self.directions:
-                    c = np.einsum("ij,ij->j", q, dr)
+                # all products at once: one message among the ranks
+                coefficients = self.team.sum(*(_dot(q, dr) for q, _ in self.directions))
+                for (q, p), c in zip(self.directions, coefficients):
                     dr -= q * c
                     for a, b in zip(dp, p):
                         a -= b * c
-            norm = np.linalg.norm(dr, axis=0)
+            norm, size, scale, along = self.team.sum(_dot(dr, dr), _dot(size, size), _dot(scale, scale),
+                                                     _dot(dr, self.r))
+            norm, size = np.sqrt(norm), np.sqrt(size)
             good = (norm > DEPENDENT * size) & (scale > 0)
             inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
             dr *= inverse
@@ -93,7 +98,7 @@ class ResidualMinimisation:
             self.directions.append((dr, dp))
             if self.memory is not None and len(self.directions) > self.memory:
                 self.directions.pop(0)
-            gamma = -np.einsum("ij,ij->j", dr, self.r)
+            gamma = -along * inverse
             self.r = self.r + dr * gamma
             self.point = [a + b * gamma for a, b in zip(self.point, dp)]
         return self.r / self.root, self.point[0], self.point[1:]
@@ -102,3 +107,7 @@ class ResidualMinimisation:
         """State to evaluate next."""
         return self.point[0] + self.relaxation * self.r / self.root
 
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(T,) products of the columns."""
+    return np.einsum("ij,ij->j", a, b)

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.parallel.team import ALONE, Team
+
 REGULARISATION = 1e-10
 FORGET = 2.0  # times the best residual
 
@@ -21,11 +23,12 @@ class Anderson:
     weight : (D,) float, squared weights of the norm
     memory : differences kept
     relaxation : β, the step along the residual
+    team : the ranks that share the state
     """
 
-    def __init__(self, weight: np.ndarray, memory: int, relaxation: float):
+    def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE):
         self.root = np.sqrt(weight)[:, None]
-        self.memory, self.relaxation = memory, relaxation
+        self.memory, self.relaxation, self.team = memory, relaxation, team
         self.ds: list[np.ndarray] = []
         self.dr: list[np.ndarray] = []
         self.gram = np.zeros((0, 0))
@@ -35,7 +38,7 @@ class Anderson:
     def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
         """Take in an evaluation; the best known point is the evaluation itself."""
         r = self.root * (s_new - s)
-        size = np.linalg.norm(r)
+        size = float(np.sqrt(self.team.sum(np.vdot(r, r))[0]))
         if size > FORGET * self.smallest:
             self.ds, self.dr, self.gram = [], [], np.zeros((0, 0))
             self.smallest = size
@@ -52,7 +55,7 @@ class Anderson:
             self.gram = self.gram[1:, 1:]
         self.ds.append(ds)
         self.dr.append(dr)
-        row = np.array([np.vdot(dr, other) for other in self.dr])
+        row, = self.team.sum(np.array([np.vdot(dr, other) for other in self.dr]))
         grown = np.empty((len(row), len(row)))
         grown[:-1, :-1] = self.gram
         grown[-1], grown[:, -1] = row, row
@@ -66,7 +69,7 @@ class Anderson:
             size[size == 0] = 1.0
             scaled = self.gram / np.outer(size, size)
             scaled[np.diag_indices_from(scaled)] += REGULARISATION
-            right = np.array([np.vdot(dr, self.r) for dr in self.dr]) / size
+            right = self.team.sum(np.array([np.vdot(dr, self.r) for dr in self.dr]))[0] / size
             gamma = np.linalg.solve(scaled, right) / size
             s = s - sum(g * d for g, d in zip(gamma, self.ds))
             r = r - sum(g * d for g, d in zip(gamma, self.dr))

@@ -27,8 +27,9 @@ import scipy.sparse.linalg as sla
 
 from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.loading import Loading
-from orchestrator.method.macro import both_sides
+from orchestrator.method.macro import both_sides, known_widths
 
+RIGID = 6
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more than this to b²
 MAX_STEPS = 30
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
@@ -71,39 +72,47 @@ class ErrorBound:
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
     external : (B, T) external nodal forces on the boundary dofs
+
+    Notes
+    -----
+    Among ranks, sums per subdomain and per interface are formed where these are. The coarse rigid repositioning,
+    six unknowns per floating subdomain, is solved on every rank: right for some thousands of them.
     """
 
     def __init__(self, stage: LinearStage, loading: Loading, stiffness: sp.csr_array,
                  modes: list[np.ndarray], external: np.ndarray):
         self.stage, self.space, self.loading = stage, stage.space, loading
+        self.team = team = self.space.team
         self.stiffness, self.external = stiffness, external
         self.k = stage.direction.k
         self.robin = sp.csr_array(self.space.scatter @ self.k @ self.space.scatter.T)
 
         self.weight = stiffness.diagonal()[:, None]
-        self.mean = self.space.class_mean
-        self.class_weight = self.mean @ self.weight
+        self.class_weight = self.space.class_sums(self.weight)
 
-        self.modes = sp.csr_array(sp.block_diag(modes, format="csr")) if modes else sp.csr_array((0, 0))
-        one = np.concatenate([a for a, _ in self.space.slots] or [np.empty(0, int)])
-        two = self.space.partner[one]
-        mode_traces = sp.csr_array(self.modes[self.space.gather]) if self.space.size else sp.csr_array((0, 0))
-        self.mode_jumps = sp.csr_array(mode_traces[one] - mode_traces[two]) if len(one) else mode_traces
+        self.modes, self.mode_traces = self._placed(modes)
+        one, two = (np.concatenate([slot[side] for slot in self.space.slots] or [np.empty(0, int)]) for side in (0, 1))
+        self.mode_jumps = sp.csr_array(self.mode_traces[one] - self.mode_traces[two])
         self.one, self.two = one, two
+        # what is summed over the interfaces is summed by the rank of their first side
+        self.mine = one < self.space.size
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
-        trace_weight = self.weight[self.space.gather, 0]
+        trace_weight, = self.space.extended(self.weight[self.space.gather])
         totals = np.array([[trace_weight[a].sum(), trace_weight[b].sum()] for a, b in self.space.slots]).reshape(-1, 2)
         total = np.maximum(totals.sum(axis=1), np.finfo(float).tiny)
         softness = np.repeat(2 * totals.min(axis=1) / total, [len(a) for a, _ in self.space.slots])
-        middle = (self.k + stage.direction.other) / 2
-        self.jump_weight = sp.csr_array(middle[one][:, one] @ sp.diags_array(softness))
-        self._reposition = _semidefinite_solver(self.mode_jumps.T @ self.jump_weight @ self.mode_jumps)
+        whole = stage.direction.whole
+        middle = (whole[one][:, one] + whole[two][:, two]) / 2
+        self.jump_weight = sp.csr_array(middle @ sp.diags_array(softness))
+        self.mode_forces = sp.csr_array((self.jump_weight @ self.mode_jumps)[self.mine])  # of my interfaces
+        coarse = sp.csr_array(self.mode_jumps[self.mine].T @ self.mode_forces)
+        self._reposition = _semidefinite_solver(sum(team.all_gather(coarse), sp.csr_array(coarse.shape)))
 
         # the stiffer side takes the larger share of a force imbalance: it costs less energy there
-        share = np.zeros(self.space.size)
+        share = np.zeros(len(self.space.owner))
         for (a, b), sides in zip(self.space.slots, totals / total[:, None]):
             share[a], share[b] = sides
-        self.share = share[:, None]
+        self.share = share[: self.space.size, None]
         self.weights: np.ndarray | None = None
         self._balance = None
 
@@ -123,6 +132,28 @@ class ErrorBound:
         wider.weights = np.abs(weights)
         return wider
 
+    def _placed(self, modes: list[np.ndarray]) -> tuple[sp.csr_array, sp.csr_array]:
+        """(B, modes of all ranks) the subdomains' rigid motions, and (D + G, modes) their traces."""
+        space = self.space
+        counts = np.zeros(space.subdomain_count)
+        counts[space.subdomains] = [m.shape[1] for m in modes]
+        counts, = self.team.sum(counts)
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        dense = np.zeros((len(space.global_dof), RIGID))
+        for part, mode in zip(space.boundary, modes):
+            dense[part, : mode.shape[1]] = mode
+        traces, = space.extended(dense[space.gather])
+        subdomain = np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary])
+        self.mode_part = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or
+                                        [np.empty(0, int)])
+
+        def sparse(values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
+            row, field = np.nonzero(values)
+            return sp.csr_array((values[row, field], (row, starts[owner[row]] + field)),
+                                shape=(len(values), starts[-1]))
+
+        return sparse(dense, subdomain), sparse(traces, space.owner)
+
     def __call__(self, fields: Admissible, complete: bool = True) -> Bound:
         """Evaluate the bound of a linear stage.
 
@@ -130,27 +161,29 @@ class ErrorBound:
         ----------
         complete : False leaves out b, and with it all back-substitutions
         """
-        jump = fields.w[self.two] - fields.w[self.one]
-        c = self._reposition(self.mode_jumps.T @ (self.jump_weight @ jump))
+        w, = self.space.extended(fields.w)
+        push, = self.team.sum(self.mode_forces.T @ (w[self.two] - w[self.one])[self.mine])
+        c = self._reposition(push)
         u = fields.u + self.modes @ c
-        delta = self.mean.T @ ((self.mean @ (self.weight * u)) / self.class_weight) - u
+        delta = (self.space.class_sums(self.weight * u) / self.class_weight)[self.space.label] - u
 
         forces = self.space.scatter @ fields.f
         robin = self.space.scatter @ self.stage.robin_force(fields.s, fields.alpha)
         a2 = np.sum(delta * (self.stiffness @ delta), axis=0)
         energy = self.loading.energy_of(robin, fields.u, forces)
-        energy = energy + 2 * np.sum(delta * (self.external + forces), axis=0) + a2
+        a2, energy = self.team.sum(a2, energy + 2 * np.sum(delta * (self.external + forces), axis=0) + a2)
         size = np.sqrt(max(energy.max(initial=0.0), 0.0))
         a = self._largest(a2)
         if not complete:
-            return Bound(np.nan, _relative(a, size), energy, c, delta, errors=self._each(a2, size))
+            return Bound(np.nan, _relative(a, size), energy, c[self.mode_part], delta, errors=self._each(a2, size))
 
-        change = -self.share * (fields.f + fields.f[self.space.partner])
+        change = -self.share * (fields.f + self.space.swapped(fields.f))
         self._add_local_stage_exchange(change, u)
         change, balanced = self._balanced(change)
         h = self.space.scatter @ change
         b2, sweeps = self._dual_energy(h)
-        squares = a2 + b2 - 2 * np.sum(delta * h, axis=0)
+        cross, = self.team.sum(np.sum(delta * h, axis=0))
+        squares, c = a2 + b2 - 2 * cross, c[self.mode_part]
         if not balanced:
             return Bound(np.inf, _relative(a, size), energy, c, delta, sweeps)
         gap = self._largest(squares)
@@ -171,10 +204,11 @@ class ErrorBound:
         Any such pair keeps f̃ balanced; this one brings û closer. The repositioning has made it free
         of resultants on floating subdomains, since both use the same weight.
         """
-        w = u[self.space.gather]
+        w, = self.space.extended(u[self.space.gather])
         exchanged = 0.5 * (self.jump_weight @ (w[self.two] - w[self.one]))
-        change[self.one] += exchanged
-        change[self.two] -= exchanged
+        second = self.two < self.space.size
+        change[self.one[self.mine]] += exchanged[self.mine]
+        change[self.two[second]] -= exchanged[second]
 
     def _dual_energy(self, h: np.ndarray) -> tuple[np.ndarray, int]:
         """(T,) hᵀS⁺h over all subdomains, by conjugate gradients preconditioned with N M⁻¹Nᵀ.
@@ -182,13 +216,13 @@ class ErrorBound:
         The iterates approach from below; the geometric tail of the steps is added, and for the
         tail's own error the accuracy that the steps are stopped at.
         """
-        if not h.any():
+        if not self.team.max(h.any())[0]:
             return np.zeros(h.shape[1]), 0
         starts = [s.start for s in self.space.boundary if s.stop > s.start]
         member = np.repeat(np.arange(len(starts)), [s.stop - s.start for s in self.space.boundary if s.stop > s.start])
 
         def dot(x, y):
-            return np.add.reduceat(x * y, starts, axis=0)
+            return np.add.reduceat(x * y, starts, axis=0) if starts else np.zeros((0, x.shape[1]))
 
         r, total, p, q, rz_old, steps = h.copy(), 0.0, None, None, None, []
         for sweeps in range(1, MAX_STEPS + 1):
@@ -202,15 +236,16 @@ class ErrorBound:
             sp_ = q - self.robin @ p
             alpha = _safe_ratio(rz, dot(p, sp_))
             step = alpha * rz
-            total = total + step
+            gained, = self.team.sum(step.sum(axis=0))  # over all subdomains, per load step
+            total = total + gained
             r = r - alpha[member] * sp_
             rz_old = rz
-            steps.append(float(np.sum(step)))
+            steps.append(float(gained.sum()))
             tail = _tail(steps)
             if max(steps[-1], tail) <= RELATIVE_TAIL * np.sum(total):
                 break
-        share = step.sum(axis=0) / max(steps[-1], np.finfo(float).tiny)
-        return (1 + RELATIVE_TAIL) * (np.sum(total, axis=0) + tail * share), sweeps
+        share = gained / max(steps[-1], np.finfo(float).tiny)
+        return (1 + RELATIVE_TAIL) * (total + tail * share), sweeps
 
     def _balanced(self, change: np.ndarray) -> tuple[np.ndarray, bool]:
         """Add self-balanced rigid force fields per interface so that no floating subdomain is pushed.
@@ -218,12 +253,12 @@ class ErrorBound:
         The macro problem has done it already where its basis holds the rigid motions; the
         mono-scale strategy leaves it to this one coarse problem, of least norm.
         """
-        resultant = self.modes.T @ (self.space.scatter @ change)
-        scale = np.abs(self.modes.T) @ (self.space.scatter @ np.abs(change))
+        resultant, scale = self.team.sum(self.modes.T @ (self.space.scatter @ change),
+                                         np.abs(self.modes.T) @ (self.space.scatter @ np.abs(change)))
         if not resultant.size or np.abs(resultant).max() <= UNBALANCED * max(scale.max(), np.finfo(float).tiny):
             return change, True
         if self._balance is None:
-            mode_traces = sp.csr_array(self.modes[self.space.gather])
+            mode_traces = self.mode_traces
             bases = []  # per interface: rigid motions of either side span the force fields
             for one, two in self.space.slots:
                 block = mode_traces[one] if mode_traces[one].nnz else mode_traces[two]
@@ -231,12 +266,13 @@ class ErrorBound:
                 local = block[:, np.flatnonzero(np.diff(block.indptr))].toarray()
                 left, s, _ = np.linalg.svd(local, full_matrices=False) if local.size else (local, np.zeros(0), None)
                 bases.append(left[:, s > 1e-10 * s.max(initial=0.0)])
-            spread = both_sides(self.space, bases, (1.0, -1.0))
-            work = sp.csr_array(mode_traces.T @ spread)
+            spread = both_sides(self.space, known_widths(bases, self.team), (1.0, -1.0))
+            work = sp.csr_array(mode_traces[: self.space.size].T @ spread)
+            work = sum(self.team.all_gather(work), sp.csr_array(work.shape))
             self._balance = spread, work, _semidefinite_solver(work @ work.T)
         spread, work, solve = self._balance
         change = change + spread @ (work.T @ solve(-resultant))
-        left = self.modes.T @ (self.space.scatter @ change)
+        left, = self.team.sum(self.modes.T @ (self.space.scatter @ change))
         return change, bool(np.abs(left).max() <= 1e-6 * max(np.abs(resultant).max(), np.finfo(float).tiny))
 
 

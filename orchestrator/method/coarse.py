@@ -60,6 +60,11 @@ class CoarseCorrection:
     ----------
     sweeps : back-substitutions per subdomain at set-up
     newton_steps : Newton steps taken so far
+
+    Notes
+    -----
+    Among ranks, what belongs to a body is formed by its rank, what belongs to an interface by the rank of its first
+    side. ρ is summed, every Newton matrix goes to rank 0, which solves for all: right for some thousands of bodies.
     """
 
     sweeps = FIELDS
@@ -68,21 +73,24 @@ class CoarseCorrection:
         self.stage, self.pairs = stage, pairs
         self.predict = ContactStage(stage.direction, pairs)
         space = stage.space
-        self.bodies = len(scene.subdomains)
-        ends = np.searchsorted(space.owner, np.arange(self.bodies + 1))
-        self.parts = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
+        self.team = space.team
+        self.bodies, self.own = len(scene.subdomains), space.subdomains
+        own = space.owner[: space.size]
+        self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in self.own]
         k = stage.direction.k
         U = self._orthonormal(self._fields(scene), k)
         V = k @ U
         self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
         W = space.trace(self.boundary_response)
         self.response = _Response(U, V, W, V - k @ W)
-        self.K0 = self._per_body(U, self.response.F)
+        K0 = self._per_body(U, self.response.F)
         dropped = np.array([~U[part].any(axis=0) for part in self.parts])
-        self.K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
+        K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
+        self.K0 = self._of_all(K0)
 
         one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
-        points, F = pairs.points, self.response.F
+        points = pairs.points
+        U, W, F = space.extended(U, W, self.response.F)
 
         def keq(x):  # (P, 3, 12)
             along = np.einsum("pif,pi->pf", x, points.normal)
@@ -94,10 +102,12 @@ class CoarseCorrection:
         self.L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
                                                 -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
         self.counts, self.ends = np.diff(pairs.bounds), 3 * pairs.bounds
-        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces]).T
+        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2).T
+        self.counted = np.flatnonzero(np.isin(self.firsts, self.own))  # interfaces that this rank adds up
         # a Newton matrix need not be more accurate than the step it is good for
         self.T_single, self.L_single = self.T.astype(np.float32), self.L.astype(np.float32)
-        self.pattern = BlockPattern(np.stack([self.firsts, self.seconds], axis=1), self.bodies, FIELDS)
+        ends = self.team.gather(np.stack([self.firsts, self.seconds], axis=1)[self.counted])
+        self.pattern = BlockPattern(np.concatenate(ends), self.bodies, FIELDS) if ends else None
         self.newton_steps = 0
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
@@ -119,17 +129,18 @@ class CoarseCorrection:
         """
         steps = fields.s.shape[1]
         if self.radius is None:
-            self.radius = REACH * max(np.abs(fields.w).max(initial=0.0), self.prescribed)
+            self.radius = REACH * max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
         y = np.zeros((steps, self.bodies, FIELDS))
-        resultant = np.stack([self._per_body_vector(fields.f[:, t]) for t in range(steps)])
+        resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous
+        w, f = self.stage.space.extended(fields.w, fields.f)
         for t in range(steps):
-            F0 = self.predict.predicted(fields.w[:, t], fields.f[:, t])
+            F0 = self.predict.predicted(w[:, t], f[:, t])
             y[t], F = self._solve(F0, resultant[t], previous)
             previous = self.predict.jump(F, self.pairs.force(F, previous).force)
         s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
         r = self.response
-        for e, (part, boundary) in enumerate(zip(self.parts, self.stage.space.boundary)):
+        for e, part, boundary in zip(self.own, self.parts, self.stage.space.boundary):
             change = y[:, e].T
             s[part] += r.V[part] @ change
             w[part] += r.W[part] @ change
@@ -153,7 +164,7 @@ class CoarseCorrection:
             self.newton_steps += 1
             if matrix is None:
                 matrix = self._matrix(F, previous)
-            dy = self._clipped(-self.pattern.solve(matrix, rho, delta))
+            dy = self._clipped(self.team.share(-self.pattern.solve(matrix, rho, delta) if self.pattern else None))
             dF = self._spread(dy)
             for theta in (1.0, 0.5, 0.25):
                 trial, F_new = y + theta * dy, F + theta * dF
@@ -172,37 +183,43 @@ class CoarseCorrection:
 
     def _clipped(self, dy: np.ndarray) -> np.ndarray:
         """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
-        move = np.array([np.abs(self.response.W[part] @ d).max(initial=0.0) for part, d in zip(self.parts, dy)])
+        move = self._of_all(np.array([np.abs(self.response.W[part] @ dy[e]).max(initial=0.0)
+                                      for e, part in zip(self.own, self.parts)]))
         return dy * (self.radius / np.maximum(move, self.radius))[:, None]
 
     def _residual(self, y: np.ndarray, F: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(bodies, 12) ρ, for F = F₀ + L y."""
         force = self.pairs.force(F, previous).force
-        rho = resultant + np.einsum("bij,bj->bi", self.K0, y)
-        flat, T = force.ravel(), self.T.reshape(-1, 2 * FIELDS)
-        sums = np.stack([flat[a:b] @ T[a:b] for a, b in zip(self.ends[:-1], self.ends[1:])])
-        np.subtract.at(rho, self.firsts, sums[:, :FIELDS])
-        np.subtract.at(rho, self.seconds, sums[:, FIELDS:])
-        return rho
+        flat, T, ends = force.ravel(), self.T.reshape(-1, 2 * FIELDS), self.ends
+        sums = np.array([flat[ends[i] : ends[i + 1]] @ T[ends[i] : ends[i + 1]] for i in self.counted])
+        sums = sums.reshape(-1, 2, FIELDS)
+        carried = np.zeros((self.bodies, FIELDS))
+        np.add.at(carried, self.firsts[self.counted], sums[:, 0])
+        np.add.at(carried, self.seconds[self.counted], sums[:, 1])
+        carried, = self.team.sum(carried)
+        return resultant + np.einsum("bij,bj->bi", self.K0, y) - carried
 
     def _spread(self, y: np.ndarray) -> np.ndarray:
         """(P, 3) L y."""
         both = np.concatenate([y[self.firsts], y[self.seconds]], axis=1)
         L = self.L.reshape(-1, 2 * FIELDS)
+        if not len(L):
+            return np.zeros((0, 3))
         return np.concatenate([L[a:b] @ v for a, b, v in zip(self.ends[:-1], self.ends[1:], both)]).reshape(-1, 3)
 
-    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """Values of K₀ − ΣTᵀA L, for ``pattern``; only pairs that carry a force contribute."""
+    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray | bool:
+        """Values of K₀ − ΣTᵀA L, for ``pattern``, where that is; only pairs that carry a force contribute."""
         answer = self.pairs.force(F, previous, derivative=True)
         active = answer.active
         T = self.T_single[active].reshape(-1, 2 * FIELDS)
         AL = (answer.derivative.astype(np.float32) @ self.L_single[active]).reshape(-1, 2 * FIELDS)
         ends = 3 * np.searchsorted(active, self.pairs.bounds)
-        blocks = np.zeros((len(ends) - 1, 2 * FIELDS, 2 * FIELDS), np.float32)
-        for i, (a, b) in enumerate(zip(ends[:-1], ends[1:])):
+        blocks = np.zeros((len(self.counted), 2 * FIELDS, 2 * FIELDS), np.float32)
+        for block, a, b in zip(blocks, ends[self.counted], ends[self.counted + 1]):
             if b > a:
-                np.matmul(T[a:b].T, AL[a:b], out=blocks[i])
-        return self.pattern.values(-blocks, self.K0)
+                np.matmul(T[a:b].T, AL[a:b], out=block)
+        everyone = self.team.gather(blocks)
+        return self.pattern.values(-np.concatenate(everyone), self.K0) if everyone else False
 
     def _fields(self, scene: Scene) -> np.ndarray:
         """(D, 12) affine fields of the owner's body; tied dofs stay at rest, so that contact pairs do all the work."""
@@ -225,15 +242,21 @@ class CoarseCorrection:
         return result
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
-        result = np.zeros((self.bodies, FIELDS, FIELDS))
+        """(own bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
+        result = np.zeros((len(self.own), FIELDS, FIELDS))
         for e, part in enumerate(self.parts):
             result[e] = a[part].T @ b[part]
         return result
 
-    def _per_body_vector(self, f: np.ndarray) -> np.ndarray:
-        """(bodies, 12) Uᵀf."""
-        return np.stack([self.response.U[part].T @ f[part] for part in self.parts])
+    def _resultants(self, f: np.ndarray) -> np.ndarray:
+        """(own bodies, T, 12) Uᵀf."""
+        return np.stack([f[part].T @ self.response.U[part] for part in self.parts])
+
+    def _of_all(self, own: np.ndarray) -> np.ndarray:
+        """(bodies, …) from what each rank knows of its own bodies."""
+        everything = np.zeros((self.bodies, *own.shape[1:]))
+        everything[self.own] = own
+        return self.team.sum(everything)[0]
 
 
 def _affine_fields(scene: Scene, space) -> np.ndarray:

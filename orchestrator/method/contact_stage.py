@@ -51,10 +51,10 @@ class ContactStage:
                 result[half] = scaled[pairs.free]
             return result
 
-        return conditioning(self.direction.k[mine][:, mine], root)
+        return conditioning(self.direction.whole[mine][:, mine], root)
 
     def predicted(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(P, 3) F from traces (D,) of one step."""
+        """(P, 3) F from traces (D + G,) of one step."""
         p = self.pairs
         half_jump = p.points.stiffness(p.gather(w, p.two) - p.gather(w, p.one))
         return np.where(p.free, 0.5 * (p.gather(f, p.one) - p.gather(f, p.two)) + half_jump, 0.0)
@@ -65,11 +65,14 @@ class ContactStage:
 
     def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
         """Local stage for the traces (D, T) of all steps."""
-        pairs, points, direction = self.pairs, self.pairs.points, self.direction
-        partner, free = direction.partner, pairs.free
+        pairs, points, direction, space = self.pairs, self.pairs.points, self.direction, self.direction.space
+        partner, free, own = space.partner, pairs.free, space.size
         steps = w.shape[1]
+        w, f = space.extended(w, f)
         s = direction.k @ w[partner] - f[partner]  # perfect interfaces; the others are replaced
-        w_hat = 0.5 * (w + w[partner])  # what perfect ones would tend to
+        w_hat, f_hat = np.zeros_like(w), np.zeros_like(f)  # of ghosts, only what the laws give
+        w_hat[:own] = 0.5 * (w[:own] + w[partner])  # what perfect ones would tend to
+        f_hat[:own] = 0.5 * (f[:own] - f[partner])
         force, jump = np.empty((steps, len(pairs), 3)), np.empty((steps, len(pairs), 3))
         status = np.empty((steps, len(pairs)), dtype=int)
         previous = self.previous
@@ -84,10 +87,11 @@ class ContactStage:
             w_hat[pairs.one[free], t] = first[free]
             w_hat[pairs.two[free], t] = (first + previous)[free]
         one, two, tied = pairs.one[free], pairs.two[free], pairs.tied
-        f_hat = 0.5 * (f - f[partner])  # likewise
         f_hat[one], f_hat[two] = force.transpose(1, 2, 0)[free], -force.transpose(1, 2, 0)[free]
         w_hat[tied] = pairs.targets
         f_hat[tied] = f[tied] - pairs.tie_stiffness[:, None] * (w[tied] - pairs.targets)
         mine = np.concatenate([one, two, tied])
+        mine = mine[mine < own]
+        w_hat, f_hat = w_hat[:own], f_hat[:own]
         s[mine] = (f_hat + direction.k @ w_hat)[mine]
-        return LocalState(s, (w_hat, f_hat), force, jump, status)
+        return LocalState(s, (w_hat, f_hat), force, jump, status, pairs.mine)

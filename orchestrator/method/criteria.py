@@ -33,7 +33,7 @@ import numpy as np
 from orchestrator.method.bound import Bound
 from orchestrator.method.local_state import LocalState
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.indicator import energy_residual, force_imbalance
+from orchestrator.method.indicator import Measures, energy_residual
 from orchestrator.method.law_residuals import LawResiduals, law_residuals
 from orchestrator.method.linear_stage import Admissible
 
@@ -83,11 +83,12 @@ class ErrorCriterion:
         self.ratio = 0.0
         self.done = np.zeros(d.steps, dtype=bool)
 
-    def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         bound = self.d.bound(fields, complete=False)
         if not self.by_error:
+            eta = measures().indicator
             return Verdict(eta <= self.value, eta, bound)
-        imbalance = force_imbalance(self.d.stage.direction, fields)
+        imbalance = measures().force_imbalance
         if bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value):
             bound = self.d.bound(fields)
             self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
@@ -112,25 +113,26 @@ class LawCriterion:
         # bodies move by their loads even where their interfaces do not
         self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
 
-    def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         laws, bound = self.laws(fields, local), self._delivered(fields)
-        measure = laws.largest if self.by_error else eta
+        measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
             measure = max(measure, energy_residual(self.d.stage.direction, fields, local, bound.energy))
         return Verdict(bool(measure <= self.value), measure, bound, laws)
 
     def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces."""
-        scale = max(np.abs(fields.u).max(initial=0.0), self.scale)
-        return law_residuals(self.d.local.pairs, fields.w, fields.f, local, scale, self.d.local.previous)
+        stage, space = self.d.local, self.d.space
+        w, f = space.extended(fields.w, fields.f)
+        moved, = space.team.max(np.abs(fields.u).max(initial=0.0))
+        return law_residuals(stage.pairs, w, f, local, max(moved, self.scale), stage.previous, space.team)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
         space, d = self.d.space, self.d
-        mean = space.class_mean
-        delta = mean.T @ ((mean @ fields.u) / np.asarray(mean.sum(axis=1)).reshape(-1, 1)) - fields.u
-        energy = d.loading.energy_of(space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u,
-                                     space.scatter @ fields.f)
+        delta = (space.class_sums(fields.u) / space.class_sums(np.ones((len(fields.u), 1))))[space.label] - fields.u
+        energy, = space.team.sum(d.loading.energy_of(
+            space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u, space.scatter @ fields.f))
         modes = sum(m.shape[1] for m in d.modes)
         return Bound(math.nan, math.nan, energy, np.zeros((modes, fields.u.shape[1])), delta)
 
@@ -158,8 +160,8 @@ class AutoCriterion:
         """The tolerance as it is now."""
         return self.inner.value
 
-    def __call__(self, fields: Admissible, local: LocalState, eta: float) -> Verdict:
-        verdict = self.inner(fields, local, eta)
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
+        verdict = self.inner(fields, local, measures)
         if not verdict.met:
             return verdict
         self.discretisation_error = self.estimate(fields, verdict.bound)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.extended import extended_model, sides_of
+from orchestrator.blackbox.extended import boundary_dofs, extended_model, sides_of
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.bound import ErrorBound
 from orchestrator.method.coarse import CoarseCorrection
@@ -22,10 +22,11 @@ from orchestrator.method.pairs import make_pairs
 from orchestrator.method.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.soft_modes import enriched, soft_modes
 from orchestrator.method.traces import TraceSpace
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.savings import Savings
 from orchestrator.scene.congruence import first_alike, same_shape
 from orchestrator.scene.hardness import hardness
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.rigid import rigid_modes
 from orchestrator.scene.soles import Sole
 from orchestrator.timing import Stopwatch
@@ -37,6 +38,7 @@ class Decomposition:
 
     Parameters
     ----------
+    space : numbering, of this rank's part; all lists per subdomain are of its ``subdomains``
     traces : per subdomain (t,) its boundary dofs in local numbering
     node_counts : per subdomain, nodes of its extended mesh
     modes : per subdomain (3n_E, r) rigid motions that its prescribed dofs leave
@@ -63,6 +65,11 @@ class Decomposition:
     def all_perfect(self) -> bool:
         """Whether there is no interface but perfect ones."""
         return self.bound is not None
+
+    @property
+    def own(self) -> list[Subdomain]:
+        """The subdomains of this rank."""
+        return [self.scene.subdomains[e] for e in self.space.subdomains]
 
     @property
     def steps(self) -> int:
@@ -96,7 +103,8 @@ class Decomposition:
 
 
 def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int,
-            watch: Stopwatch, savings: Savings | None = None) -> Decomposition:
+            watch: Stopwatch, savings: Savings | None = None, team: Team = ALONE,
+            rank_of: np.ndarray | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
     Parameters
@@ -105,6 +113,8 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     method : ``method`` of the configuration
     workers : number of packets small requests are joined in
     savings : where it is noted what need not be done
+    team, rank_of : the ranks and, per subdomain, which of them owns it; each prepares its own, and both sides of
+        their interfaces
 
     Raises
     ------
@@ -113,9 +123,11 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     """
     savings, share = savings or Savings(), method.skip.congruent
     sides = [sides_of(scene, s.index) for s in scene.subdomains]
-    models = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
+    space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, sides[s.index]) for s in scene.subdomains])
+    space = space.part(rank_of, team)
+    own = [scene.subdomains[e] for e in space.subdomains]
+    models = [extended_model(scene, s, sides[s.index], soles) for s in own]
     traces = [m.trace for m in models]
-    space = TraceSpace.of(scene, sides, traces)
     all_perfect = all(space.perfect)
     with watch("load"):
         blackbox.load(models)
@@ -123,32 +135,33 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
         # stiffness on interfaces is needed for the error bound and for ties; reactions always need the supports'
         whole = all_perfect or space.ties is not None
-        rims = assemble_rims(scene, sides if whole else [[] for _ in sides], blackbox, workers, share, savings)
+        rims = assemble_rims(scene, own, sides if whole else [[] for _ in sides], blackbox, workers, share,
+                             savings)
         stiffness = boundary_stiffness(space, traces, rims) if whole else None
         if space.ties is not None:
             space.ties.stiffen(stiffness.diagonal()[space.gather])
     with watch("linear_stage"):
-        loading = apply_loads(scene, space, models, traces, rims, blackbox)
+        loading = apply_loads(own, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
     with watch("macro"):
         macro = _macro(scene, space, direction, method, blackbox)
         stage = LinearStage(space, direction, macro, loading.boundary, blackbox)
         sweeps += (macro.sweeps if macro else 0) / scene.steps
-    modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in scene.subdomains]
+    modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
     bound = coarse = None
     if all_perfect:
         local = PerfectInterfaces(direction, method.search_direction.kplus)
         with watch("bound"):
-            external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(scene.subdomains, traces)])
+            external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(own, traces)])
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
         lawful = [i for i in scene.interfaces if i.law != "perfect"]
-        pairs = make_pairs(scene, space, direction.k, lawful)
+        pairs = make_pairs(scene, space, direction.whole, lawful)
         local = ContactStage(direction, pairs)
         if method.coarse != "none":
             with watch("macro"):
                 if len(lawful) < len(scene.interfaces):
-                    pairs = make_pairs(scene, space, direction.k, scene.interfaces)
+                    pairs = make_pairs(scene, space, direction.whole, scene.interfaces)
                 coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
@@ -176,7 +189,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     if kind in ("auto", "modes"):
         stubborn = hardness(scene).stubborn if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
         modes, spent = soft_modes(space, direction.k, blackbox, stubborn)
-        bases = enriched(space, direction.k, bases, modes)
+        bases = enriched(space, direction.whole, bases, modes)
     macro = Macro(space, direction, bases, method.macro.strategy, blackbox)
     macro.sweeps += spent
     return macro

@@ -93,11 +93,11 @@ def _key(name: str) -> str:
 
 
 def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | None:
-    """Fields of the interfaces that are not perfect; None where all are."""
+    """Fields of the interfaces that are not perfect, on rank 0; None elsewhere, and where all are."""
     if d.all_perfect:
         return None
     pairs, steps = d.local.pairs, d.scene.steps
-    chosen = sorted(pairs.interfaces, key=lambda i: i.index)
+    chosen = [i for i in d.scene.interfaces if i.law != "perfect"]
     corners = [i.corners for i in chosen]  # mid-edge nodes are tied to them
     offsets = np.cumsum([0] + [len(c) for c in corners])
     place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
@@ -108,11 +108,17 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
-    w, f = outcome.fields.w, outcome.fields.f
+    w, f = d.space.extended(outcome.fields.w, outcome.fields.f)
+    jumps, forces = np.zeros((2, steps, len(pairs), 3))
     for t in range(steps):
-        jump[t, place] = pairs.gather(w[:, t], pairs.two) - pairs.gather(w[:, t], pairs.one)
-        force[t, place] = 0.5 * (pairs.gather(f[:, t], pairs.one) - pairs.gather(f[:, t], pairs.two))
-    status[:, place] = outcome.local.status
+        jumps[t] = pairs.gather(w[:, t], pairs.two) - pairs.gather(w[:, t], pairs.one)
+        forces[t] = 0.5 * (pairs.gather(f[:, t], pairs.one) - pairs.gather(f[:, t], pairs.two))
+    mine = pairs.mine
+    parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], outcome.local.status[:, mine]))
+    if parts is None:
+        return None
+    for place, jumps, forces, kinds in parts:
+        jump[:, place], force[:, place], status[:, place] = jumps, forces, kinds
     opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force))
     traction = (force - push[:, :, None] * normal) / area[:, None]
     resultant = np.stack([force[:, a:b].sum(axis=1) for a, b in zip(offsets[:-1], offsets[1:])], axis=1)
@@ -128,7 +134,8 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
     """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed."""
-    return np.concatenate([start[i.index] + np.flatnonzero(i.free[i.corners].any(axis=1)) for i in interfaces])
+    places = [start[i.index] + np.flatnonzero(i.free[i.corners].any(axis=1)) for i in interfaces]
+    return np.concatenate(places) if places else np.zeros(0, int)
 
 
 def sides(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -147,6 +154,7 @@ def sides(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[
     copies = np.zeros(len(d.scene.mesh.nodes))
     result = delivered(d, outcome.bound, parts)
     for s, own in zip(d.scene.subdomains, result):
-        total[:, s.nodes] += own
-        copies[s.nodes] += 1
+        if own is not None:
+            total[:, s.nodes] += own
+            copies[s.nodes] += 1
     return total / np.maximum(copies, 1)[:, None], result

@@ -23,6 +23,7 @@ import numpy as np
 from orchestrator.method.local_state import LocalState
 from orchestrator.method.laws.points import SLIP
 from orchestrator.method.pairs import Pairs
+from orchestrator.parallel.team import ALONE, Team
 
 # Forces are differences of k w: below this share of it they count as none, as where all contacts are open.
 REST = 1e-4
@@ -46,13 +47,14 @@ class LawResiduals:
 
 
 def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, scale: float,
-                  first_previous: np.ndarray) -> LawResiduals:
-    """Measure traces (D, T) of the linear stage against the local stage.
+                  first_previous: np.ndarray, team: Team = ALONE) -> LawResiduals:
+    """Measure traces (D + G, T) of the linear stage against the local stage.
 
     Parameters
     ----------
     scale : largest displacement of the structure, at least on its interfaces
     first_previous : (P, 3) jump before the first step
+    team : the ranks over which to sum and to take the largest
     """
     points, contact = pairs.points, np.zeros(len(pairs), bool)
     for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
@@ -63,12 +65,13 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     for t in range(w.shape[1]):
         f1, f2 = pairs.gather(f[:, t], pairs.one), pairs.gather(f[:, t], pairs.two)
         gap1, gap2 = f1 - local.force[t], f2 + local.force[t]
-        top += _norm2(points, gap1) + _norm2(points, gap2)
-        bottom += _norm2(points, f1) + _norm2(points, f2)
-        unbalanced += _norm2(points, f1 + f2)
+        mine = pairs.mine[:, None]  # pairs between ranks are summed once
+        top += _norm2(points, gap1 * mine) + _norm2(points, gap2 * mine)
+        bottom += _norm2(points, f1 * mine) + _norm2(points, f2 * mine)
+        unbalanced += _norm2(points, (f1 + f2) * mine)
 
         w1, w2 = pairs.gather(w[:, t], pairs.one), pairs.gather(w[:, t], pairs.two)
-        moved += float(np.sum(w1 * points.stiffness(w1)) + np.sum(w2 * points.stiffness(w2)))
+        moved += float(np.sum(mine * w1 * points.stiffness(w1)) + np.sum(mine * w2 * points.stiffness(w2)))
         reach = max(reach, (points.stiff_n * np.abs(w1 + w2).max(axis=1) / pairs.area)[contact].max(initial=0.0))
         d = w2 - w1
         carried = 0.5 * (f1 - f2)
@@ -88,6 +91,9 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     tied, weight = pairs.tied, 1 / pairs.tie_stiffness[:, None]
     if len(tied):
         top += float(np.sum(weight * (f[tied] - local.hats[1][tied]) ** 2))
+    top, bottom, unbalanced, moved = (float(x) for x in team.sum(top, bottom, unbalanced, moved))
+    reach, pressure, penetration, tension, cone, direction = team.max(
+        reach, pressure, penetration, tension, cone, direction)
     bottom = max(bottom, REST**2 * moved)
     pressure = max(pressure, REST * reach) or 1.0
     scale = scale or 1.0

@@ -144,7 +144,7 @@ def expanded(d: Decomposition, outcome: Outcome, cases: LoadCases) -> Outcome:
         status = local.status[weights.argmax(axis=0)]  # of the step that each one is a multiple of
         status[~weights.any(axis=0)] = np.where(status[:1] == BONDED, BONDED, OPEN)  # unloaded: nothing presses
         everything = LocalState(local.s @ weights, tuple(h @ weights for h in local.hats),
-                                cases.all_steps(local.force), cases.all_steps(local.jump), status)
+                                cases.all_steps(local.force), cases.all_steps(local.jump), status, local.mine)
         bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, bound.repositioned @ weights,
                       bound.correction @ weights)
     return replace(outcome, fields=fields, local=everything, bound=bound)

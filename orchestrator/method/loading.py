@@ -16,7 +16,7 @@ from orchestrator.blackbox.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.traces import TraceSpace
 from orchestrator.savings import Savings
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass
@@ -38,10 +38,10 @@ class RimStiffness:
         return (3 * self.nodes[:, None] + np.arange(3)).ravel()
 
 
-def assemble_rims(scene: Scene, sides, blackbox: BlackBox, workers: int, share: bool,
+def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox, workers: int, share: bool,
                   savings: Savings) -> list[RimStiffness]:
-    """Rim stiffness of every subdomain, assembled by the black box; congruent rims once if they ``share``."""
-    rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in scene.subdomains]
+    """Rim stiffness of a rank's own subdomains, assembled by the black box; congruent rims once if they ``share``."""
+    rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in own]
     filled = [r for r in rims if len(r.model.cells)]
     stiffness = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
     return [RimStiffness(next(stiffness) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes)
@@ -100,14 +100,14 @@ class Loading:
         return self.energy + np.sum(self.working * robin, axis=0) + np.sum(u * forces, axis=0)
 
 
-def apply_loads(scene: Scene, space: TraceSpace, models: list[Model], traces: list[np.ndarray],
+def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], traces: list[np.ndarray],
                 rims: list[RimStiffness], blackbox: BlackBox) -> Loading:
     """Solve the extended subdomains under the loads alone, all load steps at once."""
-    steps = scene.steps
+    steps = own[0].loads.shape[0]
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
-    lifted_any = any(s.prescribed.any() for s in scene.subdomains)
+    lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
     working_forces = []
-    for s, rim, model in zip(scene.subdomains, rims, models):
+    for e, (s, rim, model) in enumerate(zip(own, rims, models)):
         external = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
         lift = np.where(s.fixed, s.prescribed, 0.0).reshape(steps, -1)
         reaction = np.zeros_like(lift)
@@ -122,7 +122,7 @@ def apply_loads(scene: Scene, space: TraceSpace, models: list[Model], traces: li
         if columns.any():
             padded = np.zeros((len(columns), 3 * len(model.nodes)))
             padded[:, : columns.shape[1]] = columns
-            requests[s.index] = padded
+            requests[e] = padded
     answers = blackbox.fields(requests)
     boundary = np.zeros((len(space.global_dof), steps))
     working = np.zeros_like(boundary)

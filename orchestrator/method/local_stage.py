@@ -33,28 +33,27 @@ class PerfectInterfaces:
     def __init__(self, direction: SearchDirection, kplus: str):
         self.direction, self.kplus = direction, kplus
         if kplus == "exchange":
-            self.k = direction.other
+            self.k, self.k_other = direction.other, direction.k
         elif kplus == "full":
-            self.k = direction.k
+            self.k, self.k_other = direction.k, direction.other
         else:
-            self.k = sp.csr_array(sp.diags_array(direction.diagonal))
+            self.k, self.k_other = (sp.csr_array(sp.diags_array(k.diagonal())) for k in (direction.k, direction.other))
         self._sum_solve = None
 
     def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
         """Next state s = f̂ + k⁻ŵ from the traces (D, T) of the linear stage."""
         if self.kplus == "exchange":
-            p = self.direction.partner
-            return LocalState(self.direction.k @ w[p] - f[p])
+            # the neighbour forms k w' − f', with our k: one message brings it
+            return LocalState(self.direction.space.swapped(self.k @ w - f))
         w_hat, f_hat = self.hats(w, f)
         return LocalState(f_hat + self.direction.k @ w_hat, (w_hat, f_hat))
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (D, T)."""
-        p = self.direction.partner
         if self._sum_solve is None:
-            self._sum_solve = factorised(sp.csr_array(self.k + self.k[p][:, p]))
+            self._sum_solve = factorised(sp.csr_array(self.k + self.k_other))
         kw = self.k @ w - f
-        w_hat = self._sum_solve(kw + kw[p])
+        w_hat = self._sum_solve(kw + self.direction.space.swapped(kw))
         return w_hat, f - self.k @ (w - w_hat)
 
     def conditioning(self) -> tuple[float, float]:
@@ -66,7 +65,7 @@ class PerfectInterfaces:
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
-        p, k = self.direction.partner, self.direction.diagonal[:, None]
+        k, theirs = self.direction.diagonal[:, None], self.direction.other.diagonal()[:, None]
         kw = k * w - f
-        w_hat = (kw + kw[p]) / (k + k[p])
+        w_hat = (kw + self.direction.space.swapped(kw)) / (k + theirs)
         return w_hat, f - k * (w - w_hat)

@@ -20,6 +20,7 @@ class LocalState:
     force : (T, P, 3) f̂ on side 1 of each pair that is not perfect
     jump : (T, P, 3) its jump d
     status : (T, P) OPEN, STICK, SLIP, BONDED
+    mine : (P,) bool, pairs that this rank counts; those on interfaces between ranks are on both
     """
 
     s: np.ndarray
@@ -27,10 +28,11 @@ class LocalState:
     force: np.ndarray | None = None
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
+    mine: np.ndarray | None = None
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Pairs that are open, stick and slip, summed over the steps."""
+        """This rank's pairs that are open, stick and slip, summed over the steps."""
         if self.status is None:
             return 0, 0, 0
-        return tuple(int((self.status == kind).sum()) for kind in (OPEN, STICK, SLIP))
+        return tuple(int((self.status == kind)[:, self.mine].sum()) for kind in (OPEN, STICK, SLIP))

@@ -1,5 +1,8 @@
 """Macro problems: what makes the linear stage global (paper, section 4).
 
+Its matrix and its solution are on every rank; ranks add up their parts of both sides. That is right for some
+thousands of subdomains, beyond which the macro problem would have to be decomposed in its turn.
+
 Both strategies end in the same algebra. With G the macro forces on all trace dofs, the linear
 stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹NᵀG, and the multiplier α is set by
 
@@ -18,6 +21,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.search_direction import SearchDirection, factorised
 from orchestrator.method.traces import TraceSpace
+from orchestrator.parallel.team import Team
 
 
 class Macro:
@@ -66,16 +70,19 @@ class Macro:
                 requests[e] = np.ascontiguousarray(blocks[-1].T)
         answers = blackbox.traces(requests)
         self.V = [answers[e].T.copy() if e in answers else np.zeros((b.shape[0], 0)) for e, b in enumerate(blocks)]
-        self.sweeps = float(np.mean([len(s) for s in self.sees])) if self.sees else 0.0
+        solved, count = space.team.sum(sum(len(s) for s in self.sees), len(self.sees))
+        self.sweeps = float(solved / count) if count else 0.0
 
         compliance = _assembled([(s, b.T @ v) for s, b, v in zip(self.sees, blocks, self.V)], self.size)
         matrix = compliance if strategy == "continuity" else sp.csr_array(C.T @ self.G) - compliance
+        matrix = sum(space.team.all_gather(sp.csr_array(matrix)), sp.csr_array(matrix.shape))
         self.matrix = sp.csr_array((matrix + matrix.T) / 2)
         self._solve = _positive_definite_solver(self.matrix)
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(size, columns) α from the traces (D, columns) of the uncorrected stage."""
-        return self._solve(self.C.T @ f if self.strategy == "equilibrium" else self.G.T @ w)
+        right, = self.space.team.sum(self.C.T @ f if self.strategy == "equilibrium" else self.G.T @ w)
+        return self._solve(right)
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
         """(B, columns) boundary values of V α."""
@@ -91,15 +98,24 @@ def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, f
     for slots, basis in zip(space.slots, bases):
         number = np.arange(start, start + basis.shape[1])
         for slot, sign in zip(slots, signs):
-            rows.append(np.repeat(slot, len(number)))
-            columns.append(np.tile(number, len(slot)))
-            values.append(sign * basis.ravel())
+            mine = np.flatnonzero(slot < space.size)
+            rows.append(np.repeat(slot[mine], len(number)))
+            columns.append(np.tile(number, len(mine)))
+            values.append(sign * basis[mine].ravel())
         start += len(number)
     if not rows:
         return sp.csr_array((space.size, 0))
     both = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
                         shape=(space.size, start))
     return both if space.ties is None else sp.csr_array(space.ties.change @ both)
+
+
+def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
+    """The bases, those of interfaces of other ranks empty, but with as many columns as they have there."""
+    if team.size == 1:
+        return bases
+    widths = team.max(*(b.shape[1] for b in bases))
+    return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]
 
 
 def _assembled(blocks: list[tuple[np.ndarray, np.ndarray]], size: int) -> sp.csr_array:

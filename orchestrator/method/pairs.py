@@ -30,11 +30,13 @@ class Pairs:
     ----------
     interfaces : the interfaces, in order
     bounds : (interfaces + 1,) int, where each one's pairs start
-    one, two : (P, 3) int, trace dofs of the pair on side 1 and 2; 0 where prescribed
+    one, two : (P, 3) int, trace dofs (ghosts included) of the pair on side 1 and 2; 0 where prescribed
     free : (P, 3) bool, whether the trace dof exists
     points : geometry, search direction and law parameters
     area : (P,) share of the interface's area
-    tied : (q,) int, trace dofs that follow the pairs' (see ``ties``), with targets (q, T) and k⁺ tie_stiffness (q,)
+    mine : (P,) bool, pairs of interfaces whose first side is on this rank
+    tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (q, T) and k⁺
+        tie_stiffness (q,)
     """
 
     interfaces: list[Interface]
@@ -44,6 +46,7 @@ class Pairs:
     free: np.ndarray
     points: Points
     area: np.ndarray
+    mine: np.ndarray
     tied: np.ndarray
     targets: np.ndarray
     tie_stiffness: np.ndarray
@@ -54,6 +57,8 @@ class Pairs:
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (P, 3), each interface by its own law."""
         parts = [(part, LAWS[law](points, F[part], previous[part], derivative)) for law, part, points in self._runs]
+        if not parts:
+            return _nothing(derivative)
         if len(parts) == 1 and self._all_free:
             return parts[0][1]
         force = np.where(self.free, np.concatenate([a.force for _, a in parts]), 0.0)
@@ -66,7 +71,7 @@ class Pairs:
         return answer
 
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """(P, 3) of a trace vector (D,) on one side; zero where prescribed."""
+        """(P, 3) of a trace vector (D + G,) on one side; zero where prescribed."""
         return np.where(self.free, x[side], 0.0)
 
     def batch(self, steps) -> Pairs:
@@ -89,6 +94,14 @@ class Pairs:
         return runs
 
 
+def _nothing(derivative: bool) -> Answer:
+    """The answer of no pairs."""
+    answer = Answer(np.zeros((0, 3)), np.zeros(0, int))
+    if derivative:
+        answer.active, answer.derivative = np.zeros(0, int), np.zeros((0, 3, 3))
+    return answer
+
+
 def part_of(points: Points, part: slice) -> Points:
     """The points of one run."""
     return Points(points.normal[part], points.stiff_n[part], points.stiff_t[part], points.gap[part],
@@ -96,8 +109,14 @@ def part_of(points: Points, part: slice) -> Points:
 
 
 def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[Interface]) -> Pairs:
-    """Pairs of the wanted interfaces, ordered by law."""
-    wanted = sorted(wanted, key=lambda i: (i.law, i.index))
+    """Pairs of the wanted interfaces that a rank touches, ordered by law.
+
+    Parameters
+    ----------
+    k : (D + G, D + G) search direction k⁻, ghosts included
+    """
+    here = set(space.subdomains)
+    wanted = sorted((i for i in wanted if here.intersection(i.subdomains)), key=lambda i: (i.law, i.index))
     one, two, free, normal, area, gap, friction, jump = ([] for _ in range(8))
     for i in wanted:
         sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
@@ -118,18 +137,21 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
         friction.append((i.friction / length)[mobile])
         jump.append(np.broadcast_to(i.jump if i.jump is not None else np.zeros(3), (n, 3)))
     bounds = np.cumsum([0] + [len(x) for x in area])
-    one, two, free, normal = (np.concatenate(x) for x in (one, two, free, normal))
+    mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
+    none = np.zeros((0, 3))  # a rank may have no such interface
+    one, two, free, normal, jump = (np.concatenate([none.astype(t), *x]) for x, t in (
+        (one, int), (two, int), (free, bool), (normal, float), (jump, float)))
+    area, gap, friction = (np.concatenate([none[:, 0], *x]) for x in (area, gap, friction))
     blocks = 0.5 * (_node_blocks(k, one, free) + _node_blocks(k, two, free))
     # a missing component takes the mean of the others
     trace = np.trace(blocks, axis1=1, axis2=2) * 3 / np.maximum(free.sum(axis=1), 1)
     stiff_n = np.einsum("pi,pij,pj->p", normal, blocks, normal)
     stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
     stiff_t = (trace - stiff_n) / 2
-    points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate(gap), np.concatenate(friction),
-                    np.concatenate(jump))
+    points = Points(normal, stiff_n / 2, stiff_t / 2, gap, friction, jump)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((0, scene.steps)), np.empty(0))
-    return Pairs(wanted, bounds, one, two, free, points, np.concatenate(area), *ties)
+    return Pairs(wanted, bounds, one, two, free, points, area, mine, *ties)
 
 
 def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:

@@ -14,8 +14,9 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
 
     Returns
     -------
-    displacement : (T, n, 3) u_D on the nodes of the input mesh, continuous over perfect interfaces
-    parts : per subdomain (T, n_E, 3), in equilibrium with their interface forces
+    displacement : (T, n, 3) u_D on the nodes of the input mesh, continuous over perfect interfaces; on rank 0
+    parts : per subdomain of the scene (T, n_E, 3), in equilibrium with their interface forces; on rank 0 all, on
+        the others their own, None for the rest
 
     Notes
     -----
@@ -31,9 +32,8 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
         if full.any():
             requests[e] = full
     answers = d.blackbox.fields(requests)
-    displacement = np.zeros((steps, len(scene.mesh.nodes), 3))
-    parts, mode = [], 0
-    for e, s in enumerate(scene.subdomains):
+    parts, continuous, mode = [], [], 0
+    for e, s in enumerate(d.own):
         size = 3 * len(s.nodes)
         u = d.loading.lift[e] + (answers[e][:, :size] if e in answers else 0.0)
         count = d.modes[e].shape[1]
@@ -41,23 +41,38 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
         mode += count
         parts.append(u.reshape(steps, -1, 3).copy())
         u[:, d.traces[e]] += bound.correction[d.space.boundary[e]].T
-        displacement[:, s.nodes] = u.reshape(steps, -1, 3)
+        continuous.append(u.reshape(steps, -1, 3))
+    parts, continuous = gathered(d, parts), gathered(d, continuous)
+    displacement = np.zeros((steps, len(scene.mesh.nodes), 3))
+    for s, u in zip(scene.subdomains, continuous):
+        if u is not None:
+            displacement[:, s.nodes] = u
     return displacement, parts
 
 
-def delivered(d: Decomposition, bound: Bound, parts: list[np.ndarray]) -> list[np.ndarray]:
+def delivered(d: Decomposition, bound: Bound, parts: list) -> list:
     """Per subdomain (T, n_E, 3) its own displacement, continuous over perfect interfaces.
 
     Parameters
     ----------
-    parts : as recovered
+    parts : as recovered, None where not known
     """
     result = []
-    for e, part in enumerate(parts):
+    for e, s in enumerate(d.own):
+        part = parts[s.index]
         own = part.reshape(len(part), -1).copy()
         own[:, d.traces[e]] += bound.correction[d.space.boundary[e]].T
         result.append(own.reshape(part.shape))
-    return result
+    return gathered(d, result)
+
+
+def gathered(d: Decomposition, own: list) -> list:
+    """Something per subdomain: of all on rank 0, of a rank's own elsewhere (None for the rest)."""
+    everything = [None] * len(d.scene.subdomains)
+    for subdomains, things in d.space.team.gather((d.space.subdomains, own)) or [(d.space.subdomains, own)]:
+        for e, thing in zip(subdomains, things):
+            everything[e] = thing
+    return everything
 
 
 def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[list[list[float]]]:
@@ -75,7 +90,8 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
     """
     scene, steps = d.scene, d.scene.steps
     nodal = np.zeros((steps, len(scene.mesh.nodes), 3))
-    for s, rim, u in zip(scene.subdomains, d.rims, parts):
+    for s, rim in zip(d.own, d.rims):
+        u = parts[s.index]
         if s.fixed.any():
             internal = (rim.stiffness @ u[:, rim.nodes].reshape(steps, -1).T).T.reshape(steps, -1, 3)
             held = s.fixed[rim.nodes]
@@ -92,7 +108,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
     result = []
     for entry in scene.boundary:
         if entry.kind == "displacement":
-            total = np.where(owner == entry.index, nodal, 0.0).sum(axis=1)
+            total, = d.space.team.sum(np.where(owner == entry.index, nodal, 0.0).sum(axis=1))
         else:
             a, b, c = np.moveaxis(scene.mesh.nodes[entry.triangles[:, :3]], 1, 0)
             area = 0.5 * np.cross(b - a, c - a)

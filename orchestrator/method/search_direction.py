@@ -26,13 +26,19 @@ class SearchDirection:
 
     Parameters
     ----------
-    k : (D, D) sparse, symmetric positive definite, one block per interface and side
-    partner : (D,) int
+    whole : (D + G, D + G) sparse, symmetric positive definite, one block per interface and side, ghosts included
+    space : numbering
+
+    Attributes
+    ----------
+    k : (D, D) the part without ghosts
     """
 
-    def __init__(self, k: sp.csr_array, partner: np.ndarray):
-        self.k, self.partner = k, partner
-        self.diagonal = k.diagonal()
+    def __init__(self, whole: sp.csr_array, space: TraceSpace):
+        self.whole, self.space = whole, space
+        d = space.size
+        self.k = whole if whole.shape[0] == d else sp.csr_array(whole[:d][:, :d])
+        self.diagonal = self.k.diagonal()
 
     @cached_property
     def solve(self):
@@ -42,7 +48,8 @@ class SearchDirection:
     @cached_property
     def other(self) -> sp.csr_array:
         """(D, D) the neighbour's k⁻, seen from this side."""
-        return sp.csr_array(self.k[self.partner][:, self.partner])
+        partner = self.space.partner
+        return sp.csr_array(self.whole[partner][:, partner])
 
 
 def factorised(matrix: sp.csr_array):
@@ -81,13 +88,13 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
             rows.append(slot[row])
             columns.append(slot[column])
             values.append(value)
-    d = space.size
+    d = len(space.owner)
     if not rows:
-        return SearchDirection(sp.csr_array((d, d)), space.partner)
+        return SearchDirection(sp.csr_array((d, d)), space)
     k = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(d, d))
     if space.ties is not None:
         k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)
-    return SearchDirection(k, space.partner)
+    return SearchDirection(k, space)
 
 
 def conditioning(k: sp.csr_array, root: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:

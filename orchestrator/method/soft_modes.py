@@ -21,6 +21,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.macro import known_widths
 from orchestrator.method.traces import TraceSpace
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
@@ -73,11 +74,11 @@ def soft_modes(space: TraceSpace, k: sp.csr_array, blackbox: BlackBox,
     Parameters
     ----------
     k : (D, D) search direction
-    wanted : (subdomains,) bool
+    wanted : (subdomains of the scene,) bool
 
     Returns
     -------
-    modes : subdomain → (t, m), k-orthonormal
+    modes : place among ``space.subdomains`` → (t, m), k-orthonormal
     sweeps : back-substitutions per subdomain, the mean
 
     Raises
@@ -88,7 +89,7 @@ def soft_modes(space: TraceSpace, k: sp.csr_array, blackbox: BlackBox,
     under_way, spent, done = {}, 0, {}
     for e, part in enumerate(space.boundary):
         size = part.stop - part.start
-        if wanted[e] and size:
+        if wanted[space.subdomains[e]] and size:
             own = sp.csr_array(robin[part, part])
             start = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
             under_way[e] = _Krylov(own, start)
@@ -99,7 +100,8 @@ def soft_modes(space: TraceSpace, k: sp.csr_array, blackbox: BlackBox,
             under_way[e].advance(answer.T)
         done.update({e: s.modes for e, s in under_way.items() if s.modes is not None})
         under_way = {e: s for e, s in under_way.items() if s.modes is None}
-    return done, spent / len(space.boundary)
+    total, = space.team.sum(spent)
+    return done, float(total) / space.subdomain_count
 
 
 def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray], modes: dict[int, np.ndarray]) -> list[np.ndarray]:
@@ -107,28 +109,53 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray], modes:
 
     Parameters
     ----------
+    k : (D + G, D + G) search direction, ghosts included
     bases : per interface (d, m), as without modes
+
+    Notes
+    -----
+    Between ranks, the rank of the first side makes the basis and gives it to the other: made on both, it would
+    be the same up to rounding only, and some of its columns up to their sign.
     """
-    result = []
-    for (one, two), basis in zip(space.slots, bases):
-        parts = []
-        for slot in (one, two):
-            e = int(space.owner[slot[0]]) if len(slot) else -1
-            if e in modes:
-                parts.append(modes[e][space.gather[slot] - space.boundary[e].start])
-        if not parts or not basis.size:
-            result.append(basis)
+    team, counts = space.team, np.zeros(space.subdomain_count)
+    counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
+    counts = team.sum(counts)[0].astype(int)
+    at_dofs = np.zeros((len(space.global_dof), counts.max(initial=0)))
+    for e, mode in modes.items():
+        at_dofs[space.boundary[e], : mode.shape[1]] = mode
+    traces, = space.extended(at_dofs[space.gather])
+    result, given = [], {}
+    for index, ((one, two), basis) in enumerate(zip(space.slots, bases)):
+        if not len(one) or one[0] >= space.size:
+            result.append(np.zeros((0, 0)))
             continue
-        own = k[one][:, one]
-        basis = _orthonormal(own, basis, np.zeros((len(one), 0)))
+        widths = [counts[space.owner[slot[0]]] for slot in (one, two)]
+        result.append(_with_modes(k[one][:, one], basis, [traces[slot, :n] for slot, n in zip((one, two), widths) if n]))
+        if two[0] >= space.size:
+            given[index] = result[-1]
+    for gift in team.all_gather(given):
+        for index, basis in gift.items():
+            result[index] = basis
+    return known_widths(result, team)
+
+
+def _with_modes(own: sp.csr_array, basis: np.ndarray, parts: list[np.ndarray]) -> np.ndarray:
+    """The basis of one interface and what its sides' modes add to it.
+
+    Parameters
+    ----------
+    own : (d, d) search direction; basis : (d, m); parts : (d, n) of either side
+    """
+    if parts and basis.size:
+        basis = _orthonormal(own, basis, np.zeros((len(basis), 0)))
         new = np.hstack(parts)
         for _ in range(2):
             new = new - basis @ (basis.T @ (own @ new))
         value, vector = np.linalg.eigh(new.T @ (own @ new))
         keep = value > INDEPENDENT**2
         both = np.hstack([basis, new @ (vector[:, keep] / np.sqrt(value[keep]))])
-        result.append(la.orth(both / np.linalg.norm(both, axis=0)))
-    return result
+        return la.orth(both / np.linalg.norm(both, axis=0))
+    return basis
 
 
 def _energy(k: sp.csr_array, x: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
@@ -18,13 +19,7 @@ from orchestrator.method.bound import Bound
 from orchestrator.method.criteria import make_criterion
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration
-from orchestrator.method.indicator import (
-    displacement_jump,
-    force_imbalance,
-    latin_indicator,
-    macro_imbalance,
-    residual_size,
-)
+from orchestrator.method.indicator import measure
 from orchestrator.method.linear_stage import Admissible
 from orchestrator.method.local_state import LocalState
 from orchestrator.timing import Stopwatch
@@ -112,7 +107,7 @@ def _joined(outcomes: list[Outcome]) -> Outcome:
     return Outcome(
         Admissible(*(np.hstack([getattr(x, n) for x in f]) for n in ("s", "u", "alpha", "w", "f"))),
         LocalState(np.hstack([x.s for x in l]), tuple(np.hstack(h) for h in zip(*(x.hats for x in l))),
-                   *(np.concatenate([getattr(x, n) for x in l]) for n in ("force", "jump", "status"))),
+                   *(np.concatenate([getattr(x, n) for x in l]) for n in ("force", "jump", "status")), l[0].mine),
         Bound(math.nan, math.nan, np.concatenate([x.energy for x in b]), np.hstack([x.repositioned for x in b]),
               np.hstack([x.correction for x in b])),
         all(o.converged for o in outcomes), failed.stop_reason, outcomes[-1].iterations, outcomes[-1].sweeps,
@@ -132,7 +127,6 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
     true_error : (fields, bound) → relative energy error, where the exact solution is known
     estimate : (d, fields, bound) → estimated discretisation error; for ``error: auto``
     """
-    direction = d.stage.direction
     acceleration, criterion = make_acceleration(d, method), make_criterion(
         d, method.tolerance, lambda fields, bound: estimate(d, fields, bound))
     s, sweeps, history, share = start, spent, [], d.steps / d.scene.steps
@@ -140,12 +134,14 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
     iteration, converged, reason = first, False, "max_iterations"
     reach = 0.0  # largest interface displacement of the first stage
     frozen, left_out = np.zeros(d.steps, dtype=bool), 0  # load steps that need no further stage
+    team = d.space.team
     while True:
         iteration += 1
         with watch("linear_stage"):
-            sweeps += bool(s.any()) * share * (1 - frozen.mean())
             evaluated = d.stage(s)
-        reach = reach or np.abs(evaluated.w).max(initial=0.0)
+            moved, solved = team.max(np.abs(evaluated.w).max(initial=0.0), s.any())
+            sweeps += solved * share * (1 - frozen.mean())
+        reach = reach or moved
         if d.coarse is not None:
             with watch("coarse"):
                 evaluated = d.coarse(evaluated)
@@ -155,15 +151,15 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
             residual, best, (u, alpha) = acceleration.best(evaluated.s, local.s, [evaluated.u, evaluated.alpha])
             fields = evaluated if best is evaluated.s else d.stage.complete(best, u, alpha)
         with watch("bound"):
-            eta = latin_indicator(direction, d.local, fields, local, exact=method.tolerance.indicator is not None)
-            verdict = criterion(fields, local, eta)
-            bound, laws = verdict.bound, verdict.laws
+            measures = cache(measure(d.stage.direction, d.local, d.stage.macro, fields, local, residual,
+                                     exact=method.tolerance.indicator is not None))
+            verdict = criterion(fields, local, measures)
+            m, bound, laws = measures(), verdict.bound, verdict.laws
             sweeps += verdict.sweeps * share
             event = Iteration(
-                iteration, d.setup_sweeps + sweeps, watch.total, eta, displacement_jump(direction, fields),
-                force_imbalance(direction, fields), residual_size(direction, residual, best), bound.relative,
-                *local.counts, (criterion.name, criterion.value), best,
-                macro_imbalance(d.stage.macro.C, fields) if d.stage.macro else math.nan,
+                iteration, d.setup_sweeps + sweeps, watch.total, m.indicator, m.displacement_jump, m.force_imbalance,
+                m.residual, bound.relative, *m.counts, (criterion.name, criterion.value),
+                best, m.macro_imbalance,
                 true_error(fields, bound) if true_error else math.nan,
                 *((laws.largest, laws.penetration, laws.tension, laws.cone, laws.direction) if laws else ()),
                 discretisation_error=getattr(criterion, "discretisation_error", math.nan),
@@ -173,7 +169,7 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
             subscriber(event)
         if verdict.met:
             converged, reason = True, "converged"
-        elif not np.isfinite(event.residual) or np.abs(evaluated.w).max(initial=0.0) > RUNAWAY * reach > 0:
+        elif not np.isfinite(event.residual) or moved > RUNAWAY * reach > 0:
             reason = "diverged"
         elif _stalled(history):
             reason = "stagnated at rounding"
@@ -201,11 +197,18 @@ def make_acceleration(d: Decomposition, method) -> Relaxation | ResidualMinimisa
     weight, auto = 1 / d.stage.direction.diagonal, method.relaxation == "auto"
     memory = None if method.memory == "auto" else method.memory
     if method.acceleration == "none":
-        return Relaxation(stable_relaxation(*d.local.conditioning()) if auto else method.relaxation)
+        return Relaxation(_stable_relaxation(d) if auto else method.relaxation)
     if d.all_perfect:
         return ResidualMinimisation(weight, None if method.acceleration == "gmres" else memory,
-                                    1.0 if auto else method.relaxation)
-    return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation)
+                                    1.0 if auto else method.relaxation, d.space.team)
+    return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation, d.space.team)
+
+
+def _stable_relaxation(d: Decomposition) -> float:
+    """For the worst eigenvalues of all ranks: k⁻ and k⁺ do not couple interfaces."""
+    low, high = d.local.conditioning()
+    high, low = d.space.team.max(high, -low)
+    return stable_relaxation(-low, high)
 
 
 def stable_relaxation(low: float, high: float) -> float:

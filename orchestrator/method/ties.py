@@ -46,6 +46,7 @@ class Ties:
     dofs : (q,) int, trace dofs of the mid-edge nodes
     targets : (q, T) what their hierarchical displacement must be: not zero beside prescribed corners
     change : (D, D) sparse Q
+    whole : (D + G, D + G) sparse Q, ghosts included
     stiffness : (q,) the search direction k⁺; ones until ``stiffen`` has been called
     supports : (p, 4) int rows (tied dof's position in ``dofs``, subdomain, local node, component): prescribed
         corners, which take half of the tied dof's force
@@ -54,13 +55,31 @@ class Ties:
     dofs: np.ndarray
     targets: np.ndarray
     change: sp.csr_array
+    whole: sp.csr_array
     stiffness: np.ndarray
     supports: np.ndarray
 
     @property
     def inverse(self) -> sp.csr_array:
-        """(D, D) sparse Q⁻¹."""
-        return sp.csr_array(2 * sp.eye_array(self.change.shape[0]) - self.change)
+        """(D + G, D + G) sparse Q⁻¹."""
+        return sp.csr_array(2 * sp.eye_array(self.whole.shape[0]) - self.whole)
+
+    def part(self, held: np.ndarray, size: int) -> Ties:
+        """The ties of a rank's part.
+
+        Parameters
+        ----------
+        held : (D + G,) int, its trace dofs and ghosts in the whole numbering
+        size : number D of the former
+        """
+        place = np.full(self.change.shape[0], size)
+        place[held[:size]] = np.arange(size)
+        kept = np.flatnonzero(place[self.dofs] < size)
+        supports = self.supports[np.isin(self.supports[:, 0], kept)]
+        supports = np.column_stack([np.searchsorted(kept, supports[:, 0]), supports[:, 1:]])
+        whole = sp.csr_array(self.change[held][:, held])
+        return Ties(place[self.dofs[kept]], self.targets[kept], sp.csr_array(whole[:size][:, :size]), whole,
+                    self.stiffness[kept], supports)
 
     def stiffen(self, diagonal: np.ndarray) -> None:
         """Take k⁺ from the diagonal (D,) of the bodies' stiffness on the trace dofs."""
@@ -105,5 +124,5 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
     rows, columns = np.concatenate(rows), np.concatenate(columns)
     half = sp.csr_array((np.full(len(rows), 0.5), (rows, columns)), shape=(size, size))
     tied = np.concatenate(dofs)
-    return Ties(tied, np.concatenate(targets), sp.csr_array(sp.eye_array(size) - half), np.ones(len(tied)),
-                np.concatenate(supports))
+    change = sp.csr_array(sp.eye_array(size) - half)
+    return Ties(tied, np.concatenate(targets), change, change, np.ones(len(tied)), np.concatenate(supports))

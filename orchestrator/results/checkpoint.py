@@ -51,6 +51,8 @@ class Checkpoint:
     every : seconds between two savings
     """
 
+    wants_states = True
+
     def __init__(self, folder: ResultsFolder, fingerprint: str, every: float = 30.0,
                  clock: Callable[[], float] = time.monotonic):
         self._folder, self._fingerprint, self._every, self._clock = folder, fingerprint, every, clock

@@ -73,6 +73,18 @@ def joined(records: Sequence[Record]) -> Record:
             for period in records[0]}
 
 
+def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
+    """One entry per code (as ``Pool.codes``, under the code's number) from those of every rank."""
+    result: dict[int, dict] = {}
+    for number, entry in sorted((item for codes in ranks for item in codes.items()), key=lambda item: item[0]):
+        known = result.setdefault(number, {**entry, "models": 0, "workers": 0, "compliances": [],
+                                           "seconds": dict.fromkeys(entry["seconds"], 0.0)})
+        for key in ("models", "workers", "compliances"):
+            known[key] = known[key] + entry[key]
+        known["seconds"] = {kind: known["seconds"][kind] + spent for kind, spent in entry["seconds"].items()}
+    return result
+
+
 def idle_share(period: Mapping[str, object]) -> float:
     """Share of the workers' time in which they had nothing to do; 0 without workers."""
     workers = period["workers"]

@@ -23,6 +23,7 @@ Four kinds:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -304,28 +305,33 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
     return both, both
 
 
-def make_soles(scene: Scene, settings, share: bool = True) -> list[tuple[Sole, Sole]]:
+def make_soles(scene: Scene, settings, share: bool = True,
+               wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration.
 
     Parameters
     ----------
     share : layers on interfaces that differ by a translation alone are made once, then moved
+    wanted : per interface; the others get none
     """
     hard = hardness(scene) if settings.kind == "auto" else None
-    soles: list[tuple[Sole, Sole] | None] = []
-    kinds, facets = [], []  # of the layers; facets of both sides, or of one for both where they lie upon each other
-    for interface in scene.interfaces:
+    soles: list[tuple[Sole, Sole] | None] = [None] * len(scene.interfaces)
+    places, kinds, facets = [], [], []  # of the layers; facets of both sides, or of one for both where they lie upon each other
+    for place, interface in enumerate(scene.interfaces):
+        if wanted is not None and not wanted[place]:
+            continue
         kind = settings.contact if interface.law != "perfect" else kind_for(hard, interface) if hard else settings.kind
         together = np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
         if kind == "overlap" and together:
-            soles.append((Sole(*overlap(scene, interface, settings.modulus_ratio)),) * 2)
+            soles[place] = (Sole(*overlap(scene, interface, settings.modulus_ratio)),) * 2
             continue
-        soles.append(None)
+        places.append(place)
         kinds.append("symmetric" if kind == "overlap" else kind)
         upon = np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
         facets.append([facets_of(scene, interface, settings, kinds[-1], side) for side in ((0,) if upon else (0, 1))])
-    layers = iter(_layers(kinds, facets, share))
-    return [sole or next(layers) for sole in soles]
+    for place, layer in zip(places, _layers(kinds, facets, share)):
+        soles[place] = layer
+    return soles
 
 
 def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[tuple[Sole, Sole]]:

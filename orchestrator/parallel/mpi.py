@@ -1,0 +1,207 @@
+"""A team over MPI. Nobody ever blocks inside MPI: all waiting is polling, with naps.
+
+So a waiting rank leaves its core to the codes and answers signals. A failing rank tells all others
+why. A thread of theirs listens and interrupts whatever they do, be it waiting for their own codes;
+they end in good order, and rank 0 saves what there is and says why, once.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from orchestrator.errors import OrchestratorError
+from orchestrator.parallel.team import Elsewhere, Team
+
+_TRACES, _FAILURE = 1, 2  # tags
+_EAGER = 50e-6  # seconds of polling without a nap
+_NAPS = (20e-6, 1e-3)  # shortest and longest
+_LISTENING = 0.1  # seconds between two looks for failures elsewhere
+_GATHERED = 1 << 14  # numbers, over all ranks, up to which a sum is gathered rather than reduced
+
+
+class Ranks(Team):
+    """All ranks that mpiexec has started."""
+
+    def __init__(self) -> None:
+        # a communicator of its own for failures, so that no other message is taken for one
+        self._world, self._alarm = MPI.COMM_WORLD, MPI.COMM_WORLD.Dup()
+        self.rank, self.size = self._world.rank, self._world.size
+        self.waited = 0.0
+        node = self._world.Split_type(MPI.COMM_TYPE_SHARED)
+        self._neighbours = node.allgather((self.rank, os.getpid(), sorted(os.sched_getaffinity(0))))
+        self._failed, self._over, self._heard = False, threading.Event(), None
+        self._told: list = []
+        self._open: dict[int, Any] = {}  # requests under way, kept alive whatever happens: MPI writes into their memory
+
+    # ---- what the method asks ------------------------------------------------------------------
+
+    def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
+        arrays = [np.asarray(part, float) for part in parts]
+        mine = np.concatenate([a.ravel() for a in arrays]) if arrays else np.empty(0)
+        if len(mine) * self.size <= _GATHERED:
+            everyone = np.empty((self.size, len(mine)))
+            request = self._world.Iallgather(mine, everyone)
+        else:  # one rank adds, all take its bits
+            everyone = np.empty((1, len(mine)))
+            request = self._world.Ireduce(mine, everyone if self.rank == 0 else None, MPI.SUM, root=0)
+
+        def result() -> list[np.ndarray]:
+            self._wait(request)
+            if len(mine) * self.size > _GATHERED:
+                self._wait(self._world.Ibcast(everyone, root=0))
+            total = everyone.sum(axis=0)
+            ends = np.cumsum([a.size for a in arrays])
+            return [total[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)]
+
+        return result
+
+    def max(self, *values: float) -> list[float]:
+        everyone = np.empty((self.size, len(values)))
+        self._wait(self._world.Iallgather(np.array(values, float), everyone))
+        return everyone.max(axis=0).tolist()
+
+    def exchange(self, outgoing: Mapping[int, np.ndarray],
+                 incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:
+        received = {rank: np.empty(shape) for rank, shape in incoming.items()}
+        requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in received.items()]
+        requests += [self._world.Isend(np.ascontiguousarray(array), rank, _TRACES) for rank, array in outgoing.items()]
+        self._open |= {id(request): (request, received) for request in requests}
+        for request in requests:
+            self._wait(request)
+        return received
+
+    def all_gather(self, part: Any) -> list[Any]:
+        mine = np.frombuffer(pickle.dumps(part), np.uint8)
+        lengths = np.empty(self.size, np.int64)
+        self._wait(self._world.Iallgather(np.array([len(mine)], np.int64), lengths))
+        everyone = np.empty(lengths.sum(), np.uint8)
+        self._wait(self._world.Iallgatherv(mine, [everyone, lengths]))
+        return self._unpacked(everyone, lengths)
+
+    def gather(self, part: Any) -> list[Any] | None:
+        mine = np.frombuffer(pickle.dumps(part), np.uint8)
+        lengths = np.empty(self.size, np.int64)
+        self._wait(self._world.Iallgather(np.array([len(mine)], np.int64), lengths))
+        everyone = np.empty(lengths.sum() if self.rank == 0 else 0, np.uint8)
+        self._wait(self._world.Igatherv(mine, [everyone, lengths] if self.rank == 0 else None, root=0))
+        return self._unpacked(everyone, lengths) if self.rank == 0 else None
+
+    def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:
+        mine = np.array(part, float).ravel()
+        everyone = np.empty(sum(sizes) if self.rank == 0 else 0)
+        request = self._world.Igatherv(mine, [everyone, sizes] if self.rank == 0 else None, root=0)
+        self._open[id(request)] = request, mine, everyone
+
+        def result() -> list[np.ndarray] | None:
+            self._wait(request)
+            return np.split(everyone, np.cumsum(sizes)[:-1]) if self.rank == 0 else None
+
+        return result
+
+    def share(self, thing: Any) -> Any:
+        mine = np.frombuffer(pickle.dumps(thing) if self.rank == 0 else b"", np.uint8)
+        length = np.array([len(mine)], np.int64)
+        self._wait(self._world.Ibcast(length, root=0))
+        packed = mine.copy() if self.rank == 0 else np.empty(length[0], np.uint8)
+        self._wait(self._world.Ibcast(packed, root=0))
+        return thing if self.rank == 0 else pickle.loads(packed.tobytes())
+
+    def cores(self) -> float:
+        """Each core is shared evenly by the ranks of this node that may use it."""
+        users = {rank: set(allowed) for rank, _, allowed in self._neighbours}
+        return sum(1 / sum(core in allowed for allowed in users.values()) for core in users[self.rank])
+
+    @staticmethod
+    def _unpacked(everyone: np.ndarray, lengths: np.ndarray) -> list[Any]:
+        ends = np.cumsum(lengths)
+        return [pickle.loads(everyone[e - n : e].tobytes()) for e, n in zip(ends, lengths)]
+
+    # ---- waiting, failures, the end ------------------------------------------------------------
+
+    def _wait(self, request) -> None:
+        self._open.setdefault(id(request), request)
+        begin, nap = time.perf_counter(), _NAPS[0]
+        while not request.Test():
+            if time.perf_counter() - begin > _EAGER:
+                time.sleep(nap)
+                nap = min(1.5 * nap, _NAPS[1])
+        self._open.pop(id(request), None)
+        self.waited += time.perf_counter() - begin
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """The block all ranks run. Leaving it, they wait for each other, unless one has failed."""
+        previous = signal.signal(signal.SIGUSR1, self._stop)
+        listener = threading.Thread(target=self._listen, name="failures elsewhere", daemon=True)
+        listener.start()
+        try:
+            yield
+            self._wait(self._world.Ibarrier())
+        except BaseException as error:
+            self._tell(error)
+            raise
+        finally:
+            self._over.set()
+            listener.join()
+            signal.signal(signal.SIGUSR1, previous)
+
+    def _listen(self) -> None:
+        status = MPI.Status()
+        while not self._over.wait(_LISTENING):
+            if self._alarm.Iprobe(MPI.ANY_SOURCE, _FAILURE, status):
+                self._heard = Elsewhere(status.source, self._alarm.recv(source=status.source, tag=_FAILURE))
+                signal.pthread_kill(threading.main_thread().ident, signal.SIGUSR1)
+                return
+
+    def _stop(self, signum: int, frame: object) -> None:
+        if self._heard is not None and not self._failed:
+            self._failed = True
+            raise self._heard
+
+    def _tell(self, error: BaseException) -> None:
+        """Let all others know that this rank goes no further; waits for nobody."""
+        if self._failed or self.lost():
+            return
+        self._failed = True
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:  # noqa: BLE001 - whatever an error carries, its text travels
+            error = OrchestratorError(f"{type(error).__name__}: {error}")
+        self._told = [self._alarm.isend(error, rank, _FAILURE) for rank in range(self.size) if rank != self.rank]
+
+    def cause(self, error: BaseException) -> BaseException:
+        """What ended the run, as rank 0 shall say it."""
+        if isinstance(error, Elsewhere):
+            return error.error
+        if isinstance(error, KeyboardInterrupt) and (lost := self.lost()):
+            which = " and ".join(map(str, lost))
+            return OrchestratorError(f"rank {which} has died, killed by hand or by the kernel for want of memory; "
+                                     "all others have stopped")
+        return error
+
+    def speaks(self) -> bool:
+        lost = self.lost()
+        return self.rank == min(rank for rank, _, _ in self._neighbours if rank not in lost) and (
+            self.rank == 0 or 0 in lost)
+
+    def lost(self) -> list[int]:
+        gone = []
+        for rank, pid, _ in self._neighbours:
+            try:
+                with open(f"/proc/{pid}/stat") as file:
+                    dead = file.read().rpartition(")")[2].split()[0] in "ZX"
+            except OSError:
+                dead = True
+            if dead:
+                gone.append(rank)
+        return gone

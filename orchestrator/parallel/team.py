@@ -1,0 +1,124 @@
+"""The processes that solve one scene together, and what they tell each other.
+
+The method knows this interface only. ``Team`` is the single process: everything is local and costs
+nothing. ``mpi.Ranks`` is the same over MPI; it is imported only where mpiexec has started the program.
+
+Sums are taken in the order of the ranks, so that all of them hold the same bits and take the same decisions.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import BAD_INPUT, InputError, Problem
+from orchestrator.parallel.launcher import launched
+
+
+class Team:
+    """One process.
+
+    Attributes
+    ----------
+    rank, size : which of how many
+    waited : seconds spent waiting for others
+    """
+
+    rank, size = 0, 1
+    waited = 0.0
+
+    def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
+        """Begin to sum arrays (or numbers) over the ranks; calling what is returned waits for the sums."""
+        return lambda: [np.asarray(part, float) for part in parts]
+
+    def sum(self, *parts) -> list[np.ndarray]:
+        """Sums of arrays (or numbers) over the ranks, the same bits everywhere."""
+        return self.sum_later(*parts)()
+
+    def max(self, *values: float) -> list[float]:
+        """Largest of each value over the ranks."""
+        return [float(value) for value in values]
+
+    def exchange(self, outgoing: Mapping[int, np.ndarray],
+                 incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:
+        """Point to point: send an array to each of some ranks, receive one of known shape from each of some."""
+        return {}
+
+    def all_gather(self, part: Any) -> list[Any]:
+        """Every rank's object, on all ranks."""
+        return [part]
+
+    def gather(self, part: Any) -> list[Any] | None:
+        """Every rank's object, on rank 0; None elsewhere."""
+        return [part]
+
+    def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:
+        """Begin to bring arrays of known sizes, flattened, to rank 0; calling what is returned waits for them."""
+        return lambda: [part.ravel()]
+
+    def share(self, thing: Any) -> Any:
+        """Rank 0's object, on all ranks."""
+        return thing
+
+    def cores(self) -> float:
+        """Cores this process may count as its own."""
+        return float(len(os.sched_getaffinity(0)))
+
+    def together(self) -> AbstractContextManager:
+        """The block that all ranks run: if one fails, all leave it."""
+        return nullcontext()
+
+    def cause(self, error: BaseException) -> BaseException:
+        """What ended the run, where another rank's failure may be behind the error."""
+        return error
+
+
+    def lost(self) -> list[int]:
+        """Ranks of this node whose process is no more."""
+        return []
+
+    def speaks(self) -> bool:
+        """Whether it is this rank that tells the user."""
+        return True
+
+
+class Elsewhere(BaseException):
+    """Another rank has failed; ``error`` is what it met, ``rank`` which one."""
+
+    def __init__(self, rank: int, error: BaseException):
+        super().__init__(f"rank {rank}: {error}")
+        self.rank, self.error = rank, error
+
+
+ALONE = Team()
+
+
+def join() -> Team:
+    """The team this process belongs to.
+
+    Raises
+    ------
+    InputError : started by mpiexec, but mpi4py is missing or belongs to another MPI
+    """
+    rank, size = launched()
+    if size == 1:
+        return ALONE
+    try:
+        from orchestrator.parallel.mpi import Ranks
+
+        team = Ranks()
+    except (ImportError, RuntimeError) as error:
+        found = f"mpi4py cannot be imported: {error}"
+        cure = "pip install '.[mpi]' brings mpi4py and an MPI with its mpiexec"
+    else:
+        if team.size == size:
+            return team
+        found = f"{size} processes started by mpiexec, of which each sees {team.size}"
+        cure = "take the mpiexec of the MPI that mpi4py uses: .venv/bin/mpiexec after set-up"
+    if rank:
+        raise SystemExit(BAD_INPUT)  # rank 0 says why
+    raise InputError(Problem((), found, "mpi4py and mpiexec of one MPI", cure))
