@@ -63,6 +63,6 @@ if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
     echo "Setting up the virtual environment .venv"
     "$python" -m venv --clear .venv
     .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
-        --constraint constraints.txt --editable '.[test]'
+        --constraint constraints.txt --editable '.[test,mpi]'
     echo "$wanted" > .venv/stamp
 fi

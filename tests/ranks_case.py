@@ -1,0 +1,69 @@
+"""Scenes solved by ranks: run by mpiexec, rank 0 writes what the tests compare."""
+
+import sys
+
+import numpy as np
+
+from orchestrator.config import config_from
+from orchestrator.parallel.team import ALONE, Team, join
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+
+CASES = {
+    "perfect": {
+        "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"grid": [4, 2, 1]},
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 4}, "traction": [[10, 0, 5], [0, 10, 1]]}],
+    },
+    # cross points, mono-scale: the bound balances by its own coarse problem; η decides; k⁺ is one's own sole
+    "mono-scale": {
+        "mesh": {"box": {"size": [2, 2, 1], "cells": [4, 4, 2]}}, "subdomains": {"grid": [2, 2, 1]},
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 2}, "traction": [10, 0, 5]}],
+        "method": {"macro": {"strategy": "none"}, "search_direction": {"kplus": "full"}, "acceleration": "none",
+                   "sole": {"kind": "layer"}, "tolerance": {"indicator": 1e-9}},
+    },
+    "soft modes": {
+        "mesh": {"box": {"size": [4, 4, 0.25], "cells": [8, 8, 1]}}, "subdomains": {"grid": [2, 2, 1]},
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 4}, "traction": [0, 0, 1]}],
+        "method": {"macro": {"basis": "modes"}},
+    },
+    "contact": {
+        "mesh": {"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}}, "subdomains": {"grid": [2, 2, 2]},
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2},
+                       {"between": ["block 0-0-0", "block 1-0-0"], "law": "perfect"}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]}],
+        "method": {"tolerance": {"error": 1e-6}},
+    },
+}
+
+
+def found(name: str, team: Team = ALONE) -> dict[str, np.ndarray] | None:
+    """What a case comes out as; on rank 0."""
+    config = config_from({"name": name, **CASES[name]})
+    scene = team.share(build_scene(config) if team.rank == 0 else None)
+    solved = solve(config, scene, team=team)
+    if solved is None:
+        return None
+    summary = solved.summary
+    result = {"displacement": solved.displacement, "reactions": summary["reactions"], "energy": summary["energy"],
+              "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"]}
+    if solved.interfaces is not None:
+        result |= {"status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
+                   "resultant": solved.interfaces.resultant}
+    return result
+
+
+if __name__ == "__main__":
+    ranks = join()
+    with ranks.together():
+        for case in CASES:
+            answer = found(case, ranks)
+            if answer is not None:
+                np.savez(f"{sys.argv[1]}/{case}.npz", ranks=ranks.size, **answer)

@@ -1,0 +1,227 @@
+"""Runs over MPI, started by the real mpiexec: the same as one process, and all gone when one rank fails."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ranks_case import CASES, found
+
+from orchestrator.parallel.launcher import launched, without_launcher
+from orchestrator.parallel.placement import owners
+from orchestrator.results.history import read_history
+from orchestrator.results.summary import read_summary
+
+HERE = Path(__file__).parent
+BESIDE_PYTHON = Path(sys.executable).with_name("mpiexec")
+MPIEXEC = str(BESIDE_PYTHON if BESIDE_PYTHON.exists() else shutil.which("mpiexec"))
+# More ranks than cores, and maybe as root: what Open MPI refuses unless told.
+ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+           "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+SECONDS = 120  # for a run that hangs
+# Relaxed so little that it goes on for thousands of iterations.
+ENDLESS = """
+name: endless
+mesh: {box: {size: [8, 1, 1], cells: [16, 2, 2]}}
+subdomains: {slices: {axis: x, count: 8}}
+materials: [{young: 200e3, poisson: 0.3}]
+boundary:
+  - {on: xmin, displacement: [0, 0, 0]}
+  - {on: xmax, traction: [10, 0, 5]}
+method:
+  {macro: {strategy: none}, acceleration: none, relaxation: 0.01, tolerance: {indicator: 1.0e-20},
+   max_iterations: 100000, skip: {compliance: false}}
+output: {fields: false, figures: false}
+"""
+
+
+@pytest.fixture
+def temporary(tmp_path):
+    """A temporary folder of the run's own, in which nothing may be left."""
+    folder = tmp_path / "t"
+    folder.mkdir()
+    yield folder
+    assert [p.name for p in folder.iterdir() if p.name.startswith("orchestrator-")] == []
+
+
+def environment(folder: Path | None = None) -> dict[str, str]:
+    paths = os.pathsep.join([str(HERE.parent), os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, **ALLOWED, "PYTHONPATH": paths, "TERM": "dumb"} | ({"TMPDIR": str(folder)} if folder else {})
+
+
+started: list[subprocess.Popen] = []
+
+
+@pytest.fixture(autouse=True)
+def nothing_goes_on():
+    """Whatever a test that fails has started ends with it."""
+    yield
+    while started:
+        run = started.pop()
+        if run.poll() is None:
+            run.terminate()
+            run.communicate()
+
+
+def start(ranks: int, *command: str, folder: Path | None = None) -> subprocess.Popen:
+    run = subprocess.Popen([MPIEXEC, "-n", str(ranks), sys.executable, *command], env=environment(folder),
+                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    started.append(run)
+    return run
+
+
+def orchestrate(ranks: int, *arguments: str, folder: Path | None = None) -> subprocess.Popen:
+    return start(ranks, "-m", "orchestrator", "run", *map(str, arguments), "--quiet", folder=folder)
+
+
+@cache
+def alone(case: str) -> dict[str, np.ndarray]:
+    return found(case)
+
+
+@pytest.mark.parametrize("ranks", [2, 3, 4])
+def test_ranks_find_what_one_process_finds(ranks, tmp_path):
+    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path))
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 0, errors
+    for case in CASES:
+        together = dict(np.load(tmp_path / f"{case}.npz"))
+        assert together.pop("ranks") == ranks
+        for name, expected in alone(case).items():
+            if name == "status":
+                assert np.array_equal(together[name], expected)
+            else:
+                assert np.abs(together[name] - expected).max() <= 1e-9 * np.abs(expected).max(), (case, name)
+
+
+def processes(run: subprocess.Popen, settings: Path) -> dict[int, int]:
+    """Rank → process id."""
+    result = {}
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            if str(settings) in (path / "cmdline").read_text() and int(path.name) != run.pid:
+                rank = launched(dict(e.split("=", 1) for e in (path / "environ").read_text().split("\0") if "=" in e))[0]
+                result[rank] = int(path.name)
+        except OSError:
+            pass
+    return result
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for task in Path(f"/proc/{pid}/task").iterdir()
+            for child in (task / "children").read_text().split()]
+
+
+def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
+    """Wait until some iterations are done."""
+    while run.poll() is None:
+        if (results / "history.csv").exists() and len(read_history(results)["iteration"]) >= count:
+            return
+        time.sleep(0.05)
+    pytest.fail(f"it ended by itself: {run.communicate()[1]}")
+
+
+def running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def gone(pids, patience=10.0) -> bool:
+    end = time.monotonic() + patience
+    while any(running(pid) for pid in pids):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+FAULTS = {
+    "its code": (lambda rank: children(rank)[0], signal.SIGKILL, "killed by SIGKILL", 3),
+    "the rank": (lambda rank: rank, signal.SIGKILL, "rank 1 has died", None),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_all_ranks_end_with_one(fault, tmp_path, temporary):
+    victim, kind, message, code = FAULTS[fault]
+    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
+    settings.write_text(ENDLESS)
+    run = orchestrate(3, settings, "--output", results, folder=temporary)
+    iterating(run, results)
+    ranks = processes(run, settings)
+    assert sorted(ranks) == [0, 1, 2]
+    codes = [code for rank in ranks.values() for code in children(rank)]
+    assert len(codes) >= 3
+    os.kill(victim(ranks[1]), kind)
+    assert gone([*ranks.values(), *codes])
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == code or code is None and run.returncode != 0
+    assert errors.count(message) == 1 and "Traceback" not in errors, errors
+    assert (results / "checkpoint.npz").exists()
+    summary = read_summary(results)
+    assert not summary["converged"] and message in summary["stop_reason"] or fault == "its code"
+    assert summary["iterations"] >= 5
+
+
+def test_an_interrupted_run_goes_on(tmp_path, temporary):
+    settings, results = tmp_path / "endless.yaml", tmp_path / "results"
+    settings.write_text(ENDLESS)
+    run = orchestrate(2, settings, "--output", results, folder=temporary)
+    iterating(run, results)
+    run.send_signal(signal.SIGINT)
+    _, errors = run.communicate(timeout=SECONDS)
+    assert "Traceback" not in errors
+    before = read_summary(results)
+    assert before["stop_reason"] == "interrupted"
+    run = orchestrate(3, settings, "--output", results, "--resume", "--set", "method.max_iterations=2", folder=temporary)
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 1, errors
+    iterations = read_history(results)["iteration"]
+    assert before["iterations"] - 1 <= iterations[-1] - 2 <= before["iterations"]
+    assert np.array_equal(iterations, np.arange(1, len(iterations) + 1))
+
+
+@pytest.mark.parametrize("right, wrong, told", [("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdom")])
+def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
+    settings = tmp_path / "wrong.yaml"
+    settings.write_text(ENDLESS.replace(right, wrong))
+    run = orchestrate(3, settings, "--output", tmp_path / "results", folder=temporary)
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 2
+    assert errors.count("1 problem in the input") == 1 and told in errors and "wrong.yaml:" in errors, errors
+
+
+def test_one_process_imports_nothing_of_mpi(tmp_path):
+    """Nor does a code that a rank starts see anything of its launcher."""
+    settings = tmp_path / "endless.yaml"
+    settings.write_text(ENDLESS)
+    program = ("import sys; from orchestrator.cli import app\n"
+               f"try: app(['run', {str(settings)!r}, '--quiet', '--output', {str(tmp_path / 'results')!r}, '--set', "
+               "'method.max_iterations=1'])\nexcept SystemExit: pass\nprint(sorted(sys.modules))")
+    run = subprocess.run([sys.executable, "-c", program], env=environment(), capture_output=True, text=True, check=True)
+    assert "'orchestrator.run'" in run.stdout
+    assert "mpi4py" not in run.stdout and "parallel.mpi" not in run.stdout
+    assert launched({"OMPI_COMM_WORLD_SIZE": "4", "OMPI_COMM_WORLD_RANK": "2", "PMI_SIZE": "x"}) == (2, 4)
+    assert launched({"PMI_SIZE": "3", "PMI_RANK": "0"}) == (0, 3)
+    assert launched({"SLURM_STEP_NUM_TASKS": "8", "PMIX_RANK": "7"}) == (7, 8)
+    assert launched({"SLURM_STEP_NUM_TASKS": "8", "SLURM_PROCID": "0"}) == (0, 1)  # a batch script is no rank
+    assert without_launcher({"PMIX_RANK": "1", "OMPI_X": "", "HOME": "/"}) == {"HOME": "/"}
+
+
+def test_ranks_get_equal_cost_and_neighbours():
+    n = 40
+    chain = np.column_stack([np.arange(n - 1), np.arange(1, n)])
+    costs = np.where(np.arange(n) < 10, 3.0, 1.0)
+    owner = owners(costs, chain, np.full(n - 1, 100), 4)
+    load = np.bincount(owner, weights=costs, minlength=4)
+    assert load.max() <= 1.15 * load.mean()
+    assert (owner[chain[:, 0]] != owner[chain[:, 1]]).sum() <= 5
+    assert sorted(owners([1.0, 5.0, 1.0], np.array([[0, 1], [1, 2]]), [10, 10], 3)) == [0, 1, 2]
