@@ -42,6 +42,8 @@ from orchestrator.scene.model import Scene
 from orchestrator.scene.soles import make_soles
 from orchestrator.timing import Stopwatch, seconds_since_launch
 
+OFTEN = 2.0  # seconds between checkpoints with several ranks: a launcher that ends them leaves little time for a last one
+
 
 @dataclass
 class Solved:
@@ -263,7 +265,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         saved = load_checkpoint(folder, key) if resume else None
         if not resume:
             folder.clear()
-        checkpoint, last = Checkpoint(folder, key), LastEvent()
+        checkpoint, last = Checkpoint(folder, key, *([OFTEN] if team.size > 1 else [])), LastEvent()
         with HistoryWriter(folder, saved.iteration if saved else None) as history:
             try:
                 team.share((config, scene, reference, saved))

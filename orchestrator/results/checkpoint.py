@@ -18,6 +18,7 @@ from orchestrator.method.events import Finished, Iteration
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "checkpoint.npz"
+SPARING = 50  # pause between two savings at least, over the time that one takes
 # When to stop, where to write and who computes may change between a run and its continuation.
 _FREE = {"name", "output", "blackbox.workers", "blackbox.transport",
          "method.tolerance", "method.max_iterations"}
@@ -48,7 +49,7 @@ class Checkpoint:
     ----------
     folder : where
     fingerprint : of the configuration, see ``fingerprint``
-    every : seconds between two savings
+    every : seconds between two savings, or more where one takes long
     """
 
     wants_states = True
@@ -57,13 +58,13 @@ class Checkpoint:
                  clock: Callable[[], float] = time.monotonic):
         self._folder, self._fingerprint, self._every, self._clock = folder, fingerprint, every, clock
         self._last: SavedState | None = None
-        self._saved = clock()
+        self._saved, self._pause = clock(), every
 
     def __call__(self, event: Iteration | Finished) -> None:
         if isinstance(event, Iteration):
             # a copy: the loop may go on in the same memory while an interrupt asks for write()
             self._last = SavedState(np.array(event.state), event.iteration, event.sweeps, event.seconds)
-            if self._clock() - self._saved >= self._every:
+            if self._clock() - self._saved >= self._pause:
                 self.write()
         elif event.converged:
             self._folder.remove(NAME)
@@ -76,12 +77,14 @@ class Checkpoint:
         last = self._last
         if last is None:
             return None
+        begin = self._clock()
         with self._folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
             np.savez(file, state=last.state, iteration=last.iteration, sweeps=last.sweeps,
                      seconds=last.seconds, fingerprint=self._fingerprint)
             file.flush()
             os.fsync(file.fileno())  # it is there for the day the machine goes down
         self._saved = self._clock()
+        self._pause = max(self._every, SPARING * (self._saved - begin))
         return self._folder / NAME
 
 
