@@ -41,6 +41,14 @@ CASES = {
                      {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]}],
         "method": {"tolerance": {"error": 1e-6}},
     },
+    "contact on ten nodes": {
+        "mesh": {"box": {"size": [2, 2, 1], "cells": [2, 2, 2]}}, "subdomains": {"grid": [2, 2, 1]},
+        "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},
+        "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2}],
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 2}, "displacement": [[-0.01, 0, 0], [-0.01, 0.002, 0]]}],
+        "method": {"tolerance": {"error": 1e-5}},
+    },
 }
 
 
