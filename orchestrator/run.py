@@ -118,7 +118,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         used = sorted({s.code for s in scene.subdomains if rank_of[s.index] == team.rank or s.index in near})
         blackbox = spared(make_blackbox(settings, used), config.method.skip, workers, len(cases.chosen), savings)
     with blackbox:
-        workload = Workload(blackbox, watch, team.rank)
+        workload = Workload(blackbox, watch, team.rank, lambda: team.waited)
         decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings, team, rank_of)
         estimator = cache(lambda: Estimator(scene))
         workload.end("set_up")
