@@ -120,10 +120,11 @@ def test_same_solution_with_perfect_interfaces(tmp_path):
     assert np.abs(found[0].displacement - found[1].displacement).max() < 1e-8 * np.abs(found[0].displacement).max()
 
 
-def test_same_solution_with_friction_on_a_curved_surface(tmp_path):
+@pytest.mark.parametrize("element, cells, above", [("P1", (6, 6, 6), 250), ("P2", (4, 4, 6), 600)])
+def test_same_solution_with_friction_on_a_curved_surface(tmp_path, element, cells, above):
     """Dragged until it slips: with normals of their own the pieces would hook where they meet."""
-    mesh = arch(tmp_path / "arch.mesh")
-    whole, cut = (converged(pressed(mesh, above, interfaces=[CONTACT])) for above in (None, 250))
+    mesh, code = arch(tmp_path / "arch.mesh", cells), {"element": element, "workers": 2}
+    whole, cut = (converged(pressed(mesh, most, interfaces=[CONTACT], blackbox=code)) for most in (None, above))
     counts = whole.summary["status_counts"]
     assert counts["stick"][0] > 0 and counts["slip"][1] > 0
     assert sum(i.law == "contact" for i in cut.scene.interfaces) > 1
@@ -131,9 +132,10 @@ def test_same_solution_with_friction_on_a_curved_surface(tmp_path):
 
 
 def test_detached_bodies_are_named_as_wholes():
-    data = {**grains(10, 0.15), "blackbox": {"workers": 2}, "method": {"tolerance": {"error": 1e-3}}}
-    whole, cut = (converged(Config.model_validate({**data, "subdomains": {"groups": True, "split_above": above}}))
-                  for above in (10**9, 250))
+    data = {**grains(10, 0.15), "blackbox": {"workers": 2}, "method": {"max_iterations": 8}}
+    configs = [Config.model_validate({**data, "subdomains": {"groups": True, "split_above": above}})
+               for above in (10**9, 250)]
+    whole, cut = (solve(config, build_scene(config)) for config in configs)
     assert len(cut.scene.subdomains) > 15
     assert whole.summary["detached"][-1] == cut.summary["detached"][-1] == ["grain_9"]
     bodies = {s.name for s in whole.scene.subdomains}
