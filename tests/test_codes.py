@@ -1,7 +1,6 @@
 """Other codes than FreeFEM: what they answer alone, and mixed in one run."""
 
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np

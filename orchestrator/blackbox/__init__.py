@@ -6,11 +6,11 @@ among them), materials per region, clamped dofs, and the trace dofs. Dof = 3 * n
 What it must answer:
 
 - nodal displacements for a batch of nodal forces, a row per load case, in the order asked;
-- the stiffness of a mesh with nothing clamped: of the soles (the search direction) and of the subdomains' rims (energies,
-  reactions). Stresses follow from the displacements and are not asked for.
+- the stiffness of a mesh with nothing clamped: of the soles (the search direction) and of the subdomains' rims
+  (energies, reactions). Stresses follow from the displacements and are not asked for.
 
-On failure a run ends with one message that names the code, the subdomain, the exit code and the log's last lines; all
-processes end, and no file is left. ``orchestrator conformance CODE`` checks all of this.
+On failure a run ends with one message that names the code, the subdomain, the exit code and the log's last lines;
+all processes end, and no file is left. ``orchestrator conformance CODE`` checks all of this.
 
 Three ways to take part, from the shortest to the most general:
 

@@ -52,9 +52,10 @@ class Trial:
 
     def expected(self, index: int) -> np.ndarray:
         """(4, 3n) displacements that the reference stiffness gives."""
-        free = np.flatnonzero(~self.models[index].fixed)
-        u, f = np.zeros_like(self.everywhere(index)), self.everywhere(index)
-        u[:, free] = spla.splu(sp.csc_array(self.exact[index][free][:, free])).solve(np.ascontiguousarray(f[:, free].T)).T
+        free, f = np.flatnonzero(~self.models[index].fixed), self.everywhere(index)
+        factor = spla.splu(sp.csc_array(self.exact[index][free][:, free]))
+        u = np.zeros_like(f)
+        u[:, free] = factor.solve(np.ascontiguousarray(f[:, free].T)).T
         return u
 
 
@@ -109,7 +110,8 @@ def _reference_values(trial: Trial) -> tuple[str, str]:
 
 def _symmetric(trial: Trial) -> tuple[str, str]:
     apart = max(difference(k.toarray().T, k.toarray()) for k in trial.stiffness)
-    return f"|K − Kᵀ| {apart:.0e}", "" if apart <= RIGID else f"the stiffness is not symmetric: |K − Kᵀ| is {apart:.1e} |K|"
+    wrong = "" if apart <= RIGID else f"the stiffness is not symmetric: |K − Kᵀ| is {apart:.1e} |K|"
+    return f"|K − Kᵀ| {apart:.0e}", wrong
 
 
 def _rigid(trial: Trial) -> tuple[str, str]:
@@ -150,7 +152,7 @@ def _linear(trial: Trial) -> tuple[str, str]:
     f, u = trial.forces[0], trial.traces[0]
     both = trial.blackbox.traces({0: 2 * f[:1] - 3 * f[3:4]})[0]
     apart = difference(both, 2 * u[:1] - 3 * u[3:4])
-    return f"{apart:.0e}", "" if apart <= AGREE else f"answers are not linear in the forces: {apart:.1e}"
+    return _small(apart, "answers are not linear in the forces")
 
 
 def _batch(trial: Trial) -> tuple[str, str]:
@@ -158,19 +160,18 @@ def _batch(trial: Trial) -> tuple[str, str]:
     for case in range(len(trial.forces[0])):
         single = trial.blackbox.traces({0: trial.forces[0][case : case + 1]})[0]
         apart = max(apart, difference(single, trial.traces[0][case : case + 1]))
-    return f"{apart:.0e}", "" if apart <= AGREE else f"a load case is answered otherwise in a batch than alone: {apart:.1e}"
+    return _small(apart, "a load case is answered otherwise in a batch than alone")
 
 
 def _order(trial: Trial) -> tuple[str, str]:
     answers = trial.blackbox.traces({1: trial.forces[1], 0: trial.forces[0]})
     apart = max(difference(answers[i], trial.traces[i]) for i in (0, 1))
-    return f"{apart:.0e}", "" if apart <= AGREE else f"answers depend on the order in which models are asked: {apart:.1e}"
+    return _small(apart, "answers depend on the order in which models are asked")
 
 
 def _repeatable(trial: Trial) -> tuple[str, str]:
     again = trial.blackbox.traces({0: trial.forces[0]})[0]
-    apart = difference(again, trial.traces[0])
-    return f"{apart:.0e}", "" if apart <= AGREE else f"the same question is answered otherwise the second time: {apart:.1e}"
+    return _small(difference(again, trial.traces[0]), "the same question is answered otherwise the second time")
 
 
 def _compliance(trial: Trial) -> tuple[str, str]:
@@ -202,6 +203,10 @@ CHECKS: dict[str, Callable[[Trial], tuple[str, str]]] = {
     "linearity": _linear, "batch and single": _batch, "order of models": _order, "repeatability": _repeatable,
     "interface compliance": _compliance,
 }
+
+
+def _small(apart: float, otherwise: str) -> tuple[str, str]:
+    return f"{apart:.0e}", "" if apart <= AGREE else f"{otherwise}: {apart:.1e}"
 
 
 def _named(what: str, wrong: str) -> str:

@@ -150,8 +150,8 @@ class Pool:
         ]
 
     def codes(self) -> list[dict[str, object]]:
-        """One entry per code: its name, transport and version, distinct models, CPU seconds by kind of work and in all, and
-        the subdomains whose interface compliance was asked for once instead of a run per request."""
+        """One entry per code: name, transport, version, distinct models, CPU seconds by kind of work and in all, and the
+        subdomains whose interface compliance was asked for once instead of a run per request."""
         seconds = self.clock()
         asked = [note for worker in self._workers for note in getattr(worker, "compliances", list)()]
         return [{"code": self._code.name, "transport": self._transport, "version": self._code.version(),

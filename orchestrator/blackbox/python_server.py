@@ -69,10 +69,11 @@ class Server:
         assembled = time.process_time()
         self.models[index], self.prepared[index] = model, self.solver.prepare(model)
         residual = self._probe(index, stiffness)
-        self._reply([index, 0, model.fixed.size, 1], [assembled - start, time.process_time() - assembled, 0], [residual])
+        seconds = [assembled - start, time.process_time() - assembled, 0]
+        self._reply([index, 0, model.fixed.size, 1], seconds, [residual])
 
     def _probe(self, index: int, stiffness: sp.csr_array) -> float:
-        """Relative residual of three load cases; raises ValueError when it is the solver, not the model, that is wrong."""
+        """Relative residual of three load cases; raises ValueError when the solver, not the model, is wrong."""
         free = np.flatnonzero(~self.models[index].fixed)
         forces = np.zeros((3, self.models[index].fixed.size))
         # no rigid motion of any part escapes these
@@ -142,7 +143,8 @@ def _residual(matrix: sp.csc_array, u: np.ndarray, forces: np.ndarray) -> float:
 def read_model(path: str) -> Model:
     """A model from the file that ``python_code`` writes."""
     with np.load(path) as data:
-        return Model(str(data["name"]), *(data[key] for key in ("nodes", "cells", "region", "materials", "fixed", "trace")))
+        keys = ("nodes", "cells", "region", "materials", "fixed", "trace")
+        return Model(str(data["name"]), *(data[key] for key in keys))
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from orchestrator.savings import Savings
 
 CODES: dict[str, Callable[[], Code]] = {"freefem": FreeFem, "calculix": CalculiX, "scikit-fem": scikit_fem}
 TRANSPORTS = ("pipe", "file")
+NAMES = f"one of {', '.join(CODES)}, or file.py, file.py:Class, package.module:Class"
 
 
 class Settings(Protocol):
@@ -38,7 +39,7 @@ class Settings(Protocol):
 
 
 def code_named(name: str) -> Callable[[], Code] | None:
-    """What makes a code: one of ``CODES``, or a Python class given as file.py, file.py:Class or package.module:Class."""
+    """What makes a code: one of ``CODES``, or a class as file.py, file.py:Class or package.module:Class; None for others."""
     if name in CODES:
         return CODES[name]
     where = name.rpartition(":")[0]
@@ -98,7 +99,7 @@ def _prepared(settings: Settings, path: KeyPath) -> Callable[[], Pool]:
     problems = Problems()
     make = code_named(settings.code)
     if make is None:
-        problems.add((*path, "code"), repr(settings.code), f"one of {', '.join(CODES)}, or file.py, package.module:Class")
+        problems.add((*path, "code"), repr(settings.code), NAMES)
     if settings.transport not in TRANSPORTS:
         problems.add((*path, "transport"), repr(settings.transport), f"one of {', '.join(TRANSPORTS)}")
     workers = default_workers() if settings.workers == "auto" else settings.workers

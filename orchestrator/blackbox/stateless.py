@@ -69,7 +69,7 @@ class StatelessWorker(Worker):
         self.ledgers: dict[int, Ledger] = {}
 
     def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
-        """Displacements under forces (rhs, m), and the run's CPU seconds; keeps ``ledgers[index].request`` up to date."""
+        """Displacements under forces (rhs, m), and the run's CPU seconds; notes the cost in ``ledgers[index]``."""
         raise NotImplementedError
 
     def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:

@@ -44,10 +44,10 @@ class Solver:
         edges = corners[:, 1:] - corners[:, :1]
         volume = np.linalg.det(edges) / 6
         inverse = np.linalg.inv(edges)
-        gradient = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2).transpose(0, 2, 1)  # (m, 4, 3)
+        gradient = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2).transpose(0, 2, 1)
         young, poisson = model.materials[model.region].T
         lam, mu = young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
-        # K_aibj = V (λ ∂i φa ∂j φb + μ ∂j φa ∂i φb + μ δij ∇φa·∇φb)
+        # with the gradients (m, 4, 3) of the shape functions: K_aibj = V (λ ∂i φa ∂j φb + μ ∂j φa ∂i φb + μ δij ∇φa·∇φb)
         outer = np.einsum("mai,mbj->maibj", gradient, gradient)
         local = (lam[:, None, None, None, None] * outer + mu[:, None, None, None, None] * (
             outer.transpose(0, 1, 4, 3, 2) + np.einsum("mabkk,ij->maibj", outer.transpose(0, 1, 3, 2, 4), np.eye(3))))

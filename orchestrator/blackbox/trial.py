@@ -7,8 +7,8 @@ from rich.table import Table
 from rich.text import Text
 
 from orchestrator.blackbox.conformance import run_checks
-from orchestrator.blackbox.registry import code_named, make_blackbox
-from orchestrator.config.method import BlackBox, CODES
+from orchestrator.blackbox.registry import NAMES, code_named, make_blackbox
+from orchestrator.config.method import BlackBox
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, InputError, Problem
 
 
@@ -31,7 +31,7 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
     """
     make = code_named(code)
     if make is None:
-        raise InputError(Problem((), f"code {code!r}", "one of " + ", ".join(CODES) + ", or file.py, package.module:Class"))
+        raise InputError(Problem((), f"code {code!r}", NAMES))
     made = make()
     names = [transport] if transport else list(made.transports)
     console, failed = Console(highlight=False), 0
@@ -40,7 +40,8 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
         table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
         for check, figure, wrong in run_checks(lambda: make_blackbox(settings)):
             failed += bool(wrong)
-            table.add_row(Text("failed", "bold red") if wrong else Text("passed", "green"), check, Text(wrong or figure))
+            verdict = Text("failed", "bold red") if wrong else Text("passed", "green")
+            table.add_row(verdict, check, Text(wrong or figure))
         version = made.version()
         console.print(f"{made.name}{' ' + version if version else ''}, transport {name}", style="bold")
         console.print(table)

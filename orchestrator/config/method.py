@@ -116,7 +116,7 @@ OWN = r"^(.+\.py(:\w+)?|[\w.]+:\w+)$"
 
 CodeName = either(Annotated[str, Field(pattern=OWN)], Literal[CODES],
                   lambda value: isinstance(value, str) and (":" in value or value.endswith(".py")),
-                  "one of " + ", ".join(CODES) + ", or your own solver: solver.py, solver.py:Class or package.module:Class")
+                  f"one of {', '.join(CODES)}, or your own solver: solver.py, solver.py:Class or package.module:Class")
 
 
 class BlackBox(Part):

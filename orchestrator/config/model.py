@@ -34,7 +34,8 @@ class Config(Part):
     interfaces: list[InterfaceLaw] = Field(default_factory=everything_perfect, description=(
         "laws between parts, the last match wins; perfect by default: the body as one piece"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
-    blackbox: BlackBoxes = Field(BlackBox(), description="the finite element code, or a list with on: the last match wins")
+    blackbox: BlackBoxes = Field(BlackBox(), description=(
+        "the finite element code, or a list of several with on:, the last match wins"))
     output: Output = Field(Output(), description="what is written, and where")
 
     @model_validator(mode="before")

@@ -21,7 +21,7 @@ def label(entry: Mapping[str, object]) -> str:
 
 
 def codes_text(summary: Mapping[str, object]) -> str | None:
-    """Seconds in each code and in the orchestrator, where there are several codes or one that was asked for compliances."""
+    """Seconds in each code and in the orchestrator; None for a single code that was asked for no compliance."""
     codes = summary.get("codes") or []
     if len(codes) < 2 and not any(entry["compliances"] for entry in codes):
         return None
@@ -40,7 +40,7 @@ def codes_text(summary: Mapping[str, object]) -> str | None:
 
 
 def code_view(fields: Fields, summary: Mapping[str, object]) -> View | None:
-    """The deformed surface at the load step of the largest displacement, coloured by code; None where there is one code."""
+    """The deformed surface at the step of the largest displacement, coloured by code; None where there is one code."""
     codes = summary.get("codes") or []
     if len(codes) < 2:
         return None
@@ -51,7 +51,8 @@ def code_view(fields: Fields, summary: Mapping[str, object]) -> View | None:
     for number, entry in enumerate(codes):
         of_subdomain[entry["subdomains"]] = number
     faces, cell, _ = surface.outer_faces(drawn.cells)
-    points = (drawn.nodes + base.magnified * drawn.displacement[step])[faces].reshape(-1, 3)  # no point shared: no colour between
+    moved = drawn.nodes + base.magnified * drawn.displacement[step]
+    points = moved[faces].reshape(-1, 3)  # none shared: no colours between those of the codes
     value = np.repeat(of_subdomain[fields.subdomain[cell]], 3)
     palette = PALETTE[np.arange(len(codes)) % len(PALETTE)]
     camera = shaped(surface.Camera.framing(points))
@@ -71,6 +72,7 @@ def compose(view: View, picture: np.ndarray | None, summary: Mapping[str, object
     show(figure.add_axes((0, 0.45 / total, 1, drawing / total)), view, picture)
     names = [Patch(color=colour, label=label(entry)) for colour, entry in zip(view.palette, summary["codes"])]
     figure.legend(handles=names, loc="lower center", ncols=min(len(names), 4), frameon=False, fontsize=9.5)
-    figure.text(0.5, 1 - 0.1 / total, f"{summary.get('name') or ''}: which code solves what", ha="center", va="top", fontsize=12)
+    title = f"{summary.get('name') or ''}: which code solves what"
+    figure.text(0.5, 1 - 0.1 / total, title, ha="center", va="top", fontsize=12)
     figure.text(0.99, 1 - 0.1 / total, view.caption, ha="right", va="top", fontsize=8.5, color="0.3")
     return png(figure, DPI)

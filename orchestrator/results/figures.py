@@ -150,7 +150,7 @@ def time_per_stage(summary: Mapping[str, object]) -> bytes:
     if rest > 0.005 * total:
         wall.append(("everything else", rest))
     sections = [(f"wall clock: {total:.2f} s", wall, BLUE)]
-    entries = summary.get("codes") or [{"code": "the black box", "transport": "", "seconds": timing.get("blackbox") or {}}]
+    entries = summary.get("codes") or [{"code": "the black box", "seconds": timing.get("blackbox") or {}}]
     for entry in entries:
         own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
         if spent := sum(seconds for _, seconds in own):

@@ -14,7 +14,6 @@ from orchestrator.blackbox.exits import exit_meaning
 from orchestrator.blackbox.calculix.worker import CalculixWorker
 from orchestrator.errors import InputError, Problem
 
-INSTALL = "apt-get install calculix-ccx"
 _MEANINGS = {201: "CalculiX stopped with an error"}
 
 
@@ -27,14 +26,14 @@ class CalculiX:
     name = "calculix"
     elements = ("P1",)
     transports = {"file": CalculixWorker}
+    install = "apt-get install calculix-ccx   (or ORCHESTRATOR_CALCULIX=/path/to/ccx)"
 
     def __init__(self) -> None:
         wanted = os.environ.get("ORCHESTRATOR_CALCULIX", "")
         executable = shutil.which(wanted or "ccx")
         if executable is None:
             found = f"ORCHESTRATOR_CALCULIX={wanted} is no executable" if wanted else "no ccx in the path"
-            raise InputError(Problem(("blackbox", "code"), found, "the CalculiX executable",
-                                     f"{INSTALL}   (or ORCHESTRATOR_CALCULIX=/path/to/ccx)"))
+            raise InputError(Problem(("blackbox", "code"), found, "the CalculiX executable", self.install))
         self.executable = executable
 
     def command(self, job: str, _: str = "") -> list[str]:

@@ -57,7 +57,10 @@ def unit_loads(dofs: np.ndarray) -> str:
 
 
 def load_cases(forces: np.ndarray) -> str:
-    """A static step per row of (rhs, 3n) forces, at most about 1 in size; the restart file keeps every step's displacements as doubles."""
+    """A static step per row of (rhs, 3n) forces, at most about 1 in size.
+
+    The restart file keeps every step's displacements, as doubles.
+    """
     text = io.StringIO()
     for step, row in enumerate(forces):
         text.write("*STEP\n" + "*RESTART,WRITE\n" * (step == 0) + "*STATIC\n*CLOAD,OP=NEW\n")

@@ -1,7 +1,7 @@
 """Reading what CalculiX writes, at full precision.
 
 Its printed displacements have 7 digits. The same numbers stand as binary doubles in the file of Green functions
-(``.eig``) and in the restart file (``.rout``), a sequence of Fortran records; the stored matrix (``.sti``) has 14 digits.
+(``.eig``) and in the restart file (``.rout``), a sequence of Fortran records. The stored matrix (``.sti``) has 14 digits.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class Unreadable(Exception):
 
 
 def matrix(job: Path, dofs: int) -> tuple[sp.csr_array, np.ndarray]:
-    """Stored stiffness: the symmetric (active, active) matrix and the (active,) dofs of its rows, numbered 3 * node + component."""
+    """Stored stiffness: the symmetric (active, active) matrix, and the (active,) dofs of its rows."""
     try:
         # node.direction, one a line: not a decimal number
         order = np.loadtxt(job.with_suffix(".dof"), delimiter=".", dtype=np.int64, ndmin=2)
@@ -50,7 +50,7 @@ def green_functions(job: Path, loads: int, active: int) -> np.ndarray:
 def displacements(job: Path, steps: int, nodes: int) -> np.ndarray:
     """Displacements (steps, 3 nodes) of the restart file.
 
-    Of each step's records the displacements, (nodes, 4) with the temperature first, come two after the materials' names.
+    They are two records after the materials' names of each step, (nodes, 4) with the temperature first.
     """
     try:
         data = job.with_suffix(".rout").read_bytes()

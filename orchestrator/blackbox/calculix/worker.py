@@ -57,8 +57,8 @@ class CalculixWorker(StatelessWorker):
 
     def open(self) -> None:
         """Run a single tet through all that is needed; raises InputError when this CalculiX cannot."""
-        tet = Model("a single tet", np.eye(4, 3, -1), np.array([[0, 1, 2, 3]]), np.zeros(1, int), np.array([[1.0, 0.3]]),
-                    np.repeat([[True], [True], [True], [False]], 3, axis=1), np.array([9]))
+        tet = Model("a single tet", np.eye(4, 3, -1), np.array([[0, 1, 2, 3]]), np.zeros(1, int),
+                    np.array([[1.0, 0.3]]), np.repeat([[True], [True], [True], [False]], 3, axis=1), np.array([9]))
         try:
             loaded, seconds = self._store(tet, clamp=True)
             self.seconds["start"] += seconds
@@ -67,10 +67,11 @@ class CalculixWorker(StatelessWorker):
         except Ended as error:
             raise self.failure("it did not start", error, "") from error
         except (Unreadable, BadReply) as error:
+            version = self.code.version() or "of unknown version"
             raise InputError(Problem(
-                ("blackbox", "code"), f"CalculiX {self.code.version() or 'of unknown version'}, which lacks a feature: {error}",
+                ("blackbox", "code"), f"CalculiX {version}, which lacks a feature: {error}",
                 "a CalculiX with *GREEN, *RESTART and stored matrices, such as Debian's 2.20",
-                "apt-get install calculix-ccx   (or ORCHESTRATOR_CALCULIX=/path/to/another)")) from error
+                self.code.install)) from error
 
     def load(self, index: int, model: Model) -> None:
         ledger = self.ledgers[index] = Ledger(model.name, len(model.trace))
@@ -129,7 +130,8 @@ class CalculixWorker(StatelessWorker):
         if not np.array_equal(active, expected):
             raise BadReply(f"{len(active)} active dofs, {len(expected)} expected")
         if not np.isfinite(stiffness.data).all():
-            raise BadReply("the stiffness matrix has entries that are not finite", "a degenerate tet or an absurd modulus")
+            raise BadReply("the stiffness matrix has entries that are not finite",
+                           "a degenerate tet or an absurd modulus")
         return Loaded(model, mesh, stiffness, active), seconds
 
     def _load_cases(self, loaded: Loaded, forces: np.ndarray) -> tuple[np.ndarray, float]:
