@@ -8,8 +8,10 @@ import pytest
 from blackbox_case import assemble, box, difference, forces, settings
 from method_case import CUBES, solved
 
+from orchestrator.blackbox import registry
 from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.config import config_from, load_config
+from orchestrator.config.method import CODES as CONFIGURED
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -108,6 +110,18 @@ def test_a_failure_of_one_code_ends_all(tmp_path):
         assert len(pids) == 2 and blackbox.pids() == []
         with pytest.raises(BlackBoxError, match="ended after a failure|is closed"):
             blackbox.traces({0: forces(models[0])})
+
+
+def test_loading_again_and_the_codes_of_the_configuration():
+    """New models take the place of the old ones; the YAML knows the codes that the registry has."""
+    models = [box(name="first"), box((2, 2, 3), name="second", seed=1)]
+    with make_blackbox(settings(code="calculix", transport="file")) as blackbox:
+        answers = []
+        for loaded in (models, models[1:]):
+            blackbox.load(loaded)
+            answers.append(blackbox.traces({len(loaded) - 1: forces(models[1])})[len(loaded) - 1])
+    assert difference(*answers) < 1e-12
+    assert set(registry.CODES) == set(CONFIGURED)
 
 
 WRONG = {  # the blackbox section, key path, words of the message

@@ -128,7 +128,7 @@ def test_calculix_is_missing(monkeypatch):
 
 
 def test_scikit_fem_is_missing(monkeypatch):
-    monkeypatch.setattr("orchestrator.blackbox.python_code._there", lambda name: False)
+    monkeypatch.setattr("orchestrator.blackbox.python_code._installed", lambda name: False)
     with pytest.raises(InputError, match="pip install scikit-fem"):
         make_blackbox(settings(code="scikit-fem"))
 

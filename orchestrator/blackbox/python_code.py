@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import os
 import sys
 from importlib import metadata
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import numpy as np
@@ -40,14 +40,14 @@ class PythonCode:
     def __init__(self, name: str, code: str, package: str = "", install: str = ""):
         self.name, self.code, self.package = name, code, package
         where = code.rpartition(":")[0] or code
-        if package and not _there(package):
+        if package and not _installed(package):
             raise _absent(f"no Python package {package} in {sys.prefix}", f"the package {package}", install)
         if where.endswith(".py"):
             if not Path(where).is_file():
                 raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class",
                               f"start from {ROOT / 'orchestrator/blackbox/template.py'}")
             self.code = str(Path(where).resolve()) + code[len(where):]
-        elif not _there(where):
+        elif not _importable(where):
             raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",
                           "install it in this environment, or add its folder to PYTHONPATH")
 
@@ -89,15 +89,14 @@ def scikit_fem() -> PythonCode:
                       f"{sys.executable} -m pip install 'orchestrator[scikit-fem]', or pip install scikit-fem")
 
 
-def _there(name: str) -> bool:
-    """Whether a distribution or module of this name is installed."""
+def _importable(module: str) -> bool:
+    """Whether the server will find a module, or the package it is in; the current folder counts."""
+    return PathFinder.find_spec(module.partition(".")[0], [*sys.path, os.getcwd()]) is not None
+
+
+def _installed(package: str) -> bool:
     try:
-        if importlib.util.find_spec(name) is not None:
-            return True
-    except (ImportError, ValueError):
-        pass
-    try:
-        metadata.version(name)
+        metadata.version(package)
     except metadata.PackageNotFoundError:
         return False
     return True

@@ -112,7 +112,9 @@ class CalculixWorker(StatelessWorker):
         trace = loaded.model.trace
         answer, seconds = self._guarded("solving failed", name, lambda: self._unit_loads(loaded, trace))
         self.seconds["solve"] += seconds
-        return np.ascontiguousarray(answer[:, np.searchsorted(loaded.active, trace)]), seconds
+        compliance = answer[:, np.searchsorted(loaded.active, trace)]
+        self._clear()  # the file of Green functions is large
+        return compliance, seconds
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
         stored, seconds = self._guarded("the stiffness matrix was not obtained", model.name,
@@ -157,8 +159,7 @@ class CalculixWorker(StatelessWorker):
 
     def _run(self, text: str) -> float:
         """CPU seconds of a run; raises Ended with the code's own words when it rejects the deck."""
-        for path in self.folder.iterdir():
-            path.unlink()
+        self._clear()
         self.write(f"{JOB}.inp", [text.encode()])
         before = os.fstat(self.log.fileno()).st_size
         code, seconds = self.wait_for_end(self.spawn(JOB, ""))
@@ -169,6 +170,10 @@ class CalculixWorker(StatelessWorker):
         if code != 0:
             raise Ended("the run failed")
         return seconds
+
+    def _clear(self) -> None:
+        for path in self.folder.iterdir():
+            path.unlink()
 
     def _guarded(self, purpose: str, name: str, action: Callable):
         try:
