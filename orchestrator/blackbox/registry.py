@@ -72,7 +72,7 @@ def make_blackbox(settings: Settings | Sequence[Settings], used: Iterable[int] |
     """
     if not isinstance(settings, Sequence):
         return _prepared(settings, ("blackbox",))()
-    used = sorted(range(len(settings)) if used is None else set(used))
+    used = sorted(range(len(settings)) if used is None else set(used)) or [0]
     problems, starters = [], {}
     for index in used:
         try:

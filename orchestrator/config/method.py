@@ -126,7 +126,8 @@ class BlackBox(Part):
     element: Literal["P1", "P2"] = Field("P1", description=(
         "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))
     transport: Literal["pipe", "file"] = Field("pipe", description=(
-        "pipe: persistent processes that keep their factors; file: one run per request, for closed codes"))
+        "pipe: persistent processes that keep their factors; file: one run per request, for closed codes, or one "
+        "for the interface compliance where that is cheaper. calculix knows file only"))
     workers: AutoCount = Field("auto", description="processes; auto: one per core")
     timeout: Positive = Field(600.0, description=(
         "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
