@@ -51,7 +51,8 @@ WRONG = {
     "sign": ("return -u", "return k", "the opposite sign"),
     "component after component": ("return u.reshape(len(u), -1, 3).swapaxes(1, 2).reshape(u.shape)", "return k",
                                   "3 * node + component is expected"),
-    "node order": ("return u.reshape(len(u), -1, 3)[:, ::-1].reshape(u.shape)", "return k", "nodes are numbered otherwise"),
+    "node order": ("return u.reshape(len(u), -1, 3)[:, ::-1].reshape(u.shape)", "return k",
+                   "nodes are numbered otherwise"),
     "units": ("return u / 1e6", "return k * 1e6", "are forces, lengths and moduli in the units of the model?"),
     "float32": ("return u.astype(np.float32)", "return k", "single precision"),
     "dropped load case": ("u[-1] = 0 if len(u) > 1 else u[-1]; return u", "return k", "was not answered"),
@@ -61,9 +62,11 @@ WRONG = {
     "not finite": ("u[0, -1] = np.nan; return u", "return k", "not finite"),
     "clamped dofs move": ("return u + 1e-3 * np.abs(u).max() * (u == 0)", "return k", "clamped dofs move"),
     "not linear": ("return u if len(u) > 1 else 1.001 * u", "return k", "not linear"),
-    "not repeatable": ("self.n = getattr(self, 'n', 0) + 1; return u * (1 + 1e-8 * self.n)", "return k", "1 times what is expected"),
+    "not repeatable": ("self.n = getattr(self, 'n', 0) + 1; return u * (1 + 1e-3 * (self.n > 10))", "return k",
+                       "otherwise the second time"),
     "a stiffness without symmetry": ("return u", "k.data[::7] *= 1.0001; return k", "digits only"),
-    "held stiffness": ("return u", "k = k.tolil(); k[0, 0] *= 2; return k.tocsr()", "stiffness of the body: relative difference"),
+    "held stiffness": ("return u", "k = k.tolil(); k[0, 0] *= 2; return k.tocsr()",
+                       "stiffness of the body: relative difference"),
     "an exception": ("raise RuntimeError('out of licences')", "return k", "out of licences"),
 }
 
@@ -74,7 +77,7 @@ def test_wrong_adapters_are_caught(name, tmp_path):
     path = tmp_path / "wrong.py"
     path.write_text(PROTOTYPE.format(solve=solve, stiffness=stiffness))
     found = [wrong for wrong in verdicts(code=str(path)).values() if wrong]
-    assert found and words in found[0], found
+    assert any(words in wrong for wrong in found), found
 
 
 @pytest.mark.parametrize("name", ["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"])

@@ -38,7 +38,7 @@ def diagnosis(found: np.ndarray, expected: np.ndarray) -> str:
     if -1 not in order and order != list(range(len(order))):
         return f"load cases in another order: {', '.join(str(i + 1) for i in order)}"
     factor = float(np.sum(found * expected) / np.sum(expected**2))
-    if difference(found, factor * expected) <= AGREE * max(abs(factor), 1.0):
+    if abs(factor - 1) > ROUGH and difference(found, factor * expected) <= AGREE * max(abs(factor), 1.0):
         if abs(factor + 1) <= AGREE:
             return "the opposite sign: displacements along the forces are expected"
         return f"{factor:.6g} times what is expected: are forces, lengths and moduli in the units of the model?"

@@ -14,6 +14,8 @@ from orchestrator.results.fields import Fields
 PALETTE = np.array([[0.35, 0.55, 0.75], [0.93, 0.62, 0.25], [0.35, 0.65, 0.45], [0.62, 0.45, 0.68],
                     [0.55, 0.78, 0.90], [0.80, 0.35, 0.30]])
 
+CODE_HEAD = ("code", "subdomains", "start", "assemble", "factorise", "solve", "seconds", "unit loads")
+
 
 def label(entry: Mapping[str, object]) -> str:
     """Name of a code with its transport."""
@@ -37,6 +39,17 @@ def codes_text(summary: Mapping[str, object]) -> str | None:
         rows.append(row)
     own = summary.get("orchestrator_seconds")
     return "\n".join(rows + ([f"orchestrator: {own:.2f} s of wall clock, between requests"] if own is not None else []))
+
+
+def code_rows(summary: Mapping[str, object]) -> list[tuple[str, ...]]:
+    """As ``CODE_HEAD``: CPU seconds of each code by kind of work, and the orchestrator's seconds of wall clock."""
+    if codes_text(summary) is None:
+        return []
+    rows = [(label(entry), str(len(entry["subdomains"])),
+             *(f"{entry['seconds'][kind]:.2f}" for kind in ("start", "assemble", "factorise", "solve", "total")),
+             f"{sum(note['unit_loads'] for note in entry['compliances']):,}") for entry in summary["codes"]]
+    own = summary.get("orchestrator_seconds")
+    return rows + ([("orchestrator", "", "", "", "", "", f"{own:.2f}", "")] if own is not None else [])
 
 
 def code_view(fields: Fields, summary: Mapping[str, object]) -> View | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from orchestrator.results.document import Block, Heading, Listing, Paragraph, Picture, Table, number, to_html, to_markdown
 from orchestrator.results.contact_section import LAW_QUANTITIES, contact_section
+from orchestrator.results.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.result import Result
@@ -40,6 +41,7 @@ _QUANTITIES = [
 ]
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: borders of the "
                               "subdomains; grey: the undeformed outline."),
+             ("codes.png", "Which code solves what."),
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
@@ -76,8 +78,8 @@ def _blocks(result: Result) -> list[Block]:
     summary = result.summary
     blocks: list[Block] = [
         Heading(str(summary.get("name") or "Run"), 1), Paragraph(_in_words(result)),
-        Table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers")])]
-    blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary), *_workload(summary)]
+        Table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers", "codes")])]
+    blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
     blocks += contact_section(summary)
     for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
         table = {"reactions": _reactions, "energy": _energy}[key](summary.get(key))
@@ -127,6 +129,12 @@ def _time(summary: Mapping[str, object]) -> Table:
     if blackbox_seconds(timing):
         lines.append(("black box: all, on its own clock, summed over its workers", f"{blackbox_seconds(timing):.2f}", ""))
     return Table(("stage", "seconds", "share"), lines, numeric=True)
+
+
+def _codes(summary: Mapping[str, object]) -> list[Block]:
+    rows = code_rows(summary)
+    return [Heading("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", 3),
+            Table(CODE_HEAD, rows, numeric=True)] if rows else []
 
 
 def _workload(summary: Mapping[str, object]) -> list[Block]:

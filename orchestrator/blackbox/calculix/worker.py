@@ -47,7 +47,10 @@ class Loaded:
 
 
 class CalculixWorker(StatelessWorker):
-    """One run after another, in a folder of its own. Every answer is checked against the stiffness CalculiX stored."""
+    """One run after another, in a folder of its own. Every answer is checked against the stiffness CalculiX stored.
+
+    A run's CPU seconds cannot be divided: factorising counts as solving.
+    """
 
     def __init__(self, code, element, folder, number, timeout):
         own = folder / f"calculix-{number}"
