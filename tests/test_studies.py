@@ -298,3 +298,32 @@ def test_prediction_adds_up():
     assert large["set_up"]["scene, on one rank"] == pytest.approx(1000)
     count = limit(costs, coarse)
     assert predict(costs, coarse, round(count))["iterations"]["coarse problem: solve"] == pytest.approx(1.2, rel=1e-3)
+
+
+def test_large_in_small(tmp_path):
+    from orchestrator.studies import large
+    from orchestrator.studies.framework import Study
+
+    study = Study("large", "small", tmp_path)
+    large.run(study, 2, 4, (2, 5), 4, (6,))
+    study.close()
+    rows = rows_of(tmp_path / "table.csv")
+    assert [row["method"] for row in rows if row["subdomains"] == "1"] == [
+        "FreeFEM, CHOLMOD", "FreeFEM, MUMPS", "FreeFEM, UMFPACK"] + 3 * [next(
+            row["method"] for row in rows if row["case"] == "6³ bricks")]
+    ours = [row for row in rows if row["subdomains"] == "8"]
+    assert len(ours) == 3 and all(row["stop_reason"] == "converged" for row in ours)
+    assert all(float(row["true_error"]) <= 1e-6 for row in ours[:2]) and all(float(r["memory_mb"]) > 1 for r in rows)
+    targets = rows_of(tmp_path / "targets.csv")
+    assert targets[1]["met"] == targets[2]["met"] == "yes" and targets[3]["met"] == "no"  # a small one can be solved
+    assert (tmp_path / "large.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_large_within_too_little_memory(tmp_path):
+    from orchestrator.blackbox.freefem import FreeFem
+    from orchestrator.studies import large
+    from orchestrator.studies.framework import Study
+
+    result = large._direct(Study("large", "small", tmp_path), FreeFem(), 26, "CHOLMOD", 300 * 2**20)
+    assert "out of memory" in result.failure and result.memory < 315
+    assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == result.failure
