@@ -327,3 +327,57 @@ def test_large_within_too_little_memory(tmp_path):
     result = large._direct(Study("large", "small", tmp_path), FreeFem(), 26, "CHOLMOD", 300 * 2**20)
     assert "out of memory" in result.failure and result.memory < 315
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == result.failure
+
+
+def test_time_vs_error_in_small(tmp_path):
+    from dataclasses import replace
+
+    from orchestrator.studies import time_vs_error
+    from orchestrator.studies.error_cases import MODELS
+    from orchestrator.studies.framework import Study
+
+    small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "L-shaped bracket": ((4,), (), (2, 4, 8)),
+             "blocks in frictional contact": ((2, 4), (), (8,))}
+    models = {name: replace(MODELS[name], sizes={"P1": one, "P2": two}, exact=exact)
+              for name, (one, two, exact) in small.items()}
+    study = Study("time_vs_error", "small", tmp_path)
+    time_vs_error.run(study, models)
+    study.close()
+    rows = [row for row in rows_of(tmp_path / "table.csv") if row["energy_error"]]
+    error = {(r["case"], r["element"], r["k"], r["method"], r["tolerance"]): float(r["energy_error"]) for r in rows}
+    for case, element, k in (("beam in bending", "P1", "4"), ("beam in bending", "P2", "1"), ("L-shaped bracket", "P1", "4")):
+        whole = error[case, element, k, time_vs_error.DIRECT, ""]
+        # what the mesh leaves is the same however it is solved; the stages' own error adds up in squares
+        assert error[case, element, k, time_vs_error.FIXED, "1e-06"] == pytest.approx(whole, rel=1e-5)
+        assert whole < error[case, element, k, time_vs_error.AUTO, "auto"] < 1.02 * whole
+        assert error[case, element, k, time_vs_error.PAPER, "η 0.001"] > whole
+    assert error["beam in bending", "P2", "1", time_vs_error.DIRECT, ""] < 0.2 < error[
+        "beam in bending", "P1", "4", time_vs_error.DIRECT, ""]
+    contact = [error["blocks in frictional contact", "P1", k, time_vs_error.FIXED, "1e-06"] for k in "24"]
+    assert 0.4 < contact[1] / contact[0] < 0.7
+    assert any("contact is not linear" in r["stop_reason"] for r in rows_of(tmp_path / "table.csv"))
+    assert all(row["met"] == "yes" for row in rows_of(tmp_path / "targets.csv")[:3])
+    assert (tmp_path / "time_vs_error.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_true_errors_of_an_exact_solution():
+    """Two fields whose distance is known: the one carried to the other's mesh, and the energies' balance."""
+    from orchestrator.config import config_from
+    from orchestrator.scene.build import build_scene
+    from orchestrator.studies.true_errors import _carried
+
+    for element in ("P1", "P2"):
+        box = {"name": "t", "mesh": {"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}}, "subdomains": {"grid": [2, 1, 1]},
+               "materials": [{"young": 1.0, "poisson": 0.3}], "blackbox": {"element": element},
+               "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}]}
+        scene = build_scene(config_from(box))
+        s = scene.subdomains[1]
+        nodes, points = scene.mesh.nodes[s.nodes], 1 + np.random.default_rng(0).random((50, 3)) * [1, -1, -1]
+
+        def field(x):
+            u = x @ [[1.0, 0, 2], [0, 3, 1], [1, 1, 1]]
+            return (u if element == "P1" else u + x**2)[None]
+
+        assert _carried(s, nodes, field(nodes), points) == pytest.approx(field(points), rel=1e-12)
+        with pytest.raises(ValueError, match="outside"):
+            _carried(s, nodes, field(nodes), points + 1)

@@ -48,14 +48,25 @@ def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
         raise InputError(Problem(("mesh",), f"{len(apart)} interfaces whose sides share no nodes, the first {apart[0]}",
                                  "a mesh in one piece, which is what --reference solves",
                                  "leave out --reference, or merge coincident nodes (gmsh: Coherence)"))
-    model = whole_model(scene)
-    stiffness = blackbox.stiffness([model])[0]
-    blackbox.load([model])
-    lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
-    forces = scene.loads.reshape(scene.steps, -1) - (stiffness @ lift.T).T
-    forces[:, scene.fixed.ravel()] = 0.0
-    displacement = (lift + blackbox.fields({0: forces})[0]).reshape(scene.steps, -1, 3)
+    stiffness = blackbox.stiffness([whole_model(scene)])[0]
+    displacement = undecomposed(scene, blackbox, stiffness)
     return Reference(displacement, stiffness, _energies(stiffness, displacement))
+
+
+def undecomposed(scene: Scene, blackbox: BlackBox, stiffness: sp.csr_array | None = None) -> np.ndarray:
+    """Displacement (T, n, 3) of the whole structure in one piece.
+
+    Parameters
+    ----------
+    stiffness : (3n, 3n); needed where displacements other than zero are prescribed
+    """
+    blackbox.load([whole_model(scene)])
+    lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
+    forces = scene.loads.reshape(scene.steps, -1)
+    if lift.any():
+        forces = forces - (stiffness @ lift.T).T
+    forces = np.where(scene.fixed.ravel(), 0.0, forces)
+    return (lift + blackbox.fields({0: forces})[0]).reshape(scene.steps, -1, 3)
 
 
 def _energies(stiffness: sp.csr_array, displacement: np.ndarray) -> np.ndarray:

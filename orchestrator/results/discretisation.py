@@ -49,6 +49,12 @@ class Estimator:
     Parameters
     ----------
     scene : of four-node or ten-node tets
+
+    Attributes
+    ----------
+    cells : (m, p) int, nodes of the cells, subdomain after subdomain, each with its own nodes; order : (m,) int, the
+        mesh's index of each
+    gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions; node : (K,) int, see ``recovered``
     """
 
     def __init__(self, scene: Scene):
@@ -68,6 +74,8 @@ class Estimator:
         matter = np.unique(np.ascontiguousarray(self.lame).view(complex).ravel(), return_inverse=True)[1]
         keys = joined[self.cells] * (int(matter.max()) + 1) + matter[:, None]
         self.corner = np.unique(keys, return_inverse=True)[1].reshape(self.cells.shape)
+        self.node = np.empty(self.corner.max() + 1, dtype=int)
+        self.node[self.corner] = np.concatenate([s.nodes for s in scene.subdomains])[self.cells]
         self.share = np.repeat(self.volumes, self.cells.shape[1])
         self.weight = np.bincount(self.corner.ravel(), self.share)
         self.product = _mean_products(self.cells.shape[1])
@@ -86,6 +94,11 @@ class Estimator:
         errors, energy = squares.sum(axis=1), energies.sum(axis=1)
         size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
+
+    def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
+        """(T, K, 6) stresses σ* at the nodes ``node`` (K,) of the mesh, one for each matter and side that meet there."""
+        return np.array([[self._mean(component) for component in self._stress(u)]
+                         for u in np.concatenate(sides, axis=1)]).transpose(0, 2, 1)
 
     def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
         """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
@@ -108,8 +121,7 @@ class Estimator:
         error, energy = np.zeros((2, len(self.cells)))
         trace = np.zeros(self.cells.shape)
         for component, weight in zip(sigma, _WEIGHT):
-            mean = np.bincount(self.corner.ravel(), self.share * component.ravel()) / self.weight
-            gap = mean[self.corner] - component
+            gap = self._mean(component)[self.corner] - component
             error += weight * self._mean_square(gap)
             energy += weight * self._mean_square(component)
             if weight == 1:
@@ -118,6 +130,10 @@ class Estimator:
         energy -= dilation * self._mean_square(sigma[:3].sum(axis=0))
         scale = self.volumes / (2 * second)
         return np.maximum(error, 0.0) * scale, energy * scale
+
+    def _mean(self, component: np.ndarray) -> np.ndarray:
+        """(K,) nodal means of (m, p)."""
+        return np.bincount(self.corner.ravel(), self.share * component.ravel()) / self.weight
 
     def _mean_square(self, values: np.ndarray) -> np.ndarray:
         """(m,) mean over each cell of the square of the function with these nodal values (m, p)."""
