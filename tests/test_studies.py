@@ -345,7 +345,8 @@ def test_time_vs_error_in_small(tmp_path):
     study.close()
     rows = [row for row in rows_of(tmp_path / "table.csv") if row["energy_error"]]
     error = {(r["case"], r["element"], r["k"], r["method"], r["tolerance"]): float(r["energy_error"]) for r in rows}
-    for case, element, k in (("beam in bending", "P1", "4"), ("beam in bending", "P2", "1"), ("L-shaped bracket", "P1", "4")):
+    for case, element, k in (("beam in bending", "P1", "4"), ("beam in bending", "P2", "1"),
+                             ("L-shaped bracket", "P1", "4")):
         whole = error[case, element, k, time_vs_error.DIRECT, ""]
         # what the mesh leaves is the same however it is solved; the stages' own error adds up in squares
         assert error[case, element, k, time_vs_error.FIXED, "1e-06"] == pytest.approx(whole, rel=1e-5)

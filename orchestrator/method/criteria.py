@@ -15,7 +15,7 @@ the energy residual, whichever is larger:
     ε_K = max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K.
 
 It is in the units of the error because the laws are monotone (frictionless ones; Coulomb's where the statuses are
-right): (f̂ − f*)·(ŵ − w*) ≤ 0 against the solution *, and ‖u − u*‖²_K = (f − f*)·(w − w*), so that with f − f̂ = k(w − ŵ)
+right): (f̂ − f*)·(ŵ − w*) ≤ 0 against the solution *, and ‖u − u*‖²_K = (f − f*)·(w − w*). With f − f̂ = k(w − ŵ)
 
     ‖u − u*‖²_K ≤ ‖f − f̂‖_k⁻¹ (‖w − w*‖_k + ‖f − f*‖_k⁻¹) ≤ c ‖f − f̂‖_k⁻¹ ‖u − u*‖_K,
 

@@ -96,7 +96,7 @@ class Estimator:
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
     def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
-        """(T, K, 6) stresses σ* at the nodes ``node`` (K,) of the mesh, one for each matter and side that meet there."""
+        """(T, K, 6) stresses σ* at the nodes ``node`` (K,) of the mesh, one for each matter and side there."""
         return np.array([[self._mean(component) for component in self._stress(u)]
                          for u in np.concatenate(sides, axis=1)]).transpose(0, 2, 1)
 
@@ -115,7 +115,10 @@ class Estimator:
         return np.concatenate([corners, corners[:, :, TET_EDGES].mean(axis=-1)], axis=-1)
 
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, m, p); C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ."""
+        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, m, p).
+
+        C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ
+        """
         first, second = self.lame.T
         dilation = first / (3 * first + 2 * second)
         error, energy = np.zeros((2, len(self.cells)))

@@ -100,8 +100,8 @@ def _write(path: Path, size: tuple[float, ...], counts: tuple[int, ...], inside:
     cells = mesh.cells if inside is None else mesh.cells[inside(centre)]
     tags = np.ones(len(cells), int) if second is None else 1 + second(centre).astype(int)
     used, local = np.unique(cells, return_inverse=True)
-    meshio.write(path, meshio.Mesh(mesh.nodes[used], [("tetra", local.reshape(-1, 4))], cell_data={"medit:ref": [tags]}),
-                 file_format="vtk", binary=True)
+    made = meshio.Mesh(mesh.nodes[used], [("tetra", local.reshape(-1, 4))], cell_data={"medit:ref": [tags]})
+    meshio.write(path, made, file_format="vtk", binary=True)
     return str(path)
 
 

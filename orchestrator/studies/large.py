@@ -73,7 +73,8 @@ def run(study: Study, blocks: int = BLOCKS, elements: int = ELEMENTS, million: t
     size = f"{usual['dofs']:,} dofs, {usual['subdomains']} subdomains"
     study.target(f"{size}: wall time of the direct solution ({best}) over ours", f"at least {SPEEDUP:g}",
                  f"{whole.seconds:.1f} / {usual['seconds']:.1f} s = {ratio:.1f}", ratio >= SPEEDUP)
-    study.target(f"{size}: true error", f"at most {ACCURATE:g}", f"{usual['true_error']:.1e}", usual["true_error"] <= ACCURATE)
+    study.target(f"{size}: true error", f"at most {ACCURATE:g}", f"{usual['true_error']:.1e}",
+                 usual["true_error"] <= ACCURATE)
 
     last, first = fills[-1], fills[-2]
     power = np.log(last.memory / first.memory) / np.log(last.dofs / first.dofs)
@@ -84,7 +85,8 @@ def run(study: Study, blocks: int = BLOCKS, elements: int = ELEMENTS, million: t
                  f"{large['error_bound']:.1e}, {large['seconds']:.0f} s, {large['memory_mb']:,.0f} MB",
                  large["stop_reason"] == "converged")
     study.target(f"the same undecomposed within {limit / 2**30:.0f} GiB", "not possible",
-                 f"{direct.failure or 'solved'}; extrapolated need {needed:,.0f} MB (dofs^{power:.2f})", bool(direct.failure))
+                 f"{direct.failure or 'solved'}; extrapolated need {needed:,.0f} MB (dofs^{power:.2f})",
+                 bool(direct.failure))
     study.figure(_picture(study, best))
 
 
@@ -98,7 +100,8 @@ def _direct(study: Study, code: FreeFem, cells: int, solver: str, limit: int) ->
     """A cube in one piece, as a row; a failure is one of the results."""
     command = [code.executable, "-ne", "-nw", "-v", "0", str(SCRIPT), "1", str(cells), solver]
     begin = time.perf_counter()
-    process = subprocess.Popen(command, env=code.environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    process = subprocess.Popen(command, env=code.environment(), text=True,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
     with process, study.console.status(f"{cells}³ bricks in one piece, {solver}"):
         impatience = threading.Timer(PATIENCE, process.kill)  # OpenBLAS may wait for ever for memory that it cannot get
@@ -119,7 +122,8 @@ def _direct(study: Study, code: FreeFem, cells: int, solver: str, limit: int) ->
         failure = complaint or f"wrong: relative residual {words[6]}"
     result = Direct(seconds, usage.ru_maxrss * 1024 / 1e6, dofs, failure)
     study.rows.append({"case": f"{cells}³ bricks", "method": f"FreeFEM, {solver}", "dofs": dofs, "subdomains": 1,
-                       "stop_reason": failure or "solved", "memory_mb": round(result.memory), "seconds": round(seconds, 2)})
+                       "stop_reason": failure or "solved", "memory_mb": round(result.memory),
+                       "seconds": round(seconds, 2)})
     study.histories.append([])
     study.write()
     study.console.print(f"  {len(study.rows):3}  {cells}³ bricks in one piece, {solver}: {failure or 'solved'}, "
@@ -142,15 +146,16 @@ def _ours(study: Study, blocks: int, elements: int, skip: bool) -> None:
         seconds = time.perf_counter() - begin
         error = _true_error(config, solved)
     summary = solved.summary
-    row = {"case": f"{blocks * elements}³ bricks", "method": "decomposed" if skip else "decomposed, no use of congruence",
-           "dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": solved.outcome.iterations,
+    row = {"case": f"{blocks * elements}³ bricks",
+           "method": "decomposed" if skip else "decomposed, no use of congruence", "dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": solved.outcome.iterations,
            "true_error": error, "error_bound": summary["error_bound"], "stop_reason": solved.outcome.stop_reason,
            "memory_mb": round(summary["memory_peak_mb"]), "seconds": round(seconds, 2)}
     study.rows.append(row)
     study.histories.append(solved.outcome.history)
     study.write()
     study.console.print(f"  {len(study.rows):3}  {blocks}³ subdomains{'' if skip else ', no use of congruence'}: "
-                        f"{row['iterations']} iterations, {row['stop_reason']}, true error {error:.1e}, {seconds:.1f} s")
+                        f"{row['iterations']} iterations, {row['stop_reason']}, true error {error:.1e}, "
+                        f"{seconds:.1f} s")
 
 
 _references: dict[int, Reference] = {}  # the last one
@@ -173,8 +178,8 @@ def _command(study: Study, blocks: int, elements: int) -> dict[str, Any]:
     output = study.folder / "run"
     with study.console.status(f"{blocks}³ subdomains"):
         begin = time.perf_counter()
-        done = subprocess.run([sys.executable, "-m", "orchestrator", "run", str(config), "--output", str(output), "--quiet"],
-                              capture_output=True, text=True)
+        command = [sys.executable, "-m", "orchestrator", "run", str(config), "--output", str(output), "--quiet"]
+        done = subprocess.run(command, capture_output=True, text=True)
         seconds = time.perf_counter() - begin
     if done.returncode not in (0, 1):
         raise BlackBoxError(done.stderr.strip() or f"the run ended with code {done.returncode}")
@@ -186,15 +191,16 @@ def _command(study: Study, blocks: int, elements: int) -> dict[str, Any]:
     study.rows.append(row)
     study.histories.append([])
     study.write()
-    study.console.print(f"  {len(study.rows):3}  {blocks}³ subdomains: {row['iterations']} iterations, {row['stop_reason']}, "
-                        f"bound {row['error_bound']:.1e}, {row['memory_mb']:,} MB, {seconds:.1f} s")
+    study.console.print(f"  {len(study.rows):3}  {blocks}³ subdomains: {row['iterations']} iterations, "
+                        f"{row['stop_reason']}, bound {row['error_bound']:.1e}, {row['memory_mb']:,} MB, {seconds:.1f} s")
     return row
 
 
 def _picture(study: Study, best: str) -> bytes:
     """Seconds and memory over dofs."""
     figure = new_figure(9.0, 3.8)
-    for axes, quantity, name in zip(figure.subplots(1, 2), ("seconds", "memory_mb"), ("wall time [s]", "peak memory [MB]")):
+    names = {"seconds": "wall time [s]", "memory_mb": "peak memory [MB]"}
+    for axes, (quantity, name) in zip(figure.subplots(1, 2), names.items()):
         for method, colour, marker in ((f"FreeFEM, {best}", ORANGE, "s"), ("decomposed", BLUE, "o")):
             rows = sorted((row for row in study.rows if row["method"] == method and (
                 row["stop_reason"] in ("solved", "converged"))), key=lambda row: row["dofs"])

@@ -69,8 +69,8 @@ class Exact:
             return {"energy_error": self._distance(scene, sides), "stress_error": stress}
         work = _work(scene, sides)
         square = self.energy - 2 * work + estimator.energy(sides)[0]
-        return {"energy_error": math.sqrt(max(square, 0.0) / self.energy), "deflection_error": abs(1 - work / self.energy),
-                "stress_error": stress}
+        return {"energy_error": math.sqrt(max(square, 0.0) / self.energy),
+                "deflection_error": abs(1 - work / self.energy), "stress_error": stress}
 
     def _distance(self, scene: Scene, sides: list[np.ndarray]) -> float:
         """max_t ‖ũ − u‖ / max_t ‖u‖, with ũ carried over to the finer mesh, subdomain by subdomain."""
@@ -81,7 +81,8 @@ class Exact:
 
 def direct(config: Mapping[str, Any]) -> tuple[Scene, np.ndarray]:
     """FreeFEM's undecomposed solution (T, n, 3), supports at rest, and its scene of one subdomain."""
-    settings = config_from({**config, "subdomains": {"grid": [1, 1, 1]}, "blackbox": {**config["blackbox"], "workers": 1}})
+    settings = config_from({**config, "subdomains": {"grid": [1, 1, 1]},
+                            "blackbox": {**config["blackbox"], "workers": 1}})
     scene = build_scene(settings)
     with make_blackbox(settings.blackbox) as blackbox:
         return scene, undecomposed(scene, blackbox)
@@ -128,7 +129,8 @@ def _carried(s: Subdomain, nodes: np.ndarray, values: np.ndarray, points: np.nda
     gradients, _ = shape_gradients(nodes, s.connectivity)
     centre = nodes[s.connectivity[:, :4]].mean(axis=1)
     near = cKDTree(centre).query(points, min(NEAR, len(centre)))[1]
-    place = 0.25 + np.einsum("pcij,pcj->pci", gradients[near], points[:, None] - centre[near])  # barycentric coordinates
+    # barycentric coordinates in each of the cells
+    place = 0.25 + np.einsum("pcij,pcj->pci", gradients[near], points[:, None] - centre[near])
     best = place.min(axis=2).argmax(axis=1)
     rows = np.arange(len(points))
     place, cell = place[rows, best], s.connectivity[near[rows, best]]
