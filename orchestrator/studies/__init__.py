@@ -29,7 +29,6 @@ _REGISTRY = {
     "polycrystal_small": ("polycrystal", "small", "the same with 15 grains"),
     "scaling": ("scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
     "codes": ("codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
-    "large": ("large", "run", "200,000 and a million dofs against FreeFEM's direct solution in one piece: time and memory"),
     "time_vs_error": ("time_vs_error", "run", "wall time against true error: four problems, P1 and P2, four methods"),
     "large": ("large", "run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
     "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
