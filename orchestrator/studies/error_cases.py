@@ -42,9 +42,9 @@ class Model:
 
 
 def beam(folder: Path, k: int) -> dict[str, Any]:
-    """A slender cantilever in bending, 100 × 10 × 10, k bricks through its height."""
+    """A slender cantilever in bending, 100 × 5 × 10, k bricks through its height."""
     return {
-        "name": "beam", "mesh": {"beam": {"size": [100, 10, 10], "h": 10 / k}}, "materials": STEEL,
+        "name": "beam", "mesh": {"beam": {"size": [100, 5, 10], "h": 10 / k}}, "materials": STEEL,
         "subdomains": {"slices": {"axis": "x", "count": min(20, 10 * k)}},
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": HELD},
                      {"on": {"plane": "x", "at": 100}, "traction": [0, 0, -1]}],
@@ -107,7 +107,7 @@ def _write(path: Path, size: tuple[float, ...], counts: tuple[int, ...], inside:
 
 MODELS = {
     "beam in bending": Model(
-        beam, {"P1": (4, 8, 12, 20), "P2": (1, 2, 3, 4)}, (2, 4, 8),
+        beam, {"P1": (4, 8, 12, 24), "P2": (1, 2, 3, 4)}, (2, 4, 8),
         lambda x: (x[:, 0] >= 20 - 1e-6) & (x[:, 0] <= 80 + 1e-6), 10, 100),
     "L-shaped bracket": Model(
         bracket, {"P1": (4, 8, 12, 16), "P2": (2, 4, 6, 8)}, (4, 8, 16),
