@@ -153,7 +153,7 @@ class Pool:
         """One entry per code: name, transport, version, distinct models, CPU seconds by kind of work and in all, and the
         subdomains whose interface compliance was asked for once instead of a run per request."""
         seconds = self.clock()
-        asked = [note for worker in self._workers for note in getattr(worker, "compliances", list)()]
+        asked = [note for worker in self._workers for note in worker.compliances()]
         return [{"code": self._code.name, "transport": self._transport, "version": self._code.version(),
                  "models": len(self._models), "workers": self._count,
                  "seconds": {**seconds, "total": sum(seconds.values())}, "compliances": asked}]
