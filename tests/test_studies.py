@@ -308,14 +308,17 @@ def test_large_in_small(tmp_path):
     large.run(study, 2, 4, (2, 5), 4, (6,))
     study.close()
     rows = rows_of(tmp_path / "table.csv")
-    assert [row["method"] for row in rows if row["subdomains"] == "1"] == [
-        "FreeFEM, CHOLMOD", "FreeFEM, MUMPS", "FreeFEM, UMFPACK"] + 3 * [next(
-            row["method"] for row in rows if row["case"] == "6³ bricks")]
+    best = next(row["method"] for row in rows if row["case"] == "6³ bricks")
+    whole = [row["method"] for row in rows if row["subdomains"] == "1"]
+    assert whole[:6] == ["FreeFEM, CHOLMOD", "FreeFEM, MUMPS", "FreeFEM, UMFPACK", best, best, best]
+    assert len(whole) == 7 and whole[6] != best
     ours = [row for row in rows if row["subdomains"] == "8"]
     assert len(ours) == 3 and all(row["stop_reason"] == "converged" for row in ours)
     assert all(float(row["true_error"]) <= 1e-6 for row in ours[:2]) and all(float(r["memory_mb"]) > 1 for r in rows)
     targets = rows_of(tmp_path / "targets.csv")
-    assert targets[1]["met"] == targets[2]["met"] == "yes" and targets[3]["met"] == "no"  # a small one can be solved
+    # a small cube can be solved in one piece
+    assert [row["met"] for row in targets[1:]] == ["yes", "yes", "no", "no"] and "CHOLMOD" in {
+        row["target"].split(", ")[-1] for row in targets[3:]}
     assert (tmp_path / "large.png").read_bytes().startswith(b"\x89PNG")
 
 
