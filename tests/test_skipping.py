@@ -1,5 +1,6 @@
 """What is skipped changes no result: every switch of ``method.skip``, on and off, through FreeFEM."""
 
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -130,7 +131,8 @@ def test_compliance_changes_nothing(case, monkeypatch):
 
 def test_compliance_is_chosen_where_it_pays():
     """A slice that stands for many has fewer trace dofs than right-hand sides to come; METIS parts have more."""
-    assert saved(with_skip({"congruent": True, "compliance": True}, **LONG))["compliance"]["back-substitutions"] > 0
+    counts = saved(with_skip({"congruent": True, "compliance": True}, **LONG))["compliance"]
+    assert counts["back-substitutions replaced by products"] > counts["unit forces solved for them"] > 0
     assert "compliance" not in saved(with_skip({"congruent": True, "compliance": True}, **METIS))
 
 
@@ -172,6 +174,16 @@ def test_a_load_step_that_is_accurate_enough_is_not_solved_on():
     assert saved(few)["frozen"]["load steps of a linear stage"] > 0 and "frozen" not in saved(every)
     assert few.summary["sweeps"]["iterations"] < every.summary["sweeps"]["iterations"]
     assert few.summary["true_error"] <= few.summary["error_bound"] <= 1e-10
+
+
+def test_the_second_part_of_the_bound_waits_for_the_first():
+    """Evaluated after every stage it tells the error all along, and changes nothing else."""
+    every = solved(**METIS, **method(skip={"bound": False}, tolerance={"error": 1e-10}))
+    few = solved(**METIS, **method(tolerance={"error": 1e-10}))
+    same(few, every)
+    count = saved(few)["bound"]["evaluations of the error bound's second part"]
+    assert count >= few.outcome.iterations - 3 and "bound" not in saved(every)
+    assert all(event.true_error <= event.error_bound for event in every.outcome.history)
 
 
 PRESS = {"mesh": {"box": {"size": [1.0, 1.0, 2.0], "cells": [3, 3, 6]}}, "subdomains": {"grid": [1, 1, 2]}}
@@ -226,3 +238,16 @@ def test_check_loads_only_what_it_needs():
     assert not loaded_modules("check", "configs/two_blocks.yaml") & heavy
     assert not loaded_modules("check", "--syntax-only", "configs/polycrystal_100.yaml") & (heavy | {"numpy"})
     assert loaded_modules("check", "configs/metis_box.yaml") & heavy == {"pymetis", "scipy"}
+
+
+def test_a_run_draws_and_writes_only_what_is_asked_for(tmp_path):
+    """Without fields and figures nothing that draws or writes them is loaded, and no stress is computed."""
+    path = tmp_path / "bar.yaml"
+    path.write_text(json.dumps({
+        "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+        "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+        "boundary": [CLAMP, PULL], "output": {"directory": str(tmp_path / "out"), "fields": False, "figures": False}}))
+    assert not loaded_modules("run", str(path), "--quiet") & {"matplotlib", "pyvista", "vtkmodules", "meshio", "gmsh"}
+    assert not (tmp_path / "out" / "fields").exists() and not (tmp_path / "out" / "figures").exists()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert {entry["skip"] for entry in summary["skipped"]} >= {"congruent", "repeated"}

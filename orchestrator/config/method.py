@@ -84,6 +84,8 @@ class Skip(Part):
         "contact without friction: load steps equal to another one, or without gaps proportional to it, follow from it"))
     frozen: bool = Field(True, description=(
         "perfect interfaces: load steps whose own error is below the tolerance are not solved on with the others"))
+    bound: bool = Field(True, description=(
+        "the error bound's second part, which costs solves, is evaluated only once its first is below the tolerance"))
     compliance: bool = Field(True, description=(
         "one solve per interface dof and dense products from then on replace the solves of the iterations, "
         "where measured costs say that it pays"))

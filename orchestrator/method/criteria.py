@@ -71,14 +71,19 @@ class ErrorCriterion:
     The bound's second part costs back-substitutions. It is evaluated once the first part is below
     the tolerance, and again when the force imbalance has fallen enough to make a difference.
 
+    Parameters
+    ----------
+    spare : False evaluates both parts after every stage
+
     Attributes
     ----------
     done : (T,) bool, load steps that seem accurate enough: by their own bound, or while only its first part is
         known by that being far below the tolerance. The run ends on the bound of all steps.
     """
 
-    def __init__(self, d: Decomposition, tolerance):
+    def __init__(self, d: Decomposition, tolerance, spare: bool = True):
         self.d, self.by_error, self.value = d, *_asked(tolerance)
+        self.spare = spare
         self.name = "error_bound" if self.by_error else "indicator"
         self.ratio = 0.0
         self.done = np.zeros(d.steps, dtype=bool)
@@ -89,7 +94,8 @@ class ErrorCriterion:
             eta = measures().indicator
             return Verdict(eta <= self.value, eta, bound)
         imbalance = measures().force_imbalance
-        if bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value):
+        due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value)
+        if due or not self.spare:
             bound = self.d.bound(fields)
             self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
             self.done[:] = bound.errors <= self.value
@@ -177,8 +183,8 @@ def _asked(tolerance) -> tuple[bool, float]:
     return (False, tolerance.indicator) if tolerance.error is None else (True, tolerance.error)
 
 
-def make_criterion(d: Decomposition, tolerance,
-                   estimate: Estimate | None = None) -> ErrorCriterion | LawCriterion | AutoCriterion:
+def make_criterion(d: Decomposition, tolerance, estimate: Estimate | None = None,
+                   spare: bool = True) -> ErrorCriterion | LawCriterion | AutoCriterion:
     """The criterion for a decomposition and ``method.tolerance``; ``estimate`` is needed for ``error: auto``."""
-    criterion = (ErrorCriterion if d.all_perfect else LawCriterion)(d, tolerance)
+    criterion = ErrorCriterion(d, tolerance, spare) if d.all_perfect else LawCriterion(d, tolerance)
     return AutoCriterion(criterion, tolerance.fraction, estimate) if tolerance.error == "auto" else criterion

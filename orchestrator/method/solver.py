@@ -128,7 +128,7 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
     estimate : (d, fields, bound) → estimated discretisation error; for ``error: auto``
     """
     acceleration, criterion = make_acceleration(d, method), make_criterion(
-        d, method.tolerance, lambda fields, bound: estimate(d, fields, bound))
+        d, method.tolerance, lambda fields, bound: estimate(d, fields, bound), method.skip.bound)
     s, sweeps, history, share = start, spent, [], d.steps / d.scene.steps
     last = first + method.max_iterations
     iteration, converged, reason = first, False, "max_iterations"
