@@ -50,10 +50,13 @@ def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox,
 
 def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:
     """(B, B) the subdomains' stiffness on their boundary dofs: energy of fields that vanish inside."""
-    blocks = []
+    blocks, known = [], {}  # congruent rims share their stiffness
     for trace, rim in zip(traces, rims):
         position = np.searchsorted(rim.dofs, trace)
-        blocks.append(rim.stiffness[position][:, position])
+        key = id(rim.stiffness), position.tobytes()
+        if key not in known:
+            known[key] = rim.stiffness[position][:, position]
+        blocks.append(known[key])
     return sp.csr_array(sp.block_diag(blocks, format="csr")) if blocks else sp.csr_array((0, 0))
 
 
