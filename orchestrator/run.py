@@ -154,7 +154,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         if team.rank == 0:
             savings.add("frozen", "load steps of a linear stage", outcome.frozen)
             if decomposition.all_perfect:
-                savings.add("bound", "evaluations of the error bound's second part",
+                savings.add("bound", "evaluations of the bound's second part",
                             sum(math.isnan(event.error_bound) for event in outcome.history))
         with watch("linear_stage"):
             displacement, parts = recover(solved, outcome.fields, outcome.bound)

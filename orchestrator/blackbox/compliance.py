@@ -97,7 +97,7 @@ class Compliance(Layer):
             return
         for i, answer in self.inner.traces({i: np.eye(self._trace[i]) for i in chosen}).items():
             self.matrices[i] = (answer + answer.T) / 2
-        self.savings.add("compliance", "unit forces solved for them", sum(self._trace[i] for i in chosen))
+        self.savings.add("compliance", "unit forces solved", sum(self._trace[i] for i in chosen))
 
     def _pays(self, model: int) -> bool:
         """Seconds of the back-substitutions to come against those that the matrix and its products take."""
