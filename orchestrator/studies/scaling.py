@@ -63,7 +63,7 @@ def run(study: Study, elements: int = ELEMENTS) -> None:
     costs = Costs.of(summaries[0])
     coarse, measured = measure_coarse()
     dofs = summaries[0]["dofs_decomposed"] // summaries[0]["subdomains"]
-    study.folder.write("prediction.md", text(costs, coarse, measured, dofs))
+    study.folder.write("prediction.md", text(costs, coarse, measured, dofs, study.rows[0]["others"]))
     study.figure(picture(study.rows, costs, coarse))
     for count in CLUSTER:
         parts = predict(costs, coarse, count)
@@ -153,12 +153,19 @@ def _targets(study: Study) -> None:
                  f"{two['balance']:.3f}", two["balance"] >= BALANCE)
 
 
-def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: int) -> str:
-    """The prediction with its assumptions, as Markdown."""
+def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: int, others: float) -> str:
+    """The prediction with its assumptions, as Markdown.
+
+    Parameters
+    ----------
+    measured : of the coarse problem; dofs : of a subdomain; others : load of the machine by other work
+    """
     lines = [
         "# A cluster, predicted from costs measured on this machine", "",
         f"N cubes of {dofs:,} dofs in a block, one to a core; the run takes as many iterations as the one measured, "
-        f"{costs.iterations}: the macro problem makes them independent of N (`study cubes`).", "",
+        f"{costs.iterations}: the macro problem makes them independent of N (`study cubes`). "
+        f"While it was measured, other work loaded the machine with {others:g} processes; all seconds but those of "
+        "factorise and solve, which are on the code's own clock, grow with that.", "",
         "| measured, seconds | |", "| --- | ---: |",
         *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
         f"The coarse problem is the macro problem, {FIELDS} unknowns per interface. It is factorised and solved on "
