@@ -7,6 +7,9 @@ a sole that follows the facets alone misses the stiff cells that touch the inter
 The Schur complement of a subdomain never exceeds its own first row clamped behind, so that with modulus
 ratio r and at most n interfaces meeting in an element S ≤ (2 n / r) k, whatever the contrast: there is
 nothing that the sole is too soft for.
+
+With ten-node tets an element may join two nodes of the interface by an edge that is on none of its faces,
+whose middle is not a trace. In the copy, one end of such an edge is a node of its own, clamped.
 """
 
 from __future__ import annotations
@@ -14,6 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.numbering import place_rank
+from orchestrator.scene.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find, with_middles
 
 
 def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[np.ndarray, ...]:
@@ -31,19 +36,56 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[np.ndarra
     number = np.full(len(scene.mesh.nodes), -1)
     number[interface.global_nodes] = np.arange(count)
     matter = np.array([[m.young, m.poisson] for m in scene.materials])
-    points, cells, copied = [], [], []
+    points, cells, sides, copied = [], [], [], []
     for e in interface.subdomains:
         row = first_row(scene, interface, e)
-        corners = scene.mesh.cells[row]
+        corners = scene.mesh.cells[row, :4]
         behind = np.setdiff1d(corners, interface.global_nodes)
         own = number.copy()
         own[behind] = count + np.arange(len(behind))
         count += len(behind)
         points.append(scene.mesh.nodes[behind])
         cells.append(own[corners])
+        sides.append(np.full(len(row), e))
         copied.append(matter[scene.cell_material[row]])
     young, poisson = np.vstack(copied).T
-    return np.vstack(points), np.vstack(cells), 0.5 * ratio * young, poisson
+    points, cells, triangles = np.vstack(points), np.vstack(cells), interface.triangles
+    if triangles.shape[1] == 6:
+        inner = scene.side_points(interface, 0)
+        points, cells = _without_chords(inner, triangles, points, cells, np.concatenate(sides))
+        points, cells = with_middles(inner, triangles, points, cells)
+    return points, cells, 0.5 * ratio * young, poisson
+
+
+def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray, cells: np.ndarray,
+                    sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells (q, 4) in which every edge between nodes of the interface is an edge of its faces.
+
+    Of a chord, the end with more of them in the element becomes another node, the same in all elements of a side.
+
+    Parameters
+    ----------
+    inner : (n, 3) nodes of the interface; the others are ``points``
+    sides : (q,) int, whose element each cell is
+    """
+    n, total, rank = len(inner), len(inner) + len(points), place_rank(inner)
+    known, _ = edges_of(triangles, TRIANGLE_EDGES)
+    cells = cells.copy()
+    while True:
+        pairs = np.sort(cells[:, TET_EDGES], axis=2)
+        on = pairs[..., 1] < n
+        at = np.minimum(find(known, pairs), len(known) - 1)
+        chord = on & (known[at] != pairs).any(axis=2)
+        bad = np.flatnonzero(chord.any(axis=1))
+        if not len(bad):
+            break
+        count = np.stack([chord[bad][:, (TET_EDGES == corner).any(axis=1)].sum(axis=1) for corner in range(4)], axis=1)
+        own = np.minimum(cells[bad], n - 1)  # what is not on the interface has no chords
+        worst = np.where(count > 0, count * n + rank[own], -1).argmax(axis=1)
+        cells[bad, worst] = total + n * sides[bad] + cells[bad, worst]
+    copies, number = np.unique(cells[cells >= total], return_inverse=True)
+    cells[cells >= total] = total + number
+    return np.vstack([points, inner[(copies - total) % n]]), cells
 
 
 def first_row(scene: Scene, interface: Interface, subdomain: int) -> np.ndarray:

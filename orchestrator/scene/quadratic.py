@@ -55,3 +55,25 @@ def find(ends: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     size = int(ends.max(initial=0)) + 1
     low, high = pairs.min(axis=-1), pairs.max(axis=-1)
     return np.searchsorted(ends[:, 0] * size + ends[:, 1], low * size + high)
+
+
+def with_middles(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray,
+                 cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A sole's points and cells (q, 10) with a node in the middle of every edge.
+
+    Parameters
+    ----------
+    inner : (n, 3) nodes of the interface
+    triangles : (k, 6) int, its faces, whose edges have their middles among ``inner``
+    points : (p, 3) the sole's other corners; cells : (q, 4) int, values from n on mean ``points``
+    """
+    n = len(inner)
+    ends, edge = edges_of(cells, TET_EDGES)
+    known, own = edges_of(triangles, TRIANGLE_EDGES)
+    middle_of = np.empty(len(known), dtype=int)
+    middle_of[own] = triangles[:, 3:]
+    on = ends[:, 1] < n
+    middle = np.empty(len(ends), dtype=int)
+    middle[on] = middle_of[find(known, ends[on])]
+    middle[~on] = n + len(points) + np.arange(np.count_nonzero(~on))
+    return (np.vstack([points, np.vstack([inner, points])[ends[~on]].mean(axis=1)]), np.hstack([cells, middle[edge]]))

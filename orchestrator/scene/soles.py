@@ -33,8 +33,9 @@ from orchestrator.scene.congruence import equal, first_alike, same_shape
 from orchestrator.scene.faces import cross
 from orchestrator.scene.hardness import Hardness, hardness
 from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.numbering import place_rank
 from orchestrator.scene.overlap import overlap
-from orchestrator.scene.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find
+from orchestrator.scene.quadratic import with_middles
 
 # Thickness is halved this often where prisms would invert; facets that stay bad get outer
 # nodes of their own, along their own normal, where inversion is impossible.
@@ -43,8 +44,6 @@ HALVINGS = 3
 FLATNESS = 0.1
 # Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
 THIN = 0.01
-# Coordinates that differ by less than this fraction of the interface's size count as equal.
-SAME_PLACE = 1e-9
 # Thickness and modulus of a layer of ten-node tets over those of the linear layer that it stands for.
 STRETCH = np.sqrt(35 / 6)
 STIFFEN = 3 / 7 * STRETCH
@@ -150,7 +149,7 @@ def prisms(facets: Facets, direction: int) -> Sole:
     """
     n = len(facets.points)
     corners = facets.triangles[:, :3]
-    order = np.argsort(_place_rank(facets.points)[corners], axis=1)
+    order = np.argsort(place_rank(facets.points)[corners], axis=1)
     triangles = np.take_along_axis(corners, order, axis=1)
     # sorting may have turned a facet over: an odd permutation has an inversion count of 1 or 3
     odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
@@ -190,37 +189,13 @@ def prisms(facets: Facets, direction: int) -> Sole:
     cells[cells >= n] = n + inverse
     points = points[used - n]
     if facets.triangles.shape[1] == 6:
-        points, cells = _with_middles(facets, points, cells)
+        points, cells = with_middles(facets.points, facets.triangles, points, cells)
     return Sole(
         points=points,
         cells=cells,
         young=np.repeat(facets.young * achieved / wanted, 3),
         poisson=np.repeat(facets.poisson, 3),
     )
-
-
-def _with_middles(facets: Facets, points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells (q, 10) with a node in the middle of every edge; those of the interface are known."""
-    n = len(facets.points)
-    ends, edge = edges_of(cells, TET_EDGES)
-    inner = ends[:, 1] < n
-    known, own = edges_of(facets.triangles, TRIANGLE_EDGES)
-    middle_of = np.empty(len(known), dtype=int)
-    middle_of[own] = facets.triangles[:, 3:]
-    middle = np.empty(len(ends), dtype=int)
-    middle[inner] = middle_of[find(known, ends[inner])]
-    middle[~inner] = n + len(points) + np.arange(np.count_nonzero(~inner))
-    middles = np.vstack([facets.points, points])[ends[~inner]].mean(axis=1)
-    return np.vstack([points, middles]), np.hstack([cells, middle[edge]])
-
-
-def _place_rank(points: np.ndarray) -> np.ndarray:
-    """(n,) position of each point in the order of x, then y, then z, blind to rounding and to units."""
-    low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
-    z, y, x = np.rint((points - low).T[::-1] / extent / SAME_PLACE)
-    rank = np.empty(len(points), dtype=int)
-    rank[np.lexsort((z, y, x))] = np.arange(len(points))
-    return rank
 
 
 def _thinnest(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray) -> np.ndarray:
