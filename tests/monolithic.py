@@ -270,7 +270,8 @@ class Monolithic:
             for e, nodes in zip(i.subdomains, i.nodes):
                 for column, pair in ((3, (0, 1)), (4, (1, 2)), (5, (2, 0))):
                     middle.append((self.offsets[e] + 3 * nodes[i.triangles[:, column], None] + np.arange(3)).ravel())
-                    ends.append([(self.offsets[e] + 3 * nodes[i.triangles[:, c], None] + np.arange(3)).ravel() for c in pair])
+                    ends.append([(self.offsets[e] + 3 * nodes[i.triangles[:, c], None] + np.arange(3)).ravel()
+                                 for c in pair])
         tied, first = np.unique(np.concatenate(middle or [np.empty(0, int)]), return_index=True)
         ends = np.concatenate(ends, axis=1)[:, first] if ends else np.empty((2, 0), int)
         R = sp.lil_array(sp.eye_array(size))

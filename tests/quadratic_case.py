@@ -39,7 +39,8 @@ def assemble_ten(model: Model) -> sp.csr_array:
     local = np.zeros((len(x), 10, 3, 10, 3))
     for at in POINTS:
         corner = (4 * at - 1)[:, None] * linear
-        middle = [4 * (at[i] * linear[:, j] + at[j] * linear[:, i]) for i, j in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
+        middle = [4 * (at[i] * linear[:, j] + at[j] * linear[:, i])
+                  for i, j in ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))]
         g = np.concatenate([corner, np.stack(middle, 1)], 1)
         weight = volume / 4
         local += np.einsum("m,mai,mbj->maibj", weight * lam, g, g)

@@ -116,7 +116,8 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
                 held = np.flatnonzero(~loose)
                 node, along = interface.nodes[side][end[held]], component[held]
                 target[held] += 0.5 * subdomain.prescribed[:, node, along].T
-                supports.append(np.stack([sum(map(len, dofs)) + held, np.full(len(held), subdomain.index), node, along], 1))
+                position = sum(map(len, dofs)) + held
+                supports.append(np.stack([position, np.full(len(held), subdomain.index), node, along], axis=1))
             dofs.append(tied)
             targets.append(target)
     if not dofs:

@@ -1,7 +1,8 @@
 """Fields of a run: fields.npz for programs, fields/ (.vtu per step and a .pvd) for ParaView.
 
-Stress has six components per cell (on ten-node tets, its mean there), in VTK's order XX, YY, ZZ, XY, YZ, XZ (ParaView shows them
-under these names and takes them as a symmetric tensor).
+Stress has six components per cell, in VTK's order XX, YY, ZZ, XY, YZ, XZ (ParaView shows them
+under these names and takes them as a symmetric tensor). On ten-node tets it is the cell's mean; the
+largest von Mises stress at the cell's nodes is beside it.
 
 Where interfaces can open, every subdomain has its own nodes in the .vtu files, so that bodies
 separate; what happens on the interfaces is in files of their own (``interface_files``).
@@ -110,8 +111,8 @@ class Fields:
         """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a ten-node tet is there."""
         if self.cells.shape[1] == 4:
             return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
-        return np.stack([recovery.stress(recovery.strain(self._geometry[0], self.cells, self.displacement[step], corner),
-                                         self.lame) for corner in np.eye(4)], axis=1)
+        strains = (recovery.strain(self._geometry[0], self.cells, self.displacement[step], at) for at in np.eye(4))
+        return np.stack([recovery.stress(epsilon, self.lame) for epsilon in strains], axis=1)
 
     def nodal_von_mises(self, step: int) -> np.ndarray:
         """(m, 4 or 10) von Mises stress at the cells' nodes, each cell by itself."""
