@@ -42,6 +42,16 @@ def grid(rows: int, columns: int, width: float = 11.0, row_height: float = 3.3) 
     return figure, axes
 
 
+def plain_ticks(axes: Any) -> None:
+    """1, 2, 5, 10 … on both logarithmic axes, as plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter(FuncFormatter(lambda value, place: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def draw(axes: Any, curves: Sequence[Curve], quantity: str, *, limits: tuple[float, float], last: int,
          mark: tuple[float, str] | None = None, sweeps: int = 1) -> None:
     """Curves of one quantity over the iterations, on a logarithmic ordinate.

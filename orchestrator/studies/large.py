@@ -36,6 +36,7 @@ from orchestrator.results.plotting import BLUE, GREY, ORANGE, new_figure, png, t
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.studies.cases import cube, with_method
+from orchestrator.studies.drawing import plain_ticks
 from orchestrator.studies.framework import ACCURATE, Study
 
 SCRIPT = Path(__file__).resolve().parents[2] / "freefem_scripts" / "undecomposed.edp"
@@ -214,6 +215,7 @@ def _picture(study: Study, best: str) -> bytes:
         axes.set_xlabel("dofs", fontsize=9)
         axes.set_title(name, fontsize=11, color=GREY)
         tidy(axes)
+        plain_ticks(axes)
         axes.legend(fontsize=8.5, frameon=False)
     figure.suptitle("A cube, pulled and bent: whole pipelines", fontsize=12)
     figure.tight_layout()

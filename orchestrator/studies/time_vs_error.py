@@ -31,6 +31,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.studies.cases import CUT, paper, paper_contact
+from orchestrator.studies.drawing import plain_ticks
 from orchestrator.studies.error_cases import MODELS, Model
 from orchestrator.studies.framework import Case, Study
 from orchestrator.studies.true_errors import Exact, direct, extrapolated, finer
@@ -195,12 +196,13 @@ def _picture(study: Study, names: list[str]) -> bytes:
                                  markersize=5, markerfacecolor="none" if element == "P1" else colour,
                                  label=f"{method}, {element}")
             tidy(panel)
+            plain_ticks(panel)
             panel.tick_params(labelsize=8)
         axes[0, column].set_title(name, fontsize=11)
         axes[1, column].set_xlabel("wall time [s]", fontsize=9)
     for panel, label in zip(axes[:, 0], ("true error, energy norm", "true error of the largest stress")):
         panel.set_ylabel(label, fontsize=9)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=8, frameon=False, ncols=5, loc="lower center")
+    figure.legend(handles, labels, fontsize=8, frameon=False, ncols=len(names) + 1, loc="lower center")
     figure.tight_layout(rect=(0, 0.07, 1, 1))
     return png(figure)
