@@ -10,7 +10,7 @@ class Savings:
         self.counts: dict[str, dict[str, int]] = {}
 
     def add(self, switch: str, what: str, count: int) -> None:
-        """``count`` things called ``what`` were not done, thanks to ``switch`` of ``method.skip``; none leaves no trace."""
+        """``count`` things called ``what`` were not done, thanks to a switch of ``method.skip``; none leaves no trace."""
         if count:
             saved = self.counts.setdefault(switch, {})
             saved[what] = saved.get(what, 0) + int(count)

@@ -106,7 +106,8 @@ class Method(Part):
         "starting from the last"))
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
-    skip: Skip = Field(Skip(), description="work that is left out because the result does not need it; all of it by default")
+    skip: Skip = Field(Skip(), description=(
+        "work that is left out because the result does not need it; all of it by default"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
     max_iterations: Count = Field(500, description="far above what a healthy run needs, so it only stops sick ones")

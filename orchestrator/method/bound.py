@@ -187,7 +187,8 @@ class ErrorBound:
         if not balanced:
             return Bound(np.inf, _relative(a, size), energy, c, delta, sweeps)
         gap = self._largest(squares)
-        return Bound(_relative(gap, size), _relative(a, size), energy, c, delta, sweeps, self._each(squares, size - gap))
+        errors = self._each(squares, size - gap)
+        return Bound(_relative(gap, size), _relative(a, size), energy, c, delta, sweeps, errors)
 
     def _each(self, squares: np.ndarray, size: float) -> np.ndarray | float:
         """(T,) relative errors of the steps from the squared ones; infinite while others follow from them."""

@@ -78,7 +78,7 @@ def _starts_loaded(interface) -> bool:
 
 
 def _load_vectors(scene: Scene) -> np.ndarray:
-    """(n, T) prescribed displacements and forces, each relative to the largest; entries that are always zero left out."""
+    """(n, T) prescribed displacements and forces, each relative to the largest; without entries that are always zero."""
     parts = []
     for name in ("prescribed", "loads"):
         values = np.hstack([getattr(s, name).reshape(scene.steps, -1) for s in scene.subdomains]).T
