@@ -20,6 +20,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import Model
 from orchestrator.errors import BlackBoxError, InputError, Problem
+from orchestrator.parallel.launcher import without_launcher
 
 LOG_TAIL = 2000  # bytes
 
@@ -100,7 +101,7 @@ class Worker:
             if self._killed:
                 raise Ended("the black box was closed")
             self.process = subprocess.Popen(
-                command, cwd=self.folder, env=self.code.environment(), pass_fds=pass_fds,
+                command, cwd=self.folder, env=without_launcher(self.code.environment()), pass_fds=pass_fds,
                 stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
                 process_group=0,  # Ctrl-C is for the orchestrator, which then ends its processes itself
             )

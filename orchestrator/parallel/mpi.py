@@ -7,6 +7,7 @@ they end in good order, and rank 0 saves what there is and says why, once.
 
 from __future__ import annotations
 
+import atexit
 import os
 import pickle
 import signal
@@ -42,6 +43,7 @@ class Ranks(Team):
         self._failed, self._over, self._heard = False, threading.Event(), None
         self._told: list = []
         self._open: dict[int, Any] = {}  # requests under way, kept alive whatever happens: MPI writes into their memory
+        atexit.register(self._end)
 
     # ---- what the method asks ------------------------------------------------------------------
 
@@ -167,6 +169,11 @@ class Ranks(Team):
         if self._heard is not None and not self._failed:
             self._failed = True
             raise self._heard
+
+    def _end(self) -> None:
+        """After a failure requests are still under way: MPI has to end before their memory goes."""
+        if not MPI.Is_finalized():
+            MPI.Finalize()
 
     def _tell(self, error: BaseException) -> None:
         """Let all others know that this rank goes no further; waits for nobody."""
