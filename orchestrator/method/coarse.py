@@ -106,8 +106,12 @@ class CoarseCorrection:
         self.counted = np.flatnonzero(np.isin(self.firsts, self.own))  # interfaces that this rank adds up
         # a Newton matrix need not be more accurate than the step it is good for
         self.T_single, self.L_single = self.T.astype(np.float32), self.L.astype(np.float32)
-        ends = self.team.gather(np.stack([self.firsts, self.seconds], axis=1)[self.counted])
-        self.pattern = BlockPattern(np.concatenate(ends), self.bodies, FIELDS) if ends else None
+        counted = [pairs.interfaces[i] for i in self.counted]
+        everyones = sum(self.team.all_gather([(i.law, i.index) for i in counted]), [])
+        # the order in which blocks are added must not depend on the ranks: single precision shows it
+        self.order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
+        ends = np.array([scene.interfaces[everyones[i][1]].subdomains for i in self.order]).reshape(-1, 2)
+        self.pattern = BlockPattern(ends, self.bodies, FIELDS) if self.team.rank == 0 else None
         self.newton_steps = 0
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
@@ -219,7 +223,7 @@ class CoarseCorrection:
             if b > a:
                 np.matmul(T[a:b].T, AL[a:b], out=block)
         everyone = self.team.gather(blocks)
-        return self.pattern.values(-np.concatenate(everyone), self.K0) if everyone else False
+        return self.pattern.values(-np.concatenate(everyone)[self.order], self.K0) if everyone else False
 
     def _fields(self, scene: Scene) -> np.ndarray:
         """(D, 12) affine fields of the owner's body; tied dofs stay at rest, so that contact pairs do all the work."""
