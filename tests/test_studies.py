@@ -325,9 +325,11 @@ def test_large_within_too_little_memory(tmp_path):
     from orchestrator.studies import large
     from orchestrator.studies.framework import Study
 
-    result = large._direct(Study("large", "small", tmp_path), FreeFem(), 26, "CHOLMOD", 300 * 2**20)
+    study = Study("large", "small", tmp_path)
+    result = large._direct(study, FreeFem(), 26, "CHOLMOD", 300 * 2**20)
     assert "out of memory" in result.failure and result.memory < 315
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == result.failure
+    assert "INFOG(1)= -13" in large._direct(study, FreeFem(), 26, "MUMPS", 400 * 2**20).failure
 
 
 def test_time_vs_error_in_small(tmp_path):

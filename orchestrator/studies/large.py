@@ -118,7 +118,9 @@ def _direct(study: Study, code: FreeFem, cells: int, solver: str, limit: int) ->
     seconds = time.perf_counter() - begin
     words = next((line.split() for line in output.splitlines() if line.startswith("result ")), [])
     dofs, failure = 3 * (cells + 1) ** 3, ""
-    complaint = next((line.split(". file")[0].strip() for line in output.splitlines() if "error" in line.lower()), "")
+    # INFOG(1) = -13 is how MUMPS says that it got no memory
+    complaint = next((" ".join(line.split(". file")[0].split()) for line in output.splitlines()
+                      if "error" in line.lower() or "INFOG(1)" in line), "")
     if status == -signal.SIGKILL:
         failure = f"no answer within {PATIENCE} s" if seconds >= PATIENCE else "killed for want of memory"
     elif status != 0 or not words:
