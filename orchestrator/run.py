@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
 from orchestrator.method.criteria import LawCriterion
 from orchestrator.method.events import Iteration
+from orchestrator.method.guards import failed_guards
 from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.recovery import delivered, reactions, recover
 from orchestrator.method.load_cases import expanded, load_cases
@@ -169,6 +170,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         own, opening = None, interface_fields(decomposition, outcome)
         if not decomposition.all_perfect:
             displacement, own = sides(decomposition, outcome, parts)
+        broken = failed_guards(decomposition, outcome, parts, opening)
+        if broken:
+            outcome = replace(outcome, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
         contact = _contact(scene, decomposition, config, outcome, opening)
         forces = reactions(decomposition, parts, outcome.fields.f)
         spent = team.gather({"clock": blackbox.clock(), "memory": blackbox.memory_peak_mb() + memory_peak_mb(),

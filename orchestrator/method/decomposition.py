@@ -10,6 +10,7 @@ import numpy as np
 
 from orchestrator.blackbox.extended import boundary_dofs, extended_model, sides_of
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.answers import GuardedTraces
 from orchestrator.method.bound import ErrorBound
 from orchestrator.method.coarse import CoarseCorrection
 from orchestrator.method.contact_stage import ContactStage
@@ -144,8 +145,9 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         loading = apply_loads(own, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
     with watch("macro"):
-        macro = _macro(scene, space, direction, method, blackbox)
-        stage = LinearStage(space, direction, macro, loading.boundary, blackbox)
+        guarded = GuardedTraces(blackbox, space, direction.k, [s.name for s in scene.subdomains])
+        macro = _macro(scene, space, direction, method, guarded)
+        stage = LinearStage(space, direction, macro, loading.boundary, guarded)
         sweeps += (macro.sweeps if macro else 0) / scene.steps
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
     bound = coarse = None

@@ -1,0 +1,99 @@
+"""Guards: real faults of the black box, and fields that break what always holds, end a run by name."""
+
+import shutil
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from contact_case import contact
+from method_case import box_of, config, prepared
+
+from orchestrator.errors import BlackBoxError
+from orchestrator.method.guards import failed_guards, works
+from orchestrator.method.interface_fields import interface_fields
+from orchestrator.method.recovery import recover
+from orchestrator.method.solver import iterate
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.timing import Stopwatch
+
+# Stands in front of FreeFEM, lets it work, then changes the displacements in its last reply.
+CORRUPT = """#!{python}
+import subprocess, sys
+import numpy as np
+code = subprocess.call([{freefem!r}, *sys.argv[1:]])
+data, at, replies = open(sys.argv[-1], "rb").read(), 0, []
+while at < len(data):  # ints, seconds, reals
+    arrays = []
+    for kind in (np.int64, float, float):
+        count = int(np.frombuffer(data, np.int64, 1, at)[0])
+        arrays.append(np.frombuffer(data, kind, count, at + 8).copy())
+        at += 8 + 8 * count
+    replies.append(arrays)
+u = replies[-1][2]
+if len(replies) == 3 and u.size > 1:
+    {fault}
+with open(sys.argv[-1], "wb") as file:
+    for arrays in replies:
+        for array in arrays:
+            file.write(np.int64(array.size).tobytes() + array.tobytes())
+sys.exit(code)
+"""
+FAULTS = {
+    "the sign": ("u *= -1", "negative strain energy"),
+    "too soft": ("u *= 30", "negative strain energy"),
+    "shuffled": ("u[:] = np.roll(u, 7)", "not reciprocal|negative strain energy"),
+    "not a number": ("u[u.size // 2] = np.nan", "not finite"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_corrupted_answers(tmp_path, monkeypatch, fault):
+    change, message = FAULTS[fault]
+    path = tmp_path / "corrupting"
+    path.write_text(CORRUPT.format(python=sys.executable, freefem=shutil.which("FreeFem++"), fault=change))
+    path.chmod(0o755)
+    made = config(subdomains={"slices": {"axis": "x", "count": 2}}, mesh={"box": {"size": [4.0, 1, 1], "cells": [2, 1, 1]}},
+                  blackbox={"transport": "file", "workers": 1})
+    scene = build_scene(made)
+    if fault == "the sign":  # the same problem is solved by the code itself
+        assert solve(made, scene).outcome.converged
+    monkeypatch.setenv("ORCHESTRATOR_FREEFEM", str(path))
+    with pytest.raises(BlackBoxError, match=message) as caught:
+        solve(made, scene)
+    assert caught.value.exit_code == 3 and caught.value.subdomain.startswith("slice")
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """Two blocks in contact, solved, with what the guards look at."""
+    made = contact(0.3, error=1e-8, boundary=[
+        {"on": "zmin", "displacement": [0, 0, 0]},
+        {"on": "zmax", "displacement": [[0, 0, -0.01], [0.002, 0, -0.01]]}])
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        outcome = iterate(d, made.method, (), Stopwatch())
+        return d, outcome, recover(d, outcome.fields, outcome.bound)[1], interface_fields(d, outcome)
+
+
+def test_sound_fields_pass(pressed):
+    d, outcome, parts, interfaces = pressed
+    assert outcome.converged and failed_guards(d, outcome, parts, interfaces) == []
+    inner, outer, size = works(d, outcome, parts)
+    assert inner == pytest.approx(outer, rel=1e-9) and (inner > 0).all()
+
+
+def test_broken_fields_are_named(pressed):
+    d, outcome, parts, interfaces = pressed
+    wrong = [1.001 * u for u in parts]
+    assert "external work differs" in failed_guards(d, outcome, wrong, interfaces)[0]
+    high = interfaces.pressure.max()
+    for name, values in {"tension": {"pressure": interfaces.pressure - high},
+                         "penetration": {"gap": interfaces.gap - 1e-3},
+                         "complementarity": {"gap": interfaces.gap + 1e-3},
+                         "Coulomb's cone": {"friction_traction": interfaces.friction_traction + high}}.items():
+        found = " ".join(failed_guards(d, outcome, parts, replace(interfaces, **values)))
+        assert name in found, name
+    assert "finite" in failed_guards(d, outcome, [np.full_like(u, np.nan) for u in parts], None)[0]
