@@ -34,6 +34,7 @@ RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor wha
 MAX_STEPS = 30
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
+UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
 UNBALANCED = 1e-9  # resultants above this fraction of the forces need the coarse balance
 
 
@@ -98,20 +99,25 @@ class ErrorBound:
         self.mine = one < self.space.size
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
         trace_weight, = self.space.extended(self.weight[self.space.gather])
-        totals = np.array([[trace_weight[a].sum(), trace_weight[b].sum()] for a, b in self.space.slots]).reshape(-1, 2)
-        total = np.maximum(totals.sum(axis=1), np.finfo(float).tiny)
-        softness = np.repeat(2 * totals.min(axis=1) / total, [len(a) for a, _ in self.space.slots])
+        both = np.maximum(trace_weight[one] + trace_weight[two], np.finfo(float).tiny)
+        softness = sp.diags_array(np.sqrt(2 * np.minimum(trace_weight[one], trace_weight[two]) / both))
         whole = stage.direction.whole
         middle = (whole[one][:, one] + whole[two][:, two]) / 2
-        self.jump_weight = sp.csr_array(middle @ sp.diags_array(softness))
+        self.jump_weight = sp.csr_array(softness @ middle @ softness)
         self.mode_forces = sp.csr_array((self.jump_weight @ self.mode_jumps)[self.mine])  # of my interfaces
         coarse = sp.csr_array(self.mode_jumps[self.mine].T @ self.mode_forces)
         self._reposition = _semidefinite_solver(sum(team.all_gather(coarse), sp.csr_array(coarse.shape)))
 
-        # the stiffer side takes the larger share of a force imbalance: it costs less energy there
+        # The stiffer side takes the larger share of a force imbalance: it costs less energy there. One share per
+        # interface keeps the resultants balanced; where stiff and soft nodes are mixed, each node has its own.
         share = np.zeros(len(self.space.owner))
-        for (a, b), sides in zip(self.space.slots, totals / total[:, None]):
-            share[a], share[b] = sides
+        for slots in self.space.slots:
+            a, b = (trace_weight[slot] for slot in slots)
+            ratio = a / np.maximum(b, np.finfo(float).tiny)
+            if len(a) and ratio.max() <= UNEVEN * ratio.min():
+                a, b = a.sum(), b.sum()
+            for slot, part in zip(slots, (a, b)):
+                share[slot] = part / np.maximum(a + b, np.finfo(float).tiny)
         self.share = share[: self.space.size, None]
         self.weights: np.ndarray | None = None
         self._balance = None
