@@ -31,6 +31,7 @@ _REGISTRY = {
     "codes": ("codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
     "time_vs_error": ("time_vs_error", "run", "wall time against true error: four problems, P1 and P2, four methods"),
     "large": ("large", "run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
+    "stability": ("stability", "run", "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
     "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}
