@@ -16,6 +16,7 @@ from orchestrator.method.recovery import recover
 from orchestrator.method.solver import iterate
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.studies.rounded_traces import traces_of
 from orchestrator.timing import Stopwatch
 
 # Stands in front of FreeFEM, lets it work, then changes the displacements in its last reply.
@@ -97,3 +98,17 @@ def test_broken_fields_are_named(pressed):
         found = " ".join(failed_guards(d, outcome, parts, replace(interfaces, **values)))
         assert name in found, name
     assert "finite" in failed_guards(d, outcome, [np.full_like(u, np.nan) for u in parts], None)[0]
+
+
+@pytest.mark.parametrize("digits, trusted", [(6, False), (17, True)])
+def test_answers_of_few_digits(digits, trusted):
+    """Six digits cannot carry an error of 1e-6; the run says so instead of claiming it."""
+    made = config(subdomains={"slices": {"axis": "x", "count": 2}}, mesh={"box": {"size": [4.0, 1, 1], "cells": [4, 1, 1]}},
+                  blackbox={"transport": "file", "workers": 1})
+    with traces_of(digits):
+        solved = solve(made, build_scene(made), reference=True)
+    assert solved.outcome.converged == trusted
+    if trusted:
+        assert solved.summary["true_error"] <= solved.summary["error_bound"]
+    else:
+        assert "no error below" in solved.outcome.stop_reason

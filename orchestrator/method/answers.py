@@ -28,7 +28,7 @@ class GuardedTraces:
     ----------
     blackbox : where the answers come from
     space, k : numbering and search direction (D, D)
-    names : of the subdomains
+    names : of the subdomains, in the order of ``space.subdomains``
     """
 
     def __init__(self, blackbox: BlackBox, space: TraceSpace, k: sp.csr_array, names: list[str]):

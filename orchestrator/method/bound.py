@@ -98,7 +98,7 @@ class ErrorBound:
         # what is summed over the interfaces is summed by the rank of their first side
         self.mine = one < self.space.size
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
-        trace_weight, = self.space.extended(self.weight[self.space.gather])
+        trace_weight = self.space.extended(self.weight[self.space.gather])[0].ravel()
         both = np.maximum(trace_weight[one] + trace_weight[two], np.finfo(float).tiny)
         softness = sp.diags_array(np.sqrt(2 * np.minimum(trace_weight[one], trace_weight[two]) / both))
         whole = stage.direction.whole

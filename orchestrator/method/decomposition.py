@@ -145,7 +145,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         loading = apply_loads(own, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
     with watch("macro"):
-        guarded = GuardedTraces(blackbox, space, direction.k, [s.name for s in scene.subdomains])
+        guarded = GuardedTraces(blackbox, space, direction.k, [s.name for s in own])
         macro = _macro(scene, space, direction, method, guarded)
         stage = LinearStage(space, direction, macro, loading.boundary, guarded)
         sweeps += (macro.sweeps if macro else 0) / scene.steps

@@ -52,7 +52,8 @@ def _settings() -> Iterator[Hard]:
     for digits in (6, 8, 17):
         for error in (1e-4, 1e-6):
             made = slices(blackbox={"transport": "file"}, method={"tolerance": {"error": error}, "max_iterations": 60})
-            yield Hard("digits of traces", f"{digits}, tolerance {error:g}", made, 10.0**-digits < 0.1 * error, digits)
+            # strains are differences of displacements: three digits are lost
+            yield Hard("digits of traces", f"{digits}, tolerance {error:g}", made, 1e3 * 10.0**-digits < error, digits)
     yield Hard("tolerance", "1e-10", slices(method={"tolerance": {"error": 1e-10}}))
     yield Hard("tolerance", "1e-14, below rounding", slices(method={"tolerance": {"error": 1e-14}}), False)
 
