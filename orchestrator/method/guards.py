@@ -102,8 +102,7 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, reach: float, allowed: 
     contact = np.repeat(interfaces.laws == "contact", np.diff(interfaces.offsets)) & (interfaces.status != BONDED)
     if not contact.any():
         return []
-    friction = np.concatenate([np.full(len(i.global_nodes), i.friction)
-                               for i in d.scene.interfaces if i.law != "perfect"])
+    friction = np.repeat([i.friction for i in d.scene.interfaces if i.law != "perfect"], np.diff(interfaces.offsets))
     gap, pressure = (np.where(contact, x, 0.0) for x in (interfaces.gap, interfaces.pressure))
     shear = np.where(contact, np.linalg.norm(interfaces.friction_traction, axis=2), 0.0)
     pairs = d.local.pairs
