@@ -17,7 +17,7 @@ from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
 from orchestrator.method.criteria import LawCriterion
 from orchestrator.method.events import Iteration
-from orchestrator.method.guards import failed_guards
+from orchestrator.method.guards import failed_guards, with_noise
 from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.recovery import delivered, reactions, recover
 from orchestrator.method.load_cases import expanded, load_cases
@@ -170,6 +170,8 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
         own, opening = None, interface_fields(decomposition, outcome)
         if not decomposition.all_perfect:
             displacement, own = sides(decomposition, outcome, parts)
+        if decomposition.all_perfect:
+            outcome = with_noise(decomposition, outcome, parts)
         broken = failed_guards(decomposition, outcome, parts, opening)
         if broken:
             outcome = replace(outcome, converged=False, stop_reason=f"guard: {'; '.join(broken)}")

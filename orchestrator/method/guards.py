@@ -13,6 +13,8 @@ factorisation in ``blackbox.messages``, reciprocity and strain energies in ``ans
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
@@ -22,7 +24,7 @@ from orchestrator.method.laws.points import BONDED
 from orchestrator.method.solver import Outcome
 
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
-NOTICED = 0.2  # share of the tolerance that noise may have
+NOTICED = 0.2  # share of the bound from which on noise is part of it
 WORK = 1e-5  # relative difference of the two external works
 LAWS = 100.0  # a node's violation over the law residual that the run claims
 ROUNDING = 1e-9
@@ -38,10 +40,6 @@ def failed_guards(d: Decomposition, outcome: Outcome, parts: list[np.ndarray],
     interfaces : fields of the interfaces that are not perfect, if there are any
     """
     found = _works(d, outcome, parts)
-    if d.all_perfect and outcome.converged and not found:
-        floor, target = NOISE * noise(d, outcome, parts), outcome.last.tolerance
-        if floor > NOTICED * target:
-            found.append(f"repeated answers of the code differ: no error below {floor:.1e} can be claimed")
     if interfaces is not None and outcome.converged:
         reach = max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0)
         found += _laws(d, interfaces, reach, LAWS * max(outcome.last.law_residual, ROUNDING))
@@ -67,6 +65,19 @@ def works(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[
         outer += np.sum(u * load, axis=1)
         size += np.sum(np.abs(u * load), axis=1)
     return tuple(d.space.team.sum(inner, outer, size))
+
+
+def with_noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> Outcome:
+    """The outcome with the noise of the answers in its bound; not converged any more if that is too much."""
+    bound, floor = outcome.bound.relative, NOISE * noise(d, outcome, parts)
+    if not floor > NOTICED * bound:
+        return outcome
+    outcome = replace(outcome, bound=replace(outcome.bound, relative=float(np.hypot(bound, floor))))
+    name, wanted = outcome.last.target
+    if not outcome.converged or name != "error_bound" or outcome.bound.relative <= wanted:
+        return outcome
+    return replace(outcome, converged=False, stop_reason=(
+        f"guard: repeated answers of the code differ: no error below {floor:.1e} can be claimed"))
 
 
 def noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> float:
