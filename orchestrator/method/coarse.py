@@ -11,8 +11,7 @@ and y makes the forces agree with the laws on these fields, load step after load
     ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
-by a semismooth Newton with a Levenberg term, which is what makes it robust. U is made orthonormal in k. It costs no
-back-substitution per iteration.
+which ``coarse_problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations
@@ -21,18 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.method.block_pattern import BlockPattern
+from orchestrator.method.coarse_problem import FIELDS, CoarseProblem, of_all
 from orchestrator.method.contact_stage import ContactStage
 from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.pairs import Pairs
 from orchestrator.scene.model import Scene
 
-FIELDS = 12
-REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
-SERVED, SLOW, IDLE = 0.1, 0.9, 2  # reduced this much, a solve ends after two steps that gain less than a tenth
-MAX_STEPS = 12
-FLAT = 1.001  # growth of ρ that still counts as standing still
-LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
 
@@ -59,12 +52,7 @@ class CoarseCorrection:
     Attributes
     ----------
     sweeps : back-substitutions per subdomain at set-up
-    newton_steps : Newton steps taken so far
-
-    Notes
-    -----
-    Among ranks, what belongs to a body is formed by its rank, what belongs to an interface by the rank of its first
-    side. ρ is summed, every Newton matrix goes to rank 0, which solves for all: right for some thousands of bodies.
+    problem : the contact problem of one load step
     """
 
     sweeps = FIELDS
@@ -90,7 +78,7 @@ class CoarseCorrection:
 
         one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
         points = pairs.points
-        U, W, F = space.extended(U, W, self.response.F)
+        U, W, F = space.extended(U, W, self.response.F)  # ghosts last: own parts keep their places
 
         def keq(x):  # (P, 3, 12)
             along = np.einsum("pif,pi->pf", x, points.normal)
@@ -98,21 +86,11 @@ class CoarseCorrection:
                 (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal[:, :, None]
 
         # (P, 3, 24): the fields of the first body, then of the second
-        self.T = np.where(free, np.concatenate([U[one], -U[two]], axis=2), 0.0)
-        self.L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
-                                                -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
-        self.counts, self.ends = np.diff(pairs.bounds), 3 * pairs.bounds
-        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2).T
-        self.counted = np.flatnonzero(np.isin(self.firsts, self.own))  # interfaces that this rank adds up
-        # a Newton matrix need not be more accurate than the step it is good for
-        self.T_single, self.L_single = self.T.astype(np.float32), self.L.astype(np.float32)
-        counted = [pairs.interfaces[i] for i in self.counted]
-        everyones = sum(self.team.all_gather([(i.law, i.index) for i in counted]), [])
-        # the order in which blocks are added must not depend on the ranks: single precision shows it
-        self.order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
-        ends = np.array([scene.interfaces[everyones[i][1]].subdomains for i in self.order]).reshape(-1, 2)
-        self.pattern = BlockPattern(ends, self.bodies, FIELDS) if self.team.rank == 0 else None
-        self.newton_steps = 0
+        T = np.where(free, np.concatenate([U[one], -U[two]], axis=2), 0.0)
+        L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
+                                           -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
+        self.problem = CoarseProblem(self.team, self.bodies, self.own, pairs, T, L, self.K0,
+                                     [W[part] for part in self.parts])
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
 
@@ -140,7 +118,7 @@ class CoarseCorrection:
         w, f = self.stage.space.extended(fields.w, fields.f)
         for t in range(steps):
             F0 = self.predict.predicted(w[:, t], f[:, t])
-            y[t], F = self._solve(F0, resultant[t], previous)
+            y[t], F = self.problem.solve(F0, resultant[t], previous, self.radius)
             previous = self.predict.jump(F, self.pairs.force(F, previous).force)
         s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
         r = self.response
@@ -151,79 +129,6 @@ class CoarseCorrection:
             f[part] += r.F[part] @ change
             u[boundary] += self.boundary_response[boundary] @ change
         return Admissible(s, u, fields.alpha, w, f)
-
-    def _solve(self, F0: np.ndarray, resultant: np.ndarray,
-               previous: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(bodies, 12) y of one load step, and (P, 3) F = F₀ + L y."""
-        y = np.zeros((self.bodies, FIELDS))
-        delta, matrix = LEVENBERG, None
-        F = F0
-        rho = self._residual(y, F, resultant, previous)
-        size = start = np.linalg.norm(rho)
-        idling, before = 0, np.inf
-        for _ in range(MAX_STEPS):
-            idling, before = (idling + 1 if size > SLOW * before else 0), size
-            if size <= REDUCTION * start or size == 0 or (idling == IDLE and size <= SERVED * start):
-                break
-            self.newton_steps += 1
-            if matrix is None:
-                matrix = self._matrix(F, previous)
-            dy = self._clipped(self.team.share(-self.pattern.solve(matrix, rho, delta) if self.pattern else None))
-            dF = self._spread(dy)
-            for theta in (1.0, 0.5, 0.25):
-                trial, F_new = y + theta * dy, F + theta * dF
-                rho_new = self._residual(trial, F_new, resultant, previous)
-                size_new = np.linalg.norm(rho_new)
-                # a loose body feels nothing until it touches: once the shift is raised, standing still is allowed
-                idle = theta == 1 and delta > LEVENBERG and size_new <= FLAT * size
-                if size_new <= (1 - 0.2 * theta) * size or idle:
-                    y, F, rho, size, matrix = trial, F_new, rho_new, size_new, None
-                    break
-            else:
-                delta *= 30
-                if delta > 1e3:
-                    break
-        return y, F
-
-    def _clipped(self, dy: np.ndarray) -> np.ndarray:
-        """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
-        move = self._of_all(np.array([np.abs(self.response.W[part] @ dy[e]).max(initial=0.0)
-                                      for e, part in zip(self.own, self.parts)]))
-        return dy * (self.radius / np.maximum(move, self.radius))[:, None]
-
-    def _residual(self, y: np.ndarray, F: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(bodies, 12) ρ, for F = F₀ + L y."""
-        force = self.pairs.force(F, previous).force
-        flat, T, ends = force.ravel(), self.T.reshape(-1, 2 * FIELDS), self.ends
-        sums = np.array([flat[ends[i] : ends[i + 1]] @ T[ends[i] : ends[i + 1]] for i in self.counted])
-        sums = sums.reshape(-1, 2, FIELDS)
-        carried = np.zeros((self.bodies, FIELDS))
-        np.add.at(carried, self.firsts[self.counted], sums[:, 0])
-        np.add.at(carried, self.seconds[self.counted], sums[:, 1])
-        carried, = self.team.sum(carried)
-        return resultant + np.einsum("bij,bj->bi", self.K0, y) - carried
-
-    def _spread(self, y: np.ndarray) -> np.ndarray:
-        """(P, 3) L y."""
-        both = np.concatenate([y[self.firsts], y[self.seconds]], axis=1)
-        L = self.L.reshape(-1, 2 * FIELDS)
-        if not len(L):
-            return np.zeros((0, 3))
-        return np.concatenate([L[a:b] @ v for a, b, v in zip(self.ends[:-1], self.ends[1:], both)]).reshape(-1, 3)
-
-    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray | bool:
-        """Values of K₀ − ΣTᵀA L, for ``pattern``, where that is; only pairs that carry a force contribute."""
-        answer = self.pairs.force(F, previous, derivative=True)
-        active = answer.active
-        T = self.T_single[active].reshape(-1, 2 * FIELDS)
-        AL = (answer.derivative.astype(np.float32) @ self.L_single[active]).reshape(-1, 2 * FIELDS)
-        ends = 3 * np.searchsorted(active, self.pairs.bounds)
-        blocks = np.zeros((len(self.counted), 2 * FIELDS, 2 * FIELDS), np.float32)
-        for block, a, b in zip(blocks, ends[self.counted], ends[self.counted + 1]):
-            if b > a:
-                np.matmul(T[a:b].T, AL[a:b], out=block)
-        everyone = self.team.gather(blocks)
-        return self.pattern.values(-np.concatenate(everyone)[self.order], self.K0) if everyone else False
 
     def _fields(self, scene: Scene) -> np.ndarray:
         """(D, 12) affine fields of the owner's body; tied dofs stay at rest, so that contact pairs do all the work."""
@@ -258,9 +163,7 @@ class CoarseCorrection:
 
     def _of_all(self, own: np.ndarray) -> np.ndarray:
         """(bodies, …) from what each rank knows of its own bodies."""
-        everything = np.zeros((self.bodies, *own.shape[1:]))
-        everything[self.own] = own
-        return self.team.sum(everything)[0]
+        return of_all(self.team, self.bodies, self.own, own)
 
 
 def _affine_fields(scene: Scene, space) -> np.ndarray:

@@ -70,6 +70,15 @@ class Pairs:
             answer.derivative = np.where(free[:, :, None] & free[:, None, :], slope, 0.0)
         return answer
 
+    def of(self, interfaces: np.ndarray) -> tuple[Pairs, np.ndarray]:
+        """The pairs of some interfaces, by their places in the list, without ties; (Q,) int where they are among all."""
+        ends = list(zip(self.bounds[interfaces], self.bounds[interfaces + 1]))
+        chosen = np.concatenate([np.arange(a, b) for a, b in ends])
+        some = {name: getattr(self, name)[chosen] for name in ("one", "two", "free", "area", "mine")}
+        return replace(self, interfaces=[self.interfaces[i] for i in interfaces], points=part_of(self.points, chosen),
+                       bounds=np.cumsum([0] + [b - a for a, b in ends]), tied=self.tied[:0], targets=self.targets[:0],
+                       tie_stiffness=self.tie_stiffness[:0], **some), chosen
+
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
         """(P, 3) of a trace vector (D + G,) on one side; zero where prescribed."""
         return np.where(self.free, x[side], 0.0)
@@ -102,8 +111,8 @@ def _nothing(derivative: bool) -> Answer:
     return answer
 
 
-def part_of(points: Points, part: slice) -> Points:
-    """The points of one run."""
+def part_of(points: Points, part: slice | np.ndarray) -> Points:
+    """Some of the points."""
     return Points(points.normal[part], points.stiff_n[part], points.stiff_t[part], points.gap[part],
                   points.friction[part], points.jump[part])
 
