@@ -48,7 +48,7 @@ class CoarseProblem:
 
     def __init__(self, team: Team, bodies: int, own: np.ndarray, pairs: Pairs, T: np.ndarray, L: np.ndarray,
                  K0: np.ndarray, W: list[np.ndarray]):
-        self.team, self.bodies, self.own, self.pairs = team, bodies, own, pairs
+        self.team, self.bodies, self.own, self.pairs = team, bodies, np.asarray(own, dtype=int), pairs
         self.T, self.L, self.K0, self.W = T, L, K0, W
         # a Newton matrix need not be more accurate than the step it is good for
         self.T_single, self.L_single = T.astype(np.float32), L.astype(np.float32)
