@@ -55,8 +55,12 @@ class CoarseProblem:
         self.counts, self.ends = np.diff(pairs.bounds), 3 * pairs.bounds
         self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2).T
         self.counted = np.flatnonzero(np.isin(self.firsts, own))  # interfaces that this rank adds up
-        ends = team.gather(np.stack([self.firsts, self.seconds], axis=1)[self.counted])
-        self.pattern = BlockPattern(np.concatenate(ends), bodies, FIELDS) if ends else None
+        counted = [pairs.interfaces[i] for i in self.counted]
+        everyones = sum(team.all_gather([(i.law, i.index, *i.subdomains) for i in counted]), [])
+        # the order in which blocks are added must not depend on the ranks: single precision shows it
+        self.order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
+        ends = np.array([everyones[i][2:] for i in self.order], dtype=int).reshape(-1, 2)
+        self.pattern = BlockPattern(ends, bodies, FIELDS) if team.rank == 0 else None
         self.newton_steps = 0
         self._alone: dict[int, Body] = {}
 
@@ -169,7 +173,7 @@ class CoarseProblem:
             if b > a:
                 np.matmul(T[a:b].T, AL[a:b], out=block)
         everyone = self.team.gather(blocks)
-        return self.pattern.values(-np.concatenate(everyone), self.K0) if everyone else False
+        return self.pattern.values(-np.concatenate(everyone)[self.order], self.K0) if everyone else False
 
 def of_all(team: Team, bodies: int, own: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(bodies, …) from what each rank knows of its own bodies."""
