@@ -44,7 +44,7 @@ from orchestrator.scene.model import Scene
 from orchestrator.scene.soles import make_soles
 from orchestrator.timing import Stopwatch, seconds_since_launch
 
-OFTEN = 2.0  # seconds between checkpoints with several ranks: a launcher that ends them leaves little time for a last one
+OFTEN = 2.0  # seconds between checkpoints with several ranks: a launcher that ends them leaves little time for one
 
 
 @dataclass

@@ -106,8 +106,8 @@ def processes(run: subprocess.Popen, settings: Path) -> dict[int, int]:
     for path in Path("/proc").glob("[0-9]*"):
         try:
             if str(settings) in (path / "cmdline").read_text() and int(path.name) != run.pid:
-                rank = launched(dict(e.split("=", 1) for e in (path / "environ").read_text().split("\0") if "=" in e))[0]
-                result[rank] = int(path.name)
+                entries = (path / "environ").read_text().split("\0")
+                result[launched(dict(e.split("=", 1) for e in entries if "=" in e))[0]] = int(path.name)
         except OSError:
             pass
     return result
@@ -186,7 +186,8 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert "Traceback" not in errors
     before = read_summary(results)
     assert before["stop_reason"] == "interrupted"
-    run = orchestrate(3, settings, "--output", results, "--resume", "--set", "method.max_iterations=2", folder=temporary)
+    more = "--resume", "--set", "method.max_iterations=2"
+    run = orchestrate(3, settings, "--output", results, *more, folder=temporary)
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 1, errors
     iterations = read_history(results)["iteration"]
@@ -194,7 +195,8 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert np.array_equal(iterations, np.arange(1, len(iterations) + 1))
 
 
-@pytest.mark.parametrize("right, wrong, told", [("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdom")])
+@pytest.mark.parametrize("right, wrong, told", [
+    ("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
 def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
     settings = tmp_path / "wrong.yaml"
     settings.write_text(ENDLESS.replace(right, wrong))

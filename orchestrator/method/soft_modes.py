@@ -104,7 +104,8 @@ def soft_modes(space: TraceSpace, k: sp.csr_array, blackbox: BlackBox,
     return done, float(total) / space.subdomain_count
 
 
-def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray], modes: dict[int, np.ndarray]) -> list[np.ndarray]:
+def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
+             modes: dict[int, np.ndarray]) -> list[np.ndarray]:
     """Macro bases with the soft modes of both sides added, what is dependent left out.
 
     Parameters
@@ -130,7 +131,8 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray], modes:
             result.append(np.zeros((0, 0)))
             continue
         widths = [counts[space.owner[slot[0]]] for slot in (one, two)]
-        result.append(_with_modes(k[one][:, one], basis, [traces[slot, :n] for slot, n in zip((one, two), widths) if n]))
+        parts = [traces[slot, :n] for slot, n in zip((one, two), widths) if n]
+        result.append(_with_modes(k[one][:, one], basis, parts))
         if two[0] >= space.size:
             given[index] = result[-1]
     for gift in team.all_gather(given):
