@@ -55,8 +55,8 @@ def test_corrupted_answers(tmp_path, monkeypatch, fault):
     path = tmp_path / "corrupting"
     path.write_text(CORRUPT.format(python=sys.executable, freefem=shutil.which("FreeFem++"), fault=change))
     path.chmod(0o755)
-    made = config(subdomains={"slices": {"axis": "x", "count": 2}}, mesh={"box": {"size": [4.0, 1, 1], "cells": [2, 1, 1]}},
-                  blackbox={"transport": "file", "workers": 1})
+    made = config(subdomains={"slices": {"axis": "x", "count": 2}},
+                  mesh={"box": {"size": [4.0, 1, 1], "cells": [2, 1, 1]}}, blackbox={"transport": "file", "workers": 1})
     scene = build_scene(made)
     if fault == "the sign":  # the same problem is solved by the code itself
         assert solve(made, scene).outcome.converged
@@ -103,8 +103,8 @@ def test_broken_fields_are_named(pressed):
 @pytest.mark.parametrize("digits, trusted", [(6, False), (17, True)])
 def test_answers_of_few_digits(digits, trusted):
     """Six digits cannot carry an error of 1e-6; the run says so instead of claiming it."""
-    made = config(subdomains={"slices": {"axis": "x", "count": 2}}, mesh={"box": {"size": [4.0, 1, 1], "cells": [4, 1, 1]}},
-                  blackbox={"transport": "file", "workers": 1})
+    made = config(subdomains={"slices": {"axis": "x", "count": 2}},
+                  mesh={"box": {"size": [4.0, 1, 1], "cells": [4, 1, 1]}}, blackbox={"transport": "file", "workers": 1})
     with traces_of(digits):
         solved = solve(made, build_scene(made), reference=True)
     assert solved.outcome.converged == trusted

@@ -83,7 +83,8 @@ def _shape(folder: Path) -> Iterator[Hard]:
 
 def _topology(folder: Path) -> Iterator[Hard]:
     yield Hard("subdomains", "one", {**slices(), "subdomains": {"grid": [1, 1, 1]}})
-    yield Hard("subdomains", "floating, 12 in a row", {**slices(), "subdomains": {"slices": {"axis": "x", "count": 12}}})
+    row = {"slices": {"axis": "x", "count": 12}}
+    yield Hard("subdomains", "floating, 12 in a row", {**slices(), "subdomains": row})
     yield Hard("subdomains", "metis 9", {**cubes(), "subdomains": {"metis": 9}})
     for nodes in (3, 2, 1):
         yield Hard("interface nodes", f"{nodes}", joined(folder, nodes), nodes == 3)
@@ -139,7 +140,8 @@ def _contact() -> Iterator[Hard]:
         scaled = blocks([PRESS, SLIDE], materials=[{"young": 200e3 * factor, "poisson": 0.3}])
         yield Hard("contact, Young's modulus", f"{200e3 * factor:g}", scaled)
     for nu in (0.45, 0.49):
-        yield Hard("contact, Poisson's ratio", f"{nu:g}", blocks([PRESS, SLIDE], materials=[{"young": 200e3, "poisson": nu}]))
+        made = blocks([PRESS, SLIDE], materials=[{"young": 200e3, "poisson": nu}])
+        yield Hard("contact, Poisson's ratio", f"{nu:g}", made)
     yield Hard("contact, zero load", "nothing moves", blocks([[0, 0, 0]]))
     soft = {"sole": {"contact_ratio": 1e-6, "allow_extreme": True}}
     yield Hard("contact, sole modulus", "× 1e-6", blocks([PRESS, SLIDE], method=soft), False)

@@ -15,7 +15,8 @@ from orchestrator.scene.structured import bricks
 STEEL = [{"young": 200e3, "poisson": 0.3}]
 
 
-def scene(mesh: Mapping[str, Any], subdomains: Any, length: float, *, force: float = 10.0, **more: Any) -> dict[str, Any]:
+def scene(mesh: Mapping[str, Any], subdomains: Any, length: float, *, force: float = 10.0,
+          **more: Any) -> dict[str, Any]:
     """A body held at x = 0, pulled and sheared at x = length."""
     data = {
         "name": "hard", "mesh": dict(mesh), "subdomains": subdomains, "materials": STEEL,
@@ -38,7 +39,8 @@ def cubes(**more: Any) -> dict[str, Any]:
 
 def slices(**more: Any) -> dict[str, Any]:
     """A bar of four unit cubes in a row, 3 elements a side."""
-    return scene({"box": {"size": [4.0, 1.0, 1.0], "cells": [12, 3, 3]}}, {"slices": {"axis": "x", "count": 4}}, 4.0, **more)
+    mesh = {"box": {"size": [4.0, 1.0, 1.0], "cells": [12, 3, 3]}}
+    return scene(mesh, {"slices": {"axis": "x", "count": 4}}, 4.0, **more)
 
 
 def write(folder: Path, name: str, mesh: Mesh) -> dict[str, str]:
@@ -112,8 +114,8 @@ def blocks(steps: Sequence[Sequence[float]], *, friction: float = 0.3, gap: Any 
     """Two unit blocks in contact; the upper one's top is moved, a vector per load step."""
     law = {"law": "contact", "friction": friction} | ({} if gap is None else {"gap": gap})
     data = {
-        "name": "hard", "mesh": {"box": {"size": [1.0, 1.0, 1.0], "cells": [4, 4, 4]}}, "subdomains": {"grid": [1, 1, 2]},
-        "materials": STEEL, "interfaces": [law],
+        "name": "hard", "mesh": {"box": {"size": [1.0, 1.0, 1.0], "cells": [4, 4, 4]}},
+        "subdomains": {"grid": [1, 1, 2]}, "materials": STEEL, "interfaces": [law],
         "boundary": [{"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1.0}, "displacement": [list(map(float, s)) for s in steps]}],
     }

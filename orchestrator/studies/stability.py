@@ -1,4 +1,4 @@
-"""Hard cases: each is solved within its bound, refused with a message, or stopped with its cause; none is silently wrong.
+"""Hard cases: each is solved within its bound, refused with a message, or stopped with its cause; none is wrong.
 
 With perfect interfaces the true error, against the undecomposed solution, must not exceed the bound. With
 contact there is neither; there the written fields are judged by what the run did not compute itself:
@@ -35,8 +35,8 @@ LIMIT = 200  # iterations
 
 def run(study: Study) -> None:
     """The matrix, then what automatic soles and macro functions cure."""
-    study.columns = ("axis", "value", "meaningful", "outcome", "iterations", "true_error", "error_bound", "effectivity",
-                     "message", "silent_wrong")
+    study.columns = ("axis", "value", "meaningful", "outcome", "iterations", "true_error", "error_bound",
+                     "effectivity", "message", "silent_wrong")
     folder = Path(study.folder.path)
     for hard in hard_cases(folder):
         attempt(study, hard)
@@ -46,10 +46,9 @@ def run(study: Study) -> None:
         for settings, method in (("before", BEFORE), ("auto", {})):
             case = Hard(f"{settings}: {name}", settings, {**problem, "method": method})
             found[settings] = attempt(study, case, limit=100)
-        before, auto = found["before"], found["auto"]
+        before, auto = (row["stages_to_true_error"] for row in (found["before"], found["auto"]))
         study.target(f"{name}: true error ≤ 1e-6", f"at most {STAGES} stages",
-                     f"{auto['stages_to_true_error'] or 'never'}; before {before['stages_to_true_error'] or 'not in 100'}",
-                     bool(auto["stages_to_true_error"]) and auto["stages_to_true_error"] <= STAGES)
+                     f"{auto or 'never'}; before {before or 'not in 100'}", bool(auto) and auto <= STAGES)
     study.figure(_picture(study))
 
 
@@ -73,7 +72,8 @@ def attempt(study: Study, hard: Hard, limit: int = LIMIT) -> dict[str, Any]:
     except Exception as error:  # noqa: BLE001 - a traceback is what must never happen
         row |= {"outcome": "crashed", "message": repr(error), "silent_wrong": "traceback"}
     row |= {"stop_reason": row["outcome"], "seconds": round(time.perf_counter() - begin, 2)}
-    study.add(Case(data, {"axis": hard.axis, "value": hard.value}), row, history, row.get("message") or "as it should be")
+    case = Case(data, {"axis": hard.axis, "value": hard.value})
+    study.add(case, row, history, row["silent_wrong"] or row.get("message") or "as it should be")
     return study.rows[-1]
 
 
@@ -106,8 +106,8 @@ def _cause(summary: Mapping[str, Any]) -> str:
     """Why a run stopped, and what it says of the state it stopped in."""
     loose = sorted({name for step in summary.get("detached", ()) for name in step})
     bound = summary["error_bound"]
-    return summary["stop_reason"] + (f", error bound {bound:.0e}" if bound is not None and np.isfinite(bound) else "") + (
-        f", nothing holds {', '.join(loose)}" if loose else "")
+    known = f", error bound {bound:.0e}" if bound is not None and np.isfinite(bound) else ""
+    return summary["stop_reason"] + known + (f", nothing holds {', '.join(loose)}" if loose else "")
 
 
 def _unlawful(solved: Solved) -> list[str]:
@@ -149,7 +149,8 @@ def _targets(study: Study) -> None:
     good = sum(r["outcome"] == CONVERGED for r in meant)
     study.target("physically meaningful rows that converge", f"at least {SHARE:.0%}",
                  f"{good} of {len(meant)}: {good / len(meant):.0%}", good >= SHARE * len(meant))
-    known = [r["effectivity"] for r in rows if r["outcome"] == CONVERGED and np.isfinite(r.get("effectivity") or np.nan)]
+    known = [r["effectivity"] for r in rows
+             if r["outcome"] == CONVERGED and np.isfinite(r.get("effectivity") or np.nan)]
     study.target("bound over true error, converged rows with perfect interfaces", f"1 to {EFFECTIVITY:g}",
                  f"{min(known):.2f} to {max(known):.2f}; {sum(e > EFFECTIVITY for e in known)} of {len(known)} above",
                  1 <= min(known) and max(known) <= EFFECTIVITY)
@@ -163,7 +164,8 @@ def _picture(study: Study) -> bytes:
     axes.loglog(line, line, color=GREY, linewidth=1)
     axes.loglog(line, EFFECTIVITY * line, color=GREY, linewidth=1, linestyle="--")
     for outcome, colour, marker in ((CONVERGED, BLUE, "o"), (STOPPED, GREEN, "x")):
-        rows = [r for r in study.rows if r["outcome"] == outcome and r.get("true_error") and np.isfinite(r["error_bound"])]
+        rows = [r for r in study.rows
+                if r["outcome"] == outcome and r.get("true_error") and np.isfinite(r["error_bound"])]
         axes.loglog([r["true_error"] for r in rows], [r["error_bound"] for r in rows], marker, color=colour,
                     label=f"{outcome}, {len(rows)} rows", markerfacecolor="none")
     axes.set(xlim=(1e-12, 10), ylim=(1e-12, 10), xlabel="true relative energy error", ylabel="guaranteed bound")
