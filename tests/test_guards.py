@@ -9,6 +9,7 @@ import pytest
 from contact_case import contact
 from method_case import box_of, config, prepared
 
+from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.guards import failed_guards, works
 from orchestrator.method.interface_fields import interface_fields
@@ -16,6 +17,7 @@ from orchestrator.method.recovery import recover
 from orchestrator.method.solver import iterate
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.studies.hard_scenes import slices
 from orchestrator.studies.rounded_traces import traces_of
 from orchestrator.timing import Stopwatch
 
@@ -112,3 +114,14 @@ def test_answers_of_few_digits(digits, trusted):
         assert solved.summary["true_error"] <= solved.summary["error_bound"]
     else:
         assert "no error below" in solved.outcome.stop_reason
+
+
+@pytest.mark.parametrize("modulus, tolerance", [(1e3, 1e-7), (1e4, 1e-6), (1e6, 1e-6)])
+def test_rounding_in_stiff_soles_is_part_of_the_bound(modulus, tolerance):
+    """f = s − k w cancels: what rounding leaves of w is multiplied by k."""
+    stiff = config_from(slices(method={"sole": {"modulus_ratio": modulus, "allow_extreme": True},
+                                       "tolerance": {"error": tolerance}, "max_iterations": 200}))
+    solved = solve(stiff, build_scene(stiff), reference=True)
+    true, bound = solved.summary["true_error"], solved.summary["error_bound"]
+    assert true <= bound
+    assert solved.outcome.converged == (bound <= tolerance) or "rounding" in solved.outcome.stop_reason

@@ -270,6 +270,25 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
     assert (tmp_path / "scaling.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_floor_of_small_runs(tmp_path, monkeypatch):
+    from orchestrator.studies import floor
+    from orchestrator.studies.cases import beam, cube
+    from orchestrator.studies.framework import Study
+
+    monkeypatch.setattr(floor, "beam", lambda count: beam(count // 16))
+    monkeypatch.setattr(floor, "cube", lambda count: cube(count // 2, elements=2))
+    monkeypatch.setattr(floor, "GRAINS", 4)
+    monkeypatch.setattr(floor, "H", 0.3)
+    study = Study("floor", "small", tmp_path)
+    floor.run(study)
+    study.close()
+    table = rows_of(tmp_path / "table.csv")
+    assert [r["subdomains"] for r in table] == ["8", "8", "4"]
+    assert table[0]["factorisations"] == "3" and table[2]["factorisations"] == "4"
+    assert all(float(r["seconds"]) > float(r["floor"]) > 0 and 0 < float(r["idle"]) < 1 for r in table)
+    assert (tmp_path / "floor.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_coarse_problem_that_is_predicted_is_that_of_a_run():
     import method_case as case
 

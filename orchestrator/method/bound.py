@@ -30,8 +30,9 @@ from orchestrator.method.loading import Loading
 from orchestrator.method.macro import both_sides, known_widths
 
 RIGID = 6
-RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more than this to b²
-MAX_STEPS = 30
+RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
+MAX_STEPS = 100
+CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
 UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
@@ -187,8 +188,8 @@ class ErrorBound:
         self._add_local_stage_exchange(change, u)
         change, balanced = self._balanced(change)
         h = self.space.scatter @ change
-        b2, sweeps = self._dual_energy(h)
         cross, = self.team.sum(np.sum(delta * h, axis=0))
+        b2, sweeps = self._dual_energy(h, a2 - 2 * cross, (ROUNDING * size) ** 2)
         squares, c = a2 + b2 - 2 * cross, c[self.mode_part]
         if not balanced:
             return Bound(np.inf, _relative(a, size), energy, c, delta, sweeps)
@@ -217,11 +218,17 @@ class ErrorBound:
         change[self.one[self.mine]] += exchanged[self.mine]
         change[self.two[second]] -= exchanged[second]
 
-    def _dual_energy(self, h: np.ndarray) -> tuple[np.ndarray, int]:
+    def _dual_energy(self, h: np.ndarray, rest: np.ndarray, negligible: float) -> tuple[np.ndarray, int]:
         """(T,) hᵀS⁺h over all subdomains, by conjugate gradients preconditioned with N M⁻¹Nᵀ.
 
         The iterates approach from below; the geometric tail of the steps is added, and for the
-        tail's own error the accuracy that the steps are stopped at.
+        tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
+        almost cancelled by the cross term: what counts is the accuracy of the sum. Infinite if it is not reached.
+
+        Parameters
+        ----------
+        rest : (T,) a² and the cross term
+        negligible : sum over the steps that is not worth being told from zero
         """
         if not self.team.max(h.any())[0]:
             return np.zeros(h.shape[1]), 0
@@ -249,10 +256,13 @@ class ErrorBound:
             rz_old = rz
             steps.append(float(gained.sum()))
             tail = _tail(steps)
-            if max(steps[-1], tail) <= RELATIVE_TAIL * np.sum(total):
+            worth = max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
+            if max(steps[-1], tail) <= RELATIVE_TAIL * worth:
                 break
+        else:
+            return np.full(h.shape[1], np.inf), sweeps
         share = gained / max(steps[-1], np.finfo(float).tiny)
-        return (1 + RELATIVE_TAIL) * (total + tail * share), sweeps
+        return total + tail * share + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps
 
     def _balanced(self, change: np.ndarray) -> tuple[np.ndarray, bool]:
         """Add self-balanced rigid force fields per interface so that no floating subdomain is pushed.

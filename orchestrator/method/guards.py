@@ -3,7 +3,7 @@
 - external work: ‖u‖²_K from interface data by duality, against loads, interface forces and reactions times
   the displacements of all nodes, which another back-substitution has given; both are ≥ 0;
 - repetition: the last back-substitution gives the interface displacements that the iterations have combined from
-  all earlier ones; no error below what both differ by, in energy norm, can be claimed;
+  all earlier ones; no error below what both, and the forces they stand for, differ by in energy norm can be claimed;
 - contact laws, node by node on the written fields: no penetration, no tension, Coulomb's cone, and no pressure
   across an open gap.
 
@@ -81,13 +81,18 @@ def with_noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> O
 
 
 def noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> float:
-    """Energy norm of what recovered and iterated interface displacements differ by, relative to the solution's."""
+    """Energy norm of what recovered and iterated interface displacements differ by, and of the forces that go with it,
+    relative to the solution's."""
     apart, mode = np.zeros_like(outcome.fields.u), 0
     for s, modes, part, trace in zip(d.own, d.modes, d.space.boundary, d.traces):
         rigid = modes[trace] @ outcome.bound.repositioned[mode : mode + modes.shape[1]]
         mode += modes.shape[1]
         apart[part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace].T - outcome.fields.u[part] - rigid
-    energy, = d.space.team.sum(np.sum(apart * (d.bound.stiffness @ apart), axis=0))
+    # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
+    forces = d.space.scatter @ (d.stage.direction.k @ d.space.trace(apart))
+    strain = np.sum(apart * (d.bound.stiffness @ apart), axis=0)
+    stress = np.sum(forces**2 / d.bound.weight, axis=0)
+    energy, = d.space.team.sum(strain + stress)
     size = outcome.bound.energy.max(initial=0.0)
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
 

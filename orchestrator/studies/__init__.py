@@ -28,6 +28,7 @@ _REGISTRY = {
     "polycrystal": ("polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
     "polycrystal_small": ("polycrystal", "small", "the same with 15 grains"),
     "scaling": ("scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
+    "floor": ("floor", "run", "wall time of whole runs beside the code's own seconds"),
     "codes": ("codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
     "time_vs_error": ("time_vs_error", "run", "wall time against true error: four problems, P1 and P2, four methods"),
     "large": ("large", "run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),

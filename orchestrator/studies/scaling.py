@@ -91,18 +91,8 @@ def launcher() -> Path:
 def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int, elements: int) -> dict[str, Any]:
     """Run one configuration, add its row; its summary."""
     name = f"{case}-{ranks}-{workers}"
-    config = study.folder.write(f"{name}.yaml", json.dumps(
-        {**cubes(counts, elements), "blackbox": {"workers": workers}}, indent=1))  # JSON is YAML
-    output = study.folder / name
-    command = [sys.executable, "-m", "orchestrator", "run", str(config), "--output", str(output), "--quiet"]
-    if ranks > 1:
-        command = [str(launcher()), "-n", str(ranks), *command]
-    others, begin = os.getloadavg()[0], time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **_MPI})
-    seconds = time.perf_counter() - begin
-    if done.returncode:
-        raise BlackBoxError(f"{name}: {done.stderr.strip() or done.stdout.strip()}")
-    summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
+    others = os.getloadavg()[0]
+    summary, seconds = whole_command(study, name, {**cubes(counts, elements), "blackbox": {"workers": workers}}, ranks)
     row = {"case": case, "ranks": ranks, "workers": workers, **measured(summary, seconds), "others": round(others, 1)}
     row["efficiency"] = efficiency(row, next((r for r in study.rows if r["case"] == case), row))
     study.rows.append(row)
@@ -110,6 +100,24 @@ def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: in
     study.console.print(f"  {len(study.rows):3}  {case}, {ranks} rank(s) of {workers} worker(s): {row['iterations']} "
                         f"iterations, {seconds:.1f} s, efficiency {row['efficiency']:.2f}, others' load {others:.1f}")
     return summary
+
+
+def whole_command(study: Study, name: str, config: dict[str, Any], ranks: int = 1) -> tuple[dict[str, Any], float]:
+    """Run a configuration from the command line, in the study's folder; its summary and its wall seconds.
+
+    Raises BlackBoxError where the command fails.
+    """
+    path = study.folder.write(f"{name}.yaml", json.dumps(config, indent=1))  # JSON is YAML
+    output = study.folder / name
+    command = [sys.executable, "-m", "orchestrator", "run", str(path), "--output", str(output), "--quiet"]
+    if ranks > 1:
+        command = [str(launcher()), "-n", str(ranks), *command]
+    begin = time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **_MPI})
+    seconds = time.perf_counter() - begin
+    if done.returncode:
+        raise BlackBoxError(f"{name}: {done.stderr.strip() or done.stdout.strip()}")
+    return json.loads((output / "summary.json").read_text(encoding="utf-8")), seconds
 
 
 def measured(summary: dict[str, Any], seconds: float) -> dict[str, Any]:
