@@ -18,7 +18,7 @@ run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and 
 	@.venv/bin/orchestrator run $(CONFIG)
 
 test: setup-tests  ## set up CalculiX too, run the tests
-	@.venv/bin/python -m pytest -q -n 2 --dist loadfile
+	@.venv/bin/python -m pytest -q
 
 clean:  ## remove results, caches and the virtual environment
 	@rm -rf .venv results *.egg-info .pytest_cache
