@@ -32,7 +32,6 @@ from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint,
 from orchestrator.results.discretisation import Estimate, Estimator
 from orchestrator.results.fields import Fields, write_fields
 from orchestrator.results.figures import write_figures
-from orchestrator.results.plotting import preload
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.progress import Progress
@@ -270,8 +269,6 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     progress = Progress(quiet)
     try:
         progress.stage("meshing")
-        if config.output.figures:
-            preload()
         with watch("mesh"):
             scene = build_scene(config)
         key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)

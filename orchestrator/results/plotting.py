@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import threading
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,11 +12,6 @@ GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
-
-
-def preload() -> None:
-    """Begin to import what draws, beside other work: half a second that a short run would wait for at its end."""
-    threading.Thread(target=import_module, args=("matplotlib.figure",), daemon=True).start()
 
 
 def new_figure(width: float, height: float) -> Figure:
