@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_case import box, forces, settings
+from processes import gone, running
 
 from orchestrator.blackbox import workdir
 from orchestrator.blackbox.registry import make_blackbox
@@ -30,22 +31,6 @@ def temporary(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(folder))
     yield folder
     assert list(folder.iterdir()) == []
-
-
-def running(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def gone(pids, patience=5.0) -> bool:
-    end = time.monotonic() + patience
-    while any(running(pid) for pid in pids):
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 def wrapper(folder: Path, body: str) -> str:

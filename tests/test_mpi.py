@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import gone
 from ranks_case import CASES, found
 
 from orchestrator.parallel.launcher import launched, without_launcher
@@ -127,22 +128,6 @@ def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
     pytest.fail(f"it ended by itself: {run.communicate()[1]}")
 
 
-def running(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def gone(pids, patience=10.0) -> bool:
-    end = time.monotonic() + patience
-    while any(running(pid) for pid in pids):
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.05)
-    return True
-
-
 def saved_iteration(results: Path) -> int:
     with np.load(results / "checkpoint.npz") as saved:
         return int(saved["iteration"])
@@ -169,7 +154,7 @@ def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     codes = [code for rank in ranks.values() for code in children(rank)]
     assert len(codes) >= 3
     os.kill(victim(ranks[1]), kind)
-    assert gone([*ranks.values(), *codes])
+    assert gone([*ranks.values(), *codes], patience=10.0)
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == code or code is None and run.returncode != 0
     assert errors.count(message) == 1 and "Traceback" not in errors, errors

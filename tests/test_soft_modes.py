@@ -35,7 +35,7 @@ def spectra(made, wanted=True):
         d = prepared(made, scene, blackbox)
         parts = {e: s.stop - s.start for e, s in enumerate(d.space.boundary) if s.stop > s.start}
         compliance = blackbox.traces({e: np.eye(n) for e, n in parts.items()})
-        modes, sweeps = soft_modes(d.space, d.stage.direction.k, blackbox, np.full(len(scene.subdomains), wanted))
+        modes, sweeps = soft_modes(d.stage.direction, blackbox, np.full(len(scene.subdomains), wanted))
     robin = (d.space.scatter @ d.stage.direction.k @ d.space.scatter.T).tocsr()
     return {e: ((c + c.T) / 2, robin[s, s].toarray()) for e, c in compliance.items()
             for s in [d.space.boundary[e]]}, modes, sweeps

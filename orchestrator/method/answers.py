@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.traces import TraceSpace
+from orchestrator.method.search_direction import SearchDirection
 
 # Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below 1e-5.
 CONSISTENT = 1e-3
@@ -27,14 +27,13 @@ class GuardedTraces:
     Parameters
     ----------
     blackbox : where the answers come from
-    space, k : numbering and search direction (D, D)
-    names : of the subdomains, in the order of ``space.subdomains``
+    direction : search direction
+    names : of the subdomains, in the order of its ``space.subdomains``
     """
 
-    def __init__(self, blackbox: BlackBox, space: TraceSpace, k: sp.csr_array, names: list[str]):
+    def __init__(self, blackbox: BlackBox, direction: SearchDirection, names: list[str]):
         self.blackbox, self.names = blackbox, names
-        robin = sp.csr_array(space.scatter @ k @ space.scatter.T)
-        self.robin, self.parts = robin, space.boundary
+        self.robin, self.parts = direction.robin, direction.space.boundary
         self.own: dict[int, sp.csr_array] = {}
         self.earlier: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 

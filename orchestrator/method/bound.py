@@ -87,7 +87,7 @@ class ErrorBound:
         self.team = team = self.space.team
         self.stiffness, self.external = stiffness, external
         self.k = stage.direction.k
-        self.robin = sp.csr_array(self.space.scatter @ self.k @ self.space.scatter.T)
+        self.robin = stage.direction.robin
 
         self.weight = stiffness.diagonal()[:, None]
         self.class_weight = self.space.class_sums(self.weight)

@@ -74,7 +74,6 @@ class CoarseCorrection:
         K0 = self._per_body(U, self.response.F)
         dropped = np.array([~U[part].any(axis=0) for part in self.parts])
         K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
-        self.K0 = self._of_all(K0)
 
         one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
         points = pairs.points
@@ -89,7 +88,7 @@ class CoarseCorrection:
         T = np.where(free, np.concatenate([U[one], -U[two]], axis=2), 0.0)
         L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
                                            -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
-        self.problem = CoarseProblem(self.team, self.bodies, self.own, pairs, T, L, self.K0,
+        self.problem = CoarseProblem(self.team, self.bodies, self.own, pairs, T, L, self._of_all(K0),
                                      [W[part] for part in self.parts])
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None

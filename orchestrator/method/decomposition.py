@@ -145,7 +145,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         loading = apply_loads(own, space, models, traces, rims, blackbox)
     sweeps = loading.sweeps
     with watch("macro"):
-        guarded = GuardedTraces(blackbox, space, direction.k, [s.name for s in own])
+        guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
         macro = _macro(scene, space, direction, method, guarded)
         stage = LinearStage(space, direction, macro, loading.boundary, guarded)
         sweeps += (macro.sweeps if macro else 0) / scene.steps
@@ -190,7 +190,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     spent = 0.0
     if kind in ("auto", "modes"):
         stubborn = hardness(scene).stubborn if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
-        modes, spent = soft_modes(space, direction.k, blackbox, stubborn)
+        modes, spent = soft_modes(direction, blackbox, stubborn)
         bases = enriched(space, direction.whole, bases, modes)
     macro = Macro(space, direction, bases, method.macro.strategy, blackbox)
     macro.sweeps += spent

@@ -46,6 +46,12 @@ class SearchDirection:
         return factorised(self.k)
 
     @cached_property
+    def robin(self) -> sp.csr_array:
+        """(B, B) NᵀkN, what the soles add to the stiffness of the boundary dofs."""
+        scatter = self.space.scatter
+        return sp.csr_array(scatter @ self.k @ scatter.T)
+
+    @cached_property
     def other(self) -> sp.csr_array:
         """(D, D) the neighbour's k⁻, seen from this side."""
         partner = self.space.partner

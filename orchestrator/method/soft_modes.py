@@ -22,6 +22,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.macro import known_widths
+from orchestrator.method.search_direction import SearchDirection
 from orchestrator.method.traces import TraceSpace
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
@@ -67,25 +68,25 @@ class _Krylov:
             self.modes = self.basis @ vector[:, watched][:, :soft]
 
 
-def soft_modes(space: TraceSpace, k: sp.csr_array, blackbox: BlackBox,
+def soft_modes(direction: SearchDirection, blackbox: BlackBox,
                wanted: np.ndarray) -> tuple[dict[int, np.ndarray], float]:
     """Soft modes of the wanted subdomains.
 
     Parameters
     ----------
-    k : (D, D) search direction
+    direction : search direction
     wanted : (subdomains of the scene,) bool
 
     Returns
     -------
-    modes : place among ``space.subdomains`` → (t, m), k-orthonormal
+    modes : place among its ``space.subdomains`` → (t, m), k-orthonormal
     sweeps : back-substitutions per subdomain, the mean
 
     Raises
     ------
     BlackBoxError : from the code
     """
-    robin = sp.csr_array(space.scatter @ k @ space.scatter.T)
+    space, robin = direction.space, direction.robin
     under_way, spent, done = {}, 0, {}
     for e, part in enumerate(space.boundary):
         size = part.stop - part.start

@@ -13,12 +13,10 @@ refuses factors of more than 2³¹ entries, 17 GB, whatever the memory.) CPU sec
 
 from __future__ import annotations
 
-import json
 import os
 import resource
 import signal
 import subprocess
-import sys
 import threading
 import time
 from dataclasses import dataclass
@@ -30,12 +28,12 @@ import numpy as np
 from orchestrator.blackbox.freefem import FreeFem
 from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.config import config_from
-from orchestrator.errors import BlackBoxError
 from orchestrator.method.reference import Reference, solve_reference
 from orchestrator.results.plotting import BLUE, GREY, ORANGE, new_figure, png, tidy
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.studies.cases import cube, with_method
+from orchestrator.studies.commands import whole_command
 from orchestrator.studies.drawing import plain_ticks
 from orchestrator.studies.framework import ACCURATE, Study
 
@@ -182,16 +180,8 @@ def _true_error(config, solved) -> float:
 def _command(study: Study, blocks: int, elements: int) -> dict[str, Any]:
     """The whole command on a large cube, as a row, with the memory of all its processes."""
     data = with_method(_problem(blocks, elements), {"tolerance": {"error": ACCURATE}})
-    config = study.folder.write("large.yaml", json.dumps(data, indent=1))  # JSON is YAML
-    output = study.folder / "run"
     with study.console.status(f"{blocks}³ subdomains"):
-        begin = time.perf_counter()
-        command = [sys.executable, "-m", "orchestrator", "run", str(config), "--output", str(output), "--quiet"]
-        done = subprocess.run(command, capture_output=True, text=True)
-        seconds = time.perf_counter() - begin
-    if done.returncode not in (0, 1):
-        raise BlackBoxError(done.stderr.strip() or f"the run ended with code {done.returncode}")
-    summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
+        summary, seconds = whole_command(study, "large", data, output="run")
     row = {"case": f"{blocks * elements}³ bricks", "method": "decomposed", "dofs": summary["dofs"],
            "subdomains": summary["subdomains"], "iterations": summary["iterations"],
            "error_bound": summary["error_bound"], "stop_reason": summary["stop_reason"],

@@ -7,22 +7,18 @@ The *floor* is what the code needs by its own clock if all cores share it evenly
 from __future__ import annotations
 
 import importlib.util
-import json
 import os
-import subprocess
-import sys
-import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from orchestrator.blackbox.pool import default_workers
-from orchestrator.errors import BlackBoxError
+from orchestrator.errors import CONVERGED
 from orchestrator.results.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
 from orchestrator.results.summary import blackbox_seconds
 from orchestrator.results.workload import idle_share
 from orchestrator.studies.cases import STEEL
+from orchestrator.studies.commands import launcher, whole_command
 from orchestrator.studies.framework import Study
 from orchestrator.studies.prediction import BANDWIDTH, FIELDS, LATENCY, Coarse, Costs, limit, measure_coarse, predict
 
@@ -33,8 +29,6 @@ CLUSTER = (1_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others")
 _COLOURS = (GREY, SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
-_MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",  # more ranks than cores, in a container:
-        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
 
 
 def cubes(counts: Sequence[int], elements: int) -> dict[str, Any]:
@@ -83,16 +77,12 @@ def without_ranks() -> str | None:
     return None if launcher().is_file() else f"no {launcher()}"
 
 
-def launcher() -> Path:
-    """The mpiexec that belongs to this Python's mpi4py."""
-    return Path(sys.executable).with_name("mpiexec")
-
-
 def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int, elements: int) -> dict[str, Any]:
     """Run one configuration, add its row; its summary."""
     name = f"{case}-{ranks}-{workers}"
     others = os.getloadavg()[0]
-    summary, seconds = whole_command(study, name, {**cubes(counts, elements), "blackbox": {"workers": workers}}, ranks)
+    summary, seconds = whole_command(study, name, {**cubes(counts, elements), "blackbox": {"workers": workers}}, ranks,
+                                     accepted=(CONVERGED,))
     row = {"case": case, "ranks": ranks, "workers": workers, **measured(summary, seconds), "others": round(others, 1)}
     row["efficiency"] = efficiency(row, next((r for r in study.rows if r["case"] == case), row))
     study.rows.append(row)
@@ -100,24 +90,6 @@ def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: in
     study.console.print(f"  {len(study.rows):3}  {case}, {ranks} rank(s) of {workers} worker(s): {row['iterations']} "
                         f"iterations, {seconds:.1f} s, efficiency {row['efficiency']:.2f}, others' load {others:.1f}")
     return summary
-
-
-def whole_command(study: Study, name: str, config: dict[str, Any], ranks: int = 1) -> tuple[dict[str, Any], float]:
-    """Run a configuration from the command line, in the study's folder; its summary and its wall seconds.
-
-    Raises BlackBoxError where the command fails.
-    """
-    path = study.folder.write(f"{name}.yaml", json.dumps(config, indent=1))  # JSON is YAML
-    output = study.folder / name
-    command = [sys.executable, "-m", "orchestrator", "run", str(path), "--output", str(output), "--quiet"]
-    if ranks > 1:
-        command = [str(launcher()), "-n", str(ranks), *command]
-    begin = time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, **_MPI})
-    seconds = time.perf_counter() - begin
-    if done.returncode:
-        raise BlackBoxError(f"{name}: {done.stderr.strip() or done.stdout.strip()}")
-    return json.loads((output / "summary.json").read_text(encoding="utf-8")), seconds
 
 
 def measured(summary: dict[str, Any], seconds: float) -> dict[str, Any]:

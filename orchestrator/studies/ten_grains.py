@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
-import time
 from typing import Any
 
-from orchestrator.errors import BlackBoxError
 from orchestrator.results.plotting import BLUE, new_figure, png, tidy
 from orchestrator.results.summary import STAGES
 from orchestrator.studies.cases import STEEL
+from orchestrator.studies.commands import whole_command
 from orchestrator.studies.framework import Study
 
 LIMIT, GENERAL_CODE = 6.0, 31.0  # seconds: wanted, and what CalculiX needs on the same problem and such a machine
@@ -36,17 +32,9 @@ def run(study: Study, data: dict[str, Any] | None = None, repeats: int = REPEATS
     """The whole command, several times; the least busy one counts."""
     study.columns = ("run", "dofs", "dofs_decomposed", "subdomains", "steps", "iterations", "law_residual", "open", "stick", "slip",
                      "stop_reason", "in_the_program", "seconds")
-    config = study.folder.write("ten_grains.yaml", json.dumps(data or problem(), indent=1))  # JSON is YAML
-    output = study.folder / "run"
     timings = []
     for number in range(1, repeats + 1):
-        begin = time.perf_counter()
-        done = subprocess.run([sys.executable, "-m", "orchestrator", "run", str(config), "--output", str(output), "--quiet"],
-                              capture_output=True, text=True)
-        seconds = time.perf_counter() - begin
-        if done.returncode not in (0, 1):
-            raise BlackBoxError(done.stderr.strip() or f"the run ended with code {done.returncode}")
-        summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
+        summary, seconds = whole_command(study, "ten_grains", data or problem(), output="run")
         timings.append(summary["timing"])
         row = {"run": number, "dofs": summary["dofs"], "dofs_decomposed": summary["dofs_decomposed"],
                "subdomains": summary["subdomains"], "steps": summary["load_steps"],
