@@ -54,15 +54,14 @@ class BlockPattern:
         blocks = np.concatenate([*halves, own], dtype=float).reshape(len(self.gathered), -1)
         return np.add.reduceat(blocks[self.gathered], self.starts, axis=0).ravel()[self.order]
 
-    def matrix(self, values: np.ndarray) -> sp.csc_array:
-        """The matrix that ``values`` belong to."""
+    def matrix(self, values: np.ndarray, shift: float) -> sp.csc_array:
+        """The matrix that ``values`` belong to, with a shift of its diagonal."""
         n = self.size * self.bodies
-        return sp.csc_array((values, self.indices, self.indptr), shape=(n, n))
-
-    def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, size) solution of (matrix + shift) x = right."""
         shifted = values.copy()
         shifted[self.diagonal] += shift
-        factor = sla.splu(self.matrix(shifted), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTING,
-                          options={"SymmetricMode": True})
-        return factor.solve(right.ravel()).reshape(self.bodies, self.size)
+        return sp.csc_array((shifted, self.indices, self.indptr), shape=(n, n))
+
+    @staticmethod
+    def factorise(matrix: sp.csc_array) -> sla.SuperLU:
+        """LU of a matrix of this kind: symmetric pattern, strong diagonal."""
+        return sla.splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTING, options={"SymmetricMode": True})

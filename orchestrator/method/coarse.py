@@ -20,10 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.method.coarse_problem import FIELDS, CoarseProblem, of_all
+from orchestrator.method.coarse_problem import CoarseProblem, of_all
 from orchestrator.method.contact_stage import ContactStage
 from orchestrator.method.linear_stage import Admissible, LinearStage
+from orchestrator.method.pair_fields import FIELDS, MONOMIALS, PairFields
 from orchestrator.method.pairs import Pairs
+from orchestrator.method.traces import TraceSpace
 from orchestrator.scene.model import Scene
 
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
@@ -66,7 +68,14 @@ class CoarseCorrection:
         own = space.owner[: space.size]
         self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in self.own]
         k = stage.direction.k
-        U = self._orthonormal(self._fields(scene), k)
+        frames = _Frames.of(scene, space)
+        fields = space.trace(frames.fields)
+        if space.ties is not None:
+            fields[space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
+        R = self._independent(fields, k)
+        U = np.zeros_like(fields)
+        for part, r in zip(self.parts, R):
+            U[part] = fields[part] @ r
         V = k @ U
         self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
         W = space.trace(self.boundary_response)
@@ -77,7 +86,7 @@ class CoarseCorrection:
 
         one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
         points = pairs.points
-        U, W, F = space.extended(U, W, self.response.F)  # ghosts last: own parts keep their places
+        W, F = space.extended(W, self.response.F)  # ghosts last: own parts keep their places
 
         def keq(x):  # (P, 3, 12)
             along = np.einsum("pif,pi->pf", x, points.normal)
@@ -85,11 +94,12 @@ class CoarseCorrection:
                 (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal[:, :, None]
 
         # (P, 3, 24): the fields of the first body, then of the second
-        T = np.where(free, np.concatenate([U[one], -U[two]], axis=2), 0.0)
         L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
                                            -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
-        self.problem = CoarseProblem(self.team, self.bodies, self.own, pairs, T, L, self._of_all(K0),
-                                     [W[part] for part in self.parts])
+        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R)), L.astype(np.float32),
+                              np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2))
+        self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
+                                     [self.response.W[part] for part in self.parts])
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
 
@@ -117,7 +127,7 @@ class CoarseCorrection:
         w, f = self.stage.space.extended(fields.w, fields.f)
         for t in range(steps):
             F0 = self.predict.predicted(w[:, t], f[:, t])
-            y[t], F = self.problem.solve(F0, resultant[t], previous, self.radius)
+            y[t], F = self.problem.solve(t, F0, resultant[t], previous, self.radius)
             previous = self.predict.jump(F, self.pairs.force(F, previous).force)
         s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
         r = self.response
@@ -129,25 +139,43 @@ class CoarseCorrection:
             u[boundary] += self.boundary_response[boundary] @ change
         return Admissible(s, u, fields.alpha, w, f)
 
-    def _fields(self, scene: Scene) -> np.ndarray:
-        """(D, 12) affine fields of the owner's body; tied dofs stay at rest, so that contact pairs do all the work."""
-        space = self.stage.space
-        fields = space.trace(_affine_fields(scene, space))
-        if space.ties is not None:
-            fields[space.ties.dofs] = 0.0
-        return fields
-
-    def _orthonormal(self, fields: np.ndarray, k) -> np.ndarray:
-        """(D, 12) the same span per body with UᵀkU = 1; what is dependent becomes zero.
+    def _independent(self, fields: np.ndarray, k) -> np.ndarray:
+        """(own bodies, 12, 12) R that makes U = fields R orthonormal per body, UᵀkU = 1; what is dependent becomes zero.
 
         On a body that has a single plane interface, the gradients along its normal are.
         """
-        result = np.zeros_like(fields)
-        for part, gram in zip(self.parts, self._per_body(fields, k @ fields)):
+        result = np.zeros((len(self.own), FIELDS, FIELDS))
+        for r, gram in zip(result, self._per_body(fields, k @ fields)):
             size, vectors = np.linalg.eigh(gram)
             keep = size > DEPENDENT * size.max(initial=0.0)
-            result[part][:, keep] = fields[part] @ (vectors[:, keep] / np.sqrt(size[keep]))
+            r[:, keep] = vectors[:, keep] / np.sqrt(size[keep])
         return result
+
+    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """φ (P, m) and A (I, 3m, 24) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
+        space, pairs = self.stage.space, self.pairs
+        centre, size = self._of_all(frames.centre), self._of_all(frames.size)
+        x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3])
+        pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=1)
+        x1, x2 = x[pairs.one[pair, component]], x[pairs.two[pair, component]]
+        bodies = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
+        first, second = np.repeat(bodies, np.diff(pairs.bounds), axis=0).T
+        phi = _monomials((x1 - centre[first]) / size[first, None])
+        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3 * FIELDS) for b in bodies.T)
+        if self.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
+            phi = np.hstack([phi, _monomials((x2 - centre[second]) / size[second, None])])
+            none = np.zeros((*R1.shape[:2], 3, FIELDS))
+            R1, R2 = (r.reshape(none.shape) for r in (R1, R2))
+            A = np.concatenate([np.concatenate([R1, none], axis=3), np.concatenate([none, -R2], axis=3)], axis=1)
+        else:  # the second body's monomials are combinations of the first one's
+            change = np.zeros((len(bodies), MONOMIALS, MONOMIALS))
+            one, two = bodies.T
+            change[:, 0, 0] = 1.0
+            change[:, 0, 1:] = (centre[one] - centre[two]) / size[two, None]
+            change[:, range(1, MONOMIALS), range(1, MONOMIALS)] = (size[one] / size[two])[:, None]
+            R2 = change @ R2
+            A = np.concatenate([r.reshape(len(bodies), MONOMIALS, 3, FIELDS) for r in (R1, -R2)], axis=3)
+        return phi, A.reshape(len(bodies), -1, 2 * FIELDS)
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(own bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
@@ -165,20 +193,38 @@ class CoarseCorrection:
         return of_all(self.team, self.bodies, self.own, own)
 
 
-def _affine_fields(scene: Scene, space) -> np.ndarray:
-    """(B, 12) translations, and gradients about the body's centre scaled by its size, per boundary dof."""
-    fields = np.zeros((len(space.global_dof), FIELDS))
-    for part in space.boundary:
-        dof = space.global_dof[part]
-        if not len(dof):
-            continue
-        x = scene.mesh.nodes[dof // 3]
-        x = x - (x.min(axis=0) + x.max(axis=0)) / 2
-        monomials = np.column_stack([np.ones(len(x)), x / max(np.abs(x).max(), np.finfo(float).tiny)])
-        component = dof % 3
-        for c in range(3):
-            rows = component == c
-            block = np.zeros((rows.sum(), FIELDS))
-            block[:, c::3] = monomials[rows]
-            fields[np.flatnonzero(rows) + part.start] = block
-    return fields
+@dataclass
+class _Frames:
+    """Affine fields of a rank's bodies: translations, and gradients about the body's centre scaled by its size.
+
+    Parameters
+    ----------
+    fields : (B, 12) per boundary dof; field 3m + c is monomial m in component c
+    centre, size : (own bodies, 3) and (own bodies,)
+    """
+
+    fields: np.ndarray
+    centre: np.ndarray
+    size: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, space: TraceSpace) -> _Frames:
+        """Of the bodies of a space."""
+        bodies = len(space.boundary)
+        result = cls(np.zeros((len(space.global_dof), FIELDS)), np.zeros((bodies, 3)), np.ones(bodies))
+        for e, part in enumerate(space.boundary):
+            dof = space.global_dof[part]
+            if not len(dof):
+                continue
+            x, rows = scene.mesh.nodes[dof // 3], np.arange(part.start, part.stop)
+            centre = result.centre[e] = (x.min(axis=0) + x.max(axis=0)) / 2
+            size = result.size[e] = max(np.abs(x - centre).max(), np.finfo(float).tiny)
+            phi = _monomials((x - centre) / size)
+            for m in range(MONOMIALS):
+                result.fields[rows, 3 * m + dof % 3] = phi[:, m]
+        return result
+
+
+def _monomials(x: np.ndarray) -> np.ndarray:
+    """(n, 4) 1, x, y, z."""
+    return np.column_stack([np.ones(len(x)), x])

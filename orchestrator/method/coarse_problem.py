@@ -6,6 +6,9 @@ It is solved by a semismooth Newton. A Levenberg term makes it robust; a body th
 no Newton step brings to rest, is settled alone (``settling``), no further than the radius in one solve: bodies
 come to rest over several iterations of the method, and their neighbours follow.
 
+Most pairs are open and stay so. With |n·L y| ≤ ‖n·L‖ ‖y‖, those that no fields of the size seen so far can close
+are left out, and come back if the fields grow beyond it.
+
 Among ranks, what belongs to a body is formed by its rank, what belongs to an interface by the rank of its first
 side. ρ is summed, every Newton matrix goes to rank 0, which solves for all: right for some thousands of bodies.
 """
@@ -15,11 +18,11 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.method.block_pattern import BlockPattern
-from orchestrator.method.pairs import Pairs
+from orchestrator.method.pair_fields import FIELDS, PairFields
 from orchestrator.method.settling import Body
+from orchestrator.method.stale_factors import StaleFactors
 from orchestrator.parallel.team import Team
 
-FIELDS = 12
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
 SERVED, SLOW, IDLE = 0.1, 0.9, 2  # reduced this much, a solve ends after two steps that gain less than a tenth
 MAX_STEPS = 20
@@ -27,6 +30,58 @@ FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
 DOMINATING, FEW = 0.5, 2  # a body with more of ρ is settled alone when Newton's method stands still; at most so many
 SETTLED = 0.05  # of what the whole is solved to, for one body alone
+REACH = 2.0  # size of the fields that pairs must be able to close at, over the size last seen
+
+
+class _Step:
+    """One load step: ρ, and the pairs near enough to matter.
+
+    Parameters
+    ----------
+    problem : of all load steps
+    F0 : (P, 3) predicted forces
+    resultant : (bodies, 12) Uᵀf
+    previous : (P, 3) jump at the end of the load step before
+    reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
+    """
+
+    def __init__(self, problem: CoarseProblem, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
+                 reach: np.ndarray):
+        self.problem, self.F0, self.resultant, self.previous, self.reach = problem, F0, resultant, previous, reach
+        self.seen = np.zeros_like(reach)
+        self._choose()
+
+    def _choose(self) -> None:
+        fields = self.problem.fields
+        if np.isfinite(self.reach).all():
+            change = fields.normal_size * np.repeat(self.reach, np.diff(fields.pairs.bounds))
+            near = np.flatnonzero(~fields.pairs.idle(self.F0, change))
+            self.fields, self.F0_near, self.before = fields.some(near), self.F0[near], self.previous[near]
+        else:
+            self.fields, self.F0_near, self.before = fields, self.F0, self.previous
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """(bodies, 12) ρ; the forces that it was formed with are kept for ``matrix``."""
+        size = np.linalg.norm(self.fields.both(y), axis=1)
+        self.seen = np.maximum(self.seen, size)
+        if (size > self.reach).any():
+            self.reach = np.maximum(self.reach, REACH * self.seen)
+            self._choose()
+        problem = self.problem
+        self.F = self.F0_near + self.fields.spread(y)
+        sums = self.fields.carried(self.fields.pairs.force(self.F, self.before).force)[problem.counted]
+        carried = np.zeros((problem.bodies, FIELDS))
+        np.add.at(carried, problem.firsts[problem.counted], sums[:, :FIELDS])
+        np.add.at(carried, problem.seconds[problem.counted], sums[:, FIELDS:])
+        carried, = problem.team.sum(carried)
+        return self.resultant + np.einsum("bij,bj->bi", problem.K0, y) - carried
+
+    def matrix(self) -> np.ndarray | bool:
+        """Values of K₀ − ΣTᵀA L at the last forces, for the pattern, where that is."""
+        problem = self.problem
+        answer = self.fields.pairs.force(self.F, self.before, derivative=True)
+        everyone = problem.team.gather(self.fields.slopes(answer)[problem.counted])
+        return problem.pattern.values(-np.concatenate(everyone)[problem.order], problem.K0) if everyone else False
 
 
 class CoarseProblem:
@@ -36,8 +91,7 @@ class CoarseProblem:
     ----------
     team : the ranks
     bodies, own : their number; (b,) int, those of this rank
-    pairs : the P node pairs of all interfaces that this rank touches
-    T, L : (P, 3, 24) fields of the first body and then of the second at the pairs, and what F changes with them
+    fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, 12, 12) stiffness of the fields
     W : per own body (t, 12), displacement of its traces in the fields
 
@@ -46,14 +100,10 @@ class CoarseProblem:
     newton_steps : Newton steps taken so far
     """
 
-    def __init__(self, team: Team, bodies: int, own: np.ndarray, pairs: Pairs, T: np.ndarray, L: np.ndarray,
-                 K0: np.ndarray, W: list[np.ndarray]):
-        self.team, self.bodies, self.own, self.pairs = team, bodies, np.asarray(own, dtype=int), pairs
-        self.T, self.L, self.K0, self.W = T, L, K0, W
-        # a Newton matrix need not be more accurate than the step it is good for
-        self.T_single, self.L_single = T.astype(np.float32), L.astype(np.float32)
-        self.counts, self.ends = np.diff(pairs.bounds), 3 * pairs.bounds
-        self.firsts, self.seconds = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2).T
+    def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray]):
+        self.team, self.bodies, self.own, self.fields = team, bodies, np.asarray(own, dtype=int), fields
+        self.K0, self.W, pairs = K0, W, fields.pairs
+        self.firsts, self.seconds = fields.bodies.T
         self.counted = np.flatnonzero(np.isin(self.firsts, own))  # interfaces that this rank adds up
         counted = [pairs.interfaces[i] for i in self.counted]
         everyones = sum(team.all_gather([(i.law, i.index, *i.subdomains) for i in counted]), [])
@@ -61,22 +111,26 @@ class CoarseProblem:
         self.order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([everyones[i][2:] for i in self.order], dtype=int).reshape(-1, 2)
         self.pattern = BlockPattern(ends, bodies, FIELDS) if team.rank == 0 else None
+        self.factors = StaleFactors(self.pattern) if team.rank == 0 else None
         self.newton_steps = 0
+        self._reach: dict[int, np.ndarray] = {}
         self._alone: dict[int, Body] = {}
 
-    def solve(self, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
+    def solve(self, step: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
               radius: float) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, 12) y of one load step, and (P, 3) F = F₀ + L y.
 
         Parameters
         ----------
+        step : number of the load step: what it needed is remembered for the next iteration
         F0 : (P, 3) predicted forces
         resultant : (bodies, 12) Uᵀf
         previous : (P, 3) jump at the end of the load step before
         radius : longest move of a body in one Newton step
         """
-        y, F = np.zeros((self.bodies, FIELDS)), F0
-        rho = self._residual(y, F, resultant, previous)
+        at = _Step(self, F0, resultant, previous, self._reach.get(step, np.full(len(self.firsts), np.inf)))
+        y = np.zeros((self.bodies, FIELDS))
+        rho = at.residual(y)
         size = start = np.linalg.norm(rho)
         delta, matrix, idling, before, settled = LEVENBERG, None, 0, np.inf, []
         for _ in range(MAX_STEPS):
@@ -87,32 +141,31 @@ class CoarseProblem:
                 worst = self._dominating(rho, size)
                 if worst is not None and worst not in settled and len(settled) < FEW:
                     settled.append(worst)
-                    alone = self._settle(worst, F, previous, rho, SETTLED * REDUCTION * start, radius)
-                    y, F = y + alone, F + self._spread(alone)
-                    rho = self._residual(y, F, resultant, previous)
+                    y = y + self._settle(worst, F0 + self.fields.spread(y), previous, rho, SETTLED * REDUCTION * start, radius)
+                    rho = at.residual(y)
                     size, delta, matrix, idling, before = np.linalg.norm(rho), LEVENBERG, None, 0, np.inf
                 elif size <= SERVED * start:
                     break
             self.newton_steps += 1
             if matrix is None:
-                matrix = self._matrix(F, previous)
-            dy = self.team.share(-self.pattern.solve(matrix, rho, delta) if self.pattern else None)
+                matrix = at.matrix()
+            dy = self.team.share(-self.factors.solve(step, matrix, rho, delta) if self.factors else None)
             dy = self._clipped(dy, radius)
-            dF = self._spread(dy)
             for theta in (1.0, 0.5, 0.25):
-                trial, F_new = y + theta * dy, F + theta * dF
-                rho_new = self._residual(trial, F_new, resultant, previous)
+                trial = y + theta * dy
+                rho_new = at.residual(trial)
                 size_new = np.linalg.norm(rho_new)
                 # a loose body feels nothing until it touches: once the shift is raised, standing still is allowed
                 idle = theta == 1 and delta > LEVENBERG and size_new <= FLAT * size
                 if size_new <= (1 - 0.2 * theta) * size or idle:
-                    y, F, rho, size, matrix = trial, F_new, rho_new, size_new, None
+                    y, rho, size, matrix = trial, rho_new, size_new, None
                     break
             else:
                 delta *= 30
                 if delta > 1e3:
                     break
-        return y, F
+        self._reach[step] = REACH * at.seen
+        return y, F0 + self.fields.spread(y)
 
     def _dominating(self, rho: np.ndarray, size: float) -> int | None:
         """The body that most of ρ belongs to, if there is one."""
@@ -130,50 +183,18 @@ class CoarseProblem:
         return of_all(self.team, self.bodies, self.own, change)
 
     def _body(self, body: int, W: np.ndarray) -> Body:
-        mine = np.flatnonzero((self.firsts == body) | (self.seconds == body))
-        pairs, chosen = self.pairs.of(mine)
-        first = np.repeat(self.firsts[mine] == body, self.counts[mine])[:, None, None]
-        T, L = (np.where(first, x[chosen, :, :FIELDS], x[chosen, :, FIELDS:]) for x in (self.T, self.L))
-        return Body(pairs, chosen, T, L, self.K0[body], W)
+        bounds = self.fields.pairs.bounds
+        first = np.repeat(self.firsts == body, np.diff(bounds))
+        chosen = np.flatnonzero(first | np.repeat(self.seconds == body, np.diff(bounds)))
+        first, fields = first[chosen, None, None], self.fields.some(chosen)
+        T, L = (np.where(first, x[:, :, :FIELDS], x[:, :, FIELDS:]) for x in (fields.at_pairs(), fields.L))
+        return Body(fields.pairs, chosen, T, L, self.K0[body], W)
 
     def _clipped(self, dy: np.ndarray, radius: float) -> np.ndarray:
         """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
         move = np.array([np.abs(W @ dy[e]).max(initial=0.0) for e, W in zip(self.own, self.W)])
         return dy * (radius / np.maximum(of_all(self.team, self.bodies, self.own, move), radius))[:, None]
 
-    def _residual(self, y: np.ndarray, F: np.ndarray, resultant: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(bodies, 12) ρ, for F = F₀ + L y."""
-        force = self.pairs.force(F, previous).force
-        flat, T, ends = force.ravel(), self.T.reshape(-1, 2 * FIELDS), self.ends
-        sums = np.array([flat[ends[i] : ends[i + 1]] @ T[ends[i] : ends[i + 1]] for i in self.counted])
-        sums = sums.reshape(-1, 2, FIELDS)
-        carried = np.zeros((self.bodies, FIELDS))
-        np.add.at(carried, self.firsts[self.counted], sums[:, 0])
-        np.add.at(carried, self.seconds[self.counted], sums[:, 1])
-        carried, = self.team.sum(carried)
-        return resultant + np.einsum("bij,bj->bi", self.K0, y) - carried
-
-    def _spread(self, y: np.ndarray) -> np.ndarray:
-        """(P, 3) L y."""
-        both = np.concatenate([y[self.firsts], y[self.seconds]], axis=1)
-        L = self.L.reshape(-1, 2 * FIELDS)
-        if not len(L):
-            return np.zeros((0, 3))
-        return np.concatenate([L[a:b] @ v for a, b, v in zip(self.ends[:-1], self.ends[1:], both)]).reshape(-1, 3)
-
-    def _matrix(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray | bool:
-        """Values of K₀ − ΣTᵀA L, for ``pattern``, where that is; only pairs that carry a force contribute."""
-        answer = self.pairs.force(F, previous, derivative=True)
-        active = answer.active
-        T = self.T_single[active].reshape(-1, 2 * FIELDS)
-        AL = (answer.derivative.astype(np.float32) @ self.L_single[active]).reshape(-1, 2 * FIELDS)
-        ends = 3 * np.searchsorted(active, self.pairs.bounds)
-        blocks = np.zeros((len(self.counted), 2 * FIELDS, 2 * FIELDS), np.float32)
-        for block, a, b in zip(blocks, ends[self.counted], ends[self.counted + 1]):
-            if b > a:
-                np.matmul(T[a:b].T, AL[a:b], out=block)
-        everyone = self.team.gather(blocks)
-        return self.pattern.values(-np.concatenate(everyone)[self.order], self.K0) if everyone else False
 
 def of_all(team: Team, bodies: int, own: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(bodies, …) from what each rank knows of its own bodies."""

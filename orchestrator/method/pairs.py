@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.laws import LAWS
-from orchestrator.method.laws.points import Answer, Points
+from orchestrator.method.laws.points import OPEN, Answer, Points
 from orchestrator.method.traces import TraceSpace
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles import node_normals
@@ -70,14 +70,15 @@ class Pairs:
             answer.derivative = np.where(free[:, :, None] & free[:, None, :], slope, 0.0)
         return answer
 
-    def of(self, interfaces: np.ndarray) -> tuple[Pairs, np.ndarray]:
-        """The pairs of some interfaces, by their places in the list, without ties; (Q,) int where they are among all."""
-        ends = list(zip(self.bounds[interfaces], self.bounds[interfaces + 1]))
-        chosen = np.concatenate([np.arange(a, b) for a, b in ends])
-        some = {name: getattr(self, name)[chosen] for name in ("one", "two", "free", "area", "mine")}
-        return replace(self, interfaces=[self.interfaces[i] for i in interfaces], points=part_of(self.points, chosen),
-                       bounds=np.cumsum([0] + [b - a for a, b in ends]), tied=self.tied[:0], targets=self.targets[:0],
-                       tie_stiffness=self.tie_stiffness[:0], **some), chosen
+    def some(self, chosen: np.ndarray) -> Pairs:
+        """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
+        kept = {name: getattr(self, name)[chosen] for name in ("one", "two", "free", "area", "mine")}
+        return replace(self, points=part_of(self.points, chosen), bounds=np.searchsorted(chosen, self.bounds),
+                       tied=self.tied[:0], targets=self.targets[:0], tie_stiffness=self.tie_stiffness[:0], **kept)
+
+    def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """(P,) bool, pairs that carry no force as long as the normal part of F changes by no more than ``change`` (P,)."""
+        return self.force(F - change[:, None] * self.points.normal, np.zeros_like(F)).status == OPEN
 
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
         """(P, 3) of a trace vector (D + G,) on one side; zero where prescribed."""
