@@ -14,11 +14,11 @@ GAP, PUSH = 0.5, 0.1
 
 def pushed_body(friction: float = 0.0) -> Body:
     """A body free along x and y, pushed by ``PUSH``, with a wall of stiffness 1 at the distance ``GAP`` in x."""
-    normal = np.array([[1.0, 0, 0]])
-    points = Points(normal, np.ones(1), np.ones(1), np.full(1, GAP), np.full(1, friction), np.zeros((1, 3)))
+    normal = np.array([[1.0], [0], [0]])
+    points = Points(normal, np.ones(1), np.ones(1), np.full(1, GAP), np.full(1, friction), np.zeros((3, 1)))
     none = np.zeros(0)
-    pairs = Pairs([SimpleNamespace(law="contact")], np.array([0, 1]), np.zeros((1, 3), int), np.zeros((1, 3), int),
-                  np.ones((1, 3), bool), points, np.ones(1), np.ones(1, bool), none.astype(int), np.zeros((0, 1)), none)
+    pairs = Pairs([SimpleNamespace(law="contact")], np.array([0, 1]), np.zeros((3, 1), int), np.zeros((3, 1), int),
+                  np.ones((3, 1), bool), points, np.ones(1), np.ones(1, bool), none.astype(int), np.zeros((0, 1)), none)
     fields = np.zeros((1, 3, 12))
     fields[0, 0, 0] = fields[0, 1, 1] = 1.0
     stiffness = np.diag(np.r_[0.0, 0.0, np.ones(10)])  # what the body lacks stays at rest
@@ -26,7 +26,7 @@ def pushed_body(friction: float = 0.0) -> Body:
 
 
 def settled(body: Body, rho: np.ndarray, radius: float) -> np.ndarray:
-    return body.settle(np.zeros((1, 3)), np.zeros((1, 3)), rho, 1e-10, radius)
+    return body.settle(np.zeros((3, 1)), np.zeros((3, 1)), rho, 1e-10, radius)
 
 
 def test_a_pushed_body_comes_to_rest_at_the_wall():

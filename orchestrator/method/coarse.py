@@ -84,14 +84,14 @@ class CoarseCorrection:
         dropped = np.array([~U[part].any(axis=0) for part in self.parts])
         K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
-        one, two, free = pairs.one, pairs.two, pairs.free[:, :, None]
+        one, two, free = pairs.one.T, pairs.two.T, pairs.free.T[:, :, None]
         points = pairs.points
         W, F = space.extended(W, self.response.F)  # ghosts last: own parts keep their places
 
         def keq(x):  # (P, 3, 12)
-            along = np.einsum("pif,pi->pf", x, points.normal)
+            along = np.einsum("pif,ip->pf", x, points.normal)
             return points.stiff_t[:, None, None] * x + (
-                (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal[:, :, None]
+                (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal.T[:, :, None]
 
         # (P, 3, 24): the fields of the first body, then of the second
         L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
@@ -105,10 +105,10 @@ class CoarseCorrection:
 
     def start_from(self, local: ContactStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
-        previous = np.zeros((len(self.pairs), 3))
+        previous = np.zeros((3, len(self.pairs)))
         begin = {i.index: a for i, a in zip(self.pairs.interfaces, self.pairs.bounds)}
         for i, a, b in zip(local.pairs.interfaces, local.pairs.bounds[:-1], local.pairs.bounds[1:]):
-            previous[begin[i.index] : begin[i.index] + b - a] = local.previous[a:b]
+            previous[:, begin[i.index] : begin[i.index] + b - a] = local.previous[:, a:b]
         self.predict = ContactStage(self.stage.direction, self.pairs, previous)
 
     def __call__(self, fields: Admissible) -> Admissible:
@@ -124,10 +124,9 @@ class CoarseCorrection:
         y = np.zeros((steps, self.bodies, FIELDS))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous
-        w, f = self.stage.space.extended(fields.w, fields.f)
+        F0 = self.predict.predicted(self.predict.traces(fields.w, fields.f))
         for t in range(steps):
-            F0 = self.predict.predicted(w[:, t], f[:, t])
-            y[t], F = self.problem.solve(t, F0, resultant[t], previous, self.radius)
+            y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
             previous = self.predict.jump(F, self.pairs.force(F, previous).force)
         s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
         r = self.response
@@ -156,25 +155,23 @@ class CoarseCorrection:
         space, pairs = self.stage.space, self.pairs
         centre, size = self._of_all(frames.centre), self._of_all(frames.size)
         x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3])
-        pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=1)
-        x1, x2 = x[pairs.one[pair, component]], x[pairs.two[pair, component]]
+        pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=0)
+        x1, x2 = x[pairs.one[component, pair]], x[pairs.two[component, pair]]
         bodies = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
         first, second = np.repeat(bodies, np.diff(pairs.bounds), axis=0).T
         phi = _monomials((x1 - centre[first]) / size[first, None])
-        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3 * FIELDS) for b in bodies.T)
+        # fields are monomials outside, components inside; here it is the other way round
+        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3, FIELDS).swapaxes(1, 2) for b in bodies.T)
         if self.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
             phi = np.hstack([phi, _monomials((x2 - centre[second]) / size[second, None])])
-            none = np.zeros((*R1.shape[:2], 3, FIELDS))
-            R1, R2 = (r.reshape(none.shape) for r in (R1, R2))
-            A = np.concatenate([np.concatenate([R1, none], axis=3), np.concatenate([none, -R2], axis=3)], axis=1)
+            A = np.block([[R1, np.zeros_like(R1)], [np.zeros_like(R2), -R2]])
         else:  # the second body's monomials are combinations of the first one's
-            change = np.zeros((len(bodies), MONOMIALS, MONOMIALS))
+            change = np.zeros((len(bodies), 1, MONOMIALS, MONOMIALS))
             one, two = bodies.T
-            change[:, 0, 0] = 1.0
-            change[:, 0, 1:] = (centre[one] - centre[two]) / size[two, None]
-            change[:, range(1, MONOMIALS), range(1, MONOMIALS)] = (size[one] / size[two])[:, None]
-            R2 = change @ R2
-            A = np.concatenate([r.reshape(len(bodies), MONOMIALS, 3, FIELDS) for r in (R1, -R2)], axis=3)
+            change[:, 0, 0, 0] = 1.0
+            change[:, 0, 0, 1:] = (centre[one] - centre[two]) / size[two, None]
+            change[:, 0, range(1, MONOMIALS), range(1, MONOMIALS)] = (size[one] / size[two])[:, None]
+            A = np.concatenate([R1, -change @ R2], axis=3)
         return phi, A.reshape(len(bodies), -1, 2 * FIELDS)
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:

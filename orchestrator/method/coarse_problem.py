@@ -39,9 +39,9 @@ class _Step:
     Parameters
     ----------
     problem : of all load steps
-    F0 : (P, 3) predicted forces
+    F0 : (3, P) predicted forces
     resultant : (bodies, 12) Uᵀf
-    previous : (P, 3) jump at the end of the load step before
+    previous : (3, P) jump at the end of the load step before
     reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
     """
 
@@ -56,7 +56,8 @@ class _Step:
         if np.isfinite(self.reach).all():
             change = fields.normal_size * np.repeat(self.reach, np.diff(fields.pairs.bounds))
             near = np.flatnonzero(~fields.pairs.idle(self.F0, change))
-            self.fields, self.F0_near, self.before = fields.some(near), self.F0[near], self.previous[near]
+            self.fields = fields.some(near)
+            self.F0_near, self.before = self.F0.take(near, axis=1), self.previous.take(near, axis=1)
         else:
             self.fields, self.F0_near, self.before = fields, self.F0, self.previous
 
@@ -112,20 +113,21 @@ class CoarseProblem:
         ends = np.array([everyones[i][2:] for i in self.order], dtype=int).reshape(-1, 2)
         self.pattern = BlockPattern(ends, bodies, FIELDS) if team.rank == 0 else None
         self.factors = StaleFactors(self.pattern) if team.rank == 0 else None
+        self.farthest = np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W])
         self.newton_steps = 0
         self._reach: dict[int, np.ndarray] = {}
         self._alone: dict[int, Body] = {}
 
     def solve(self, step: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
               radius: float) -> tuple[np.ndarray, np.ndarray]:
-        """(bodies, 12) y of one load step, and (P, 3) F = F₀ + L y.
+        """(bodies, 12) y of one load step, and (3, P) F = F₀ + L y.
 
         Parameters
         ----------
         step : number of the load step: what it needed is remembered for the next iteration
-        F0 : (P, 3) predicted forces
+        F0 : (3, P) predicted forces
         resultant : (bodies, 12) Uᵀf
-        previous : (P, 3) jump at the end of the load step before
+        previous : (3, P) jump at the end of the load step before
         radius : longest move of a body in one Newton step
         """
         at = _Step(self, F0, resultant, previous, self._reach.get(step, np.full(len(self.firsts), np.inf)))
@@ -192,7 +194,9 @@ class CoarseProblem:
 
     def _clipped(self, dy: np.ndarray, radius: float) -> np.ndarray:
         """A body that nothing touches has no stiffness to stop it: no step moves a body by more than the radius."""
-        move = np.array([np.abs(W @ dy[e]).max(initial=0.0) for e, W in zip(self.own, self.W)])
+        move = self.farthest * np.linalg.norm(dy[self.own], axis=1)
+        for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
+            move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
         return dy * (radius / np.maximum(of_all(self.team, self.bodies, self.own, move), radius))[:, None]
 
 

@@ -13,10 +13,12 @@ Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from orchestrator.method.local_state import LocalState
-from orchestrator.method.pairs import Pairs
+from orchestrator.method.pairs import Pairs, PairTraces
 from orchestrator.method.search_direction import SearchDirection, conditioning
 
 
@@ -27,12 +29,12 @@ class ContactStage:
     ----------
     direction : search direction k⁻
     pairs : node pairs of all interfaces that are not perfect
-    previous : (P, 3) jump before the first load step
+    previous : (3, P) jump before the first load step
     """
 
     def __init__(self, direction: SearchDirection, pairs: Pairs, previous: np.ndarray | None = None):
         self.direction, self.pairs = direction, pairs
-        self.previous = np.zeros((len(pairs), 3)) if previous is None else previous
+        self.previous = np.zeros((3, len(pairs))) if previous is None else previous
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
@@ -45,53 +47,59 @@ class ContactStage:
             for side, part in ((pairs.one, x[: len(x) // 2]), (pairs.two, x[len(x) // 2 :])):
                 values = np.zeros(pairs.free.shape)
                 values[pairs.free] = part
-                scaled = stiff_t[:, None] * values + (
-                    (stiff_n - stiff_t) * points.along(values))[:, None] * points.normal
+                scaled = stiff_t * values + (stiff_n - stiff_t) * points.along(values) * points.normal
                 half = slice(None, len(x) // 2) if side is pairs.one else slice(len(x) // 2, None)
                 result[half] = scaled[pairs.free]
             return result
 
         return conditioning(self.direction.whole[mine][:, mine], root)
 
-    def predicted(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(P, 3) F from traces (D + G,) of one step."""
-        p = self.pairs
-        half_jump = p.points.stiffness(p.gather(w, p.two) - p.gather(w, p.one))
-        return np.where(p.free, 0.5 * (p.gather(f, p.one) - p.gather(f, p.two)) + half_jump, 0.0)
+    @cached_property
+    def exchanged(self) -> np.ndarray:
+        """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
+        pairs, rest = self.pairs, np.ones(len(self.direction.space.owner), bool)
+        rest[pairs.one[pairs.free]] = rest[pairs.two[pairs.free]] = rest[pairs.tied] = False
+        return np.flatnonzero(rest[: self.direction.space.size])
+
+    def traces(self, w: np.ndarray, f: np.ndarray) -> PairTraces:
+        """Of the traces (D, T) at the pairs."""
+        return PairTraces.of(self.pairs, *self.direction.space.extended(w, f))
+
+    def predicted(self, at: PairTraces) -> np.ndarray:
+        """(T, 3, P) F."""
+        half_jump = self.pairs.points.stiffness(at.w2 - at.w1)
+        return self.pairs.masked(0.5 * (at.f1 - at.f2) + half_jump)
 
     def jump(self, F: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(P, 3) d that goes with f̂."""
-        return np.where(self.pairs.free, self.pairs.points.compliance(F - force), 0.0)
+        """(3, P) d that goes with f̂."""
+        return self.pairs.masked(self.pairs.points.compliance(F - force))
 
     def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
         """Local stage for the traces (D, T) of all steps."""
-        pairs, points, direction, space = self.pairs, self.pairs.points, self.direction, self.direction.space
-        partner, free, own = space.partner, pairs.free, space.size
-        steps = w.shape[1]
+        pairs, space, k = self.pairs, self.direction.space, self.direction.k
+        own, steps = space.size, w.shape[1]
         w, f = space.extended(w, f)
-        s = direction.k @ w[partner] - f[partner]  # perfect interfaces; the others are replaced
-        w_hat, f_hat = np.zeros_like(w), np.zeros_like(f)  # of ghosts, only what the laws give
-        w_hat[:own] = 0.5 * (w[:own] + w[partner])  # what perfect ones would tend to
-        f_hat[:own] = 0.5 * (f[:own] - f[partner])
-        force, jump = np.empty((steps, len(pairs), 3)), np.empty((steps, len(pairs), 3))
-        status = np.empty((steps, len(pairs)), dtype=int)
-        previous = self.previous
+        at = PairTraces.of(pairs, w, f)
+        F, previous = self.predicted(at), self.previous
+        force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         for t in range(steps):
-            F = self.predicted(w[:, t], f[:, t])
-            answer = pairs.force(F, previous)
+            answer = pairs.force(F[t], previous)
             force[t], status[t] = answer.force, answer.status
-            previous = jump[t] = self.jump(F, answer.force)
-            w1, w2 = pairs.gather(w[:, t], pairs.one), pairs.gather(w[:, t], pairs.two)
-            total = pairs.gather(f[:, t], pairs.one) + pairs.gather(f[:, t], pairs.two)
-            first = 0.5 * (w1 + w2) - points.compliance(total) / 4 - previous / 2
-            w_hat[pairs.one[free], t] = first[free]
-            w_hat[pairs.two[free], t] = (first + previous)[free]
-        one, two, tied = pairs.one[free], pairs.two[free], pairs.tied
-        f_hat[one], f_hat[two] = force.transpose(1, 2, 0)[free], -force.transpose(1, 2, 0)[free]
+            previous = jump[t] = self.jump(F[t], answer.force)
+        first = 0.5 * (at.w1 + at.w2 - jump) - pairs.points.compliance(at.f1 + at.f2) / 4
+
+        w_hat, f_hat = np.zeros((2, steps, len(w)))  # of ghosts, what the laws give is left out in the end
+        one, two, tied = pairs.one[pairs.free], pairs.two[pairs.free], pairs.tied
+        w_hat[:, one], w_hat[:, two] = first[:, pairs.free], (first + jump)[:, pairs.free]
+        f_hat[:, one], f_hat[:, two] = force[:, pairs.free], -force[:, pairs.free]
+        w_hat, f_hat = (np.ascontiguousarray(x[:, :own].T) for x in (w_hat, f_hat))
         w_hat[tied] = pairs.targets
         f_hat[tied] = f[tied] - pairs.tie_stiffness[:, None] * (w[tied] - pairs.targets)
-        mine = np.concatenate([one, two, tied])
-        mine = mine[mine < own]
-        w_hat, f_hat = w_hat[:own], f_hat[:own]
-        s[mine] = (f_hat + direction.k @ w_hat)[mine]
-        return LocalState(s, (w_hat, f_hat), force, jump, status, pairs.mine)
+        alone, partner = self.exchanged, space.partner[self.exchanged]
+        w_hat[alone] = 0.5 * (w[alone] + w[partner])  # what perfect ones would tend to
+        f_hat[alone] = 0.5 * (f[alone] - f[partner])
+        k_hat = k @ w_hat
+        s = f_hat + k_hat
+        if len(alone):
+            s[alone] = (k @ w[space.partner] - f[space.partner])[alone]
+        return LocalState(s, (w_hat, f_hat, k_hat), force, jump, status, pairs.mine)

@@ -45,6 +45,9 @@ Estimate = Callable[[Admissible, Bound], float]
 CLEAR = 0.1  # fraction of the tolerance below which the bound's first part promises the whole
 
 
+UNKNOWN = Bound(math.nan, math.nan, np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))  # not asked for yet
+
+
 @dataclass
 class Verdict:
     """What a criterion says of one iteration.
@@ -53,7 +56,7 @@ class Verdict:
     ----------
     met : whether it holds
     measure : what has been compared with the tolerance
-    bound : for the delivered fields; its ``relative`` is nan where it is not known
+    bound : for the delivered fields; its ``relative`` is nan where it is not known, UNKNOWN where nothing is
     laws : the measures of the interface laws, where there are such
     sweeps : back-substitutions per subdomain and load step
     """
@@ -120,10 +123,11 @@ class LawCriterion:
         self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        laws, bound = self.laws(fields, local), self._delivered(fields)
+        laws, bound = self.laws(fields, local), UNKNOWN
         measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
-            measure = max(measure, energy_residual(self.d.stage.direction, fields, local, bound.energy))
+            bound = self._delivered(fields)
+            measure = max(measure, energy_residual(self.d.stage, fields, local, bound.energy))
         return Verdict(bool(measure <= self.value), measure, bound, laws)
 
     def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
@@ -143,7 +147,8 @@ class LawCriterion:
         return Bound(math.nan, math.nan, energy, np.zeros((modes, fields.u.shape[1])), delta)
 
     def final(self, fields: Admissible, bound: Bound) -> Bound:
-        return bound
+        """What belongs to the delivered fields, evaluated now if it has not been."""
+        return self._delivered(fields) if bound is UNKNOWN else bound
 
 
 class AutoCriterion:

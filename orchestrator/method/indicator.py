@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.method.linear_stage import Admissible
+from orchestrator.method.linear_stage import Admissible, LinearStage
 from orchestrator.method.local_state import LocalState
-from orchestrator.method.search_direction import SearchDirection
 
 EXACT_LIMIT = 50_000
 
@@ -41,24 +40,24 @@ class Measures:
     counts: tuple[int, int, int]
 
 
-def measure(direction: SearchDirection, stage, macro, fields: Admissible, local: LocalState, residual: np.ndarray,
+def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalState, residual: np.ndarray,
             exact: bool) -> Callable[[], Measures]:
     """Begin to measure; calling what is returned waits for the other ranks' parts.
 
     Parameters
     ----------
-    stage : the local stage; local : its result
-    macro : macro problem or None
+    stage : linear stage; fields : its result
+    local_stage : local stage; local : its result
     residual : (D, T) F(s) − s
     exact : η exactly, whatever it costs
     """
-    k, space = direction.diagonal[:, None], direction.space
+    direction, macro = stage.direction, stage.macro
+    k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
-    w_other, f_other = (x[space.partner] for x in space.extended(w, f))
-    parts = [*latin_parts(direction, stage, fields, local, exact),
-             np.sum(k * (w_other - w) ** 2), np.sum(k * w**2),
-             np.sum((f + f_other) ** 2 / k), np.sum(f**2 / k),
-             np.sum(residual**2 / k), np.sum((fields.s + residual) ** 2 / k), np.array(local.counts)]
+    w_other, f_other = (x.take(space.partner, axis=0) for x in space.extended(w, f))
+    parts = [*latin_parts(stage, local_stage, fields, local, exact),
+             _square(w_other - w, k), _square(w, k), _square(f + f_other, 1 / k), _square(f, 1 / k),
+             _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(local.counts)]
     if macro is not None:
         parts += [macro.C.T @ f, np.abs(macro.C).T @ np.abs(f)]
     sums = space.team.sum_later(*parts)
@@ -76,7 +75,7 @@ def measure(direction: SearchDirection, stage, macro, fields: Admissible, local:
     return result
 
 
-def latin_parts(direction: SearchDirection, stage, fields: Admissible, local: LocalState,
+def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,
                 exact: bool = False) -> tuple[float, float]:
     """This rank's part of numerator and denominator of the paper's η, eq. (16), transposes mended.
 
@@ -90,35 +89,38 @@ def latin_parts(direction: SearchDirection, stage, fields: Admissible, local: Lo
     exact : factorise k for the inverse norms even where that is dear; otherwise its diagonal
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
-    k, exact = direction.k, exact or direction.space.total <= EXACT_LIMIT
+    direction, w, f = stage.direction, fields.w, fields.f
+    exact = exact or direction.space.total <= EXACT_LIMIT
+    kw = stage.robin_force(fields.s, fields.alpha) - f  # known: no product with k
     if local.force is not None:
-        w_hat, f_hat = local.hats
-    elif exact:
-        w_hat, f_hat = stage.hats(fields.w, fields.f)
+        w_hat, f_hat, kw_hat = local.hats
     else:
-        w_hat, f_hat = stage.lumped_hats(fields.w, fields.f)
+        w_hat, f_hat = local_stage.hats(w, f) if exact else local_stage.lumped_hats(w, f)
+        kw_hat = direction.k @ w_hat
 
-    def size(w, f):
-        inverse = direction.solve(f) if exact else f / direction.diagonal[:, None]
-        return np.sum(w * (k @ w)) + np.sum(f * inverse)
+    def size(w: np.ndarray, kw: np.ndarray, f: np.ndarray) -> float:
+        return np.vdot(w, kw) + (np.vdot(f, direction.solve(f)) if exact else _square(f, 1 / direction.diagonal))
 
-    return (size(fields.w - w_hat, fields.f - f_hat),
-            size(fields.w, fields.f) + size(w_hat, f_hat))
+    return size(w - w_hat, kw - kw_hat, f - f_hat), size(w, kw, f) + size(w_hat, kw_hat, f_hat)
 
 
-def energy_residual(direction: SearchDirection, fields: Admissible, local: LocalState, energy: np.ndarray) -> float:
+def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, energy: np.ndarray) -> float:
     """max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K: the numerator of η in the units of the energy error.
 
     Parameters
     ----------
     energy : (T,) ‖u‖²_K; the diagonal of k stands in for it in the inverse norm
     """
-    (w_hat, f_hat), k = local.hats, direction.k
-    w, f = fields.w - w_hat, fields.f - f_hat
-    gap, = direction.space.team.sum(
-        np.sum(w * (k @ w), axis=0) + np.sum(f**2 / direction.diagonal[:, None], axis=0))
+    w_hat, f_hat, kw_hat = local.hats
+    w, kw, f = fields.w - w_hat, stage.robin_force(fields.s, fields.alpha) - fields.f - kw_hat, fields.f - f_hat
+    gap, = stage.space.team.sum(np.sum(w * kw, axis=0) + (1 / stage.direction.diagonal) @ (f * f))
     size = energy.max(initial=0.0)
     return float(np.sqrt(gap.max(initial=0.0) / size)) if size > 0 else 0.0 if not gap.any() else np.inf
+
+
+def _square(x: np.ndarray, weight: np.ndarray) -> float:
+    """Weighted sum of squares of (D, T)."""
+    return float((weight @ (x * x)).sum())
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.laws.points import BONDED, OPEN, SLIP, STICK
-from orchestrator.method.pairs import node_areas, pair_normals
+from orchestrator.method.pairs import PairTraces, node_areas, pair_normals
 from orchestrator.method.recovery import delivered
 from orchestrator.method.solver import Outcome
 from orchestrator.scene.model import Interface
@@ -109,10 +109,8 @@ def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | No
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
     w, f = d.space.extended(outcome.fields.w, outcome.fields.f)
-    jumps, forces = np.zeros((2, steps, len(pairs), 3))
-    for t in range(steps):
-        jumps[t] = pairs.gather(w[:, t], pairs.two) - pairs.gather(w[:, t], pairs.one)
-        forces[t] = 0.5 * (pairs.gather(f[:, t], pairs.one) - pairs.gather(f[:, t], pairs.two))
+    at = PairTraces.of(pairs, w, f)
+    jumps, forces = (x.transpose(0, 2, 1) for x in (at.w2 - at.w1, 0.5 * (at.f1 - at.f2)))
     mine = pairs.mine
     parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], outcome.local.status[:, mine]))
     if parts is None:

@@ -21,8 +21,8 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from orchestrator.method.local_state import LocalState
-from orchestrator.method.laws.points import SLIP
-from orchestrator.method.pairs import Pairs
+from orchestrator.method.laws.points import SLIP, dot
+from orchestrator.method.pairs import Pairs, PairTraces
 from orchestrator.parallel.team import ALONE, Team
 
 # Forces are differences of k w: below this share of it they count as none, as where all contacts are open.
@@ -53,41 +53,35 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     Parameters
     ----------
     scale : largest displacement of the structure, at least on its interfaces
-    first_previous : (P, 3) jump before the first step
+    first_previous : (3, P) jump before the first step
     team : the ranks over which to sum and to take the largest
     """
-    points, contact = pairs.points, np.zeros(len(pairs), bool)
-    for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
-        contact[a:b] = i.law == "contact"
-    top = bottom = unbalanced = penetration = tension = cone = direction = pressure = 0.0
-    moved = reach = 0.0
-    previous = first_previous
-    for t in range(w.shape[1]):
-        f1, f2 = pairs.gather(f[:, t], pairs.one), pairs.gather(f[:, t], pairs.two)
-        gap1, gap2 = f1 - local.force[t], f2 + local.force[t]
-        mine = pairs.mine[:, None]  # pairs between ranks are summed once
-        top += _norm2(points, gap1 * mine) + _norm2(points, gap2 * mine)
-        bottom += _norm2(points, f1 * mine) + _norm2(points, f2 * mine)
-        unbalanced += _norm2(points, (f1 + f2) * mine)
+    points, at = pairs.points, PairTraces.of(pairs, w, f)
+    contact = np.repeat([i.law == "contact" for i in pairs.interfaces], np.diff(pairs.bounds)).astype(bool)
 
-        w1, w2 = pairs.gather(w[:, t], pairs.one), pairs.gather(w[:, t], pairs.two)
-        moved += float(np.sum(mine * w1 * points.stiffness(w1)) + np.sum(mine * w2 * points.stiffness(w2)))
-        reach = max(reach, (points.stiff_n * np.abs(w1 + w2).max(axis=1) / pairs.area)[contact].max(initial=0.0))
-        d = w2 - w1
-        carried = 0.5 * (f1 - f2)
-        normal = points.along(carried) / pairs.area
-        shear = points.across(carried) / pairs.area[:, None]
-        size = np.linalg.norm(shear, axis=1)
-        here = contact
-        pressure = max(pressure, np.abs(normal[here]).max(initial=0.0))
-        penetration = max(penetration, (-(points.gap + points.along(d)))[here].max(initial=0.0))
-        tension = max(tension, normal[here].max(initial=0.0))
-        cone = max(cone, (size - points.friction * np.maximum(-normal, 0.0))[here].max(initial=0.0))
-        slip = points.across(local.jump[t] - previous)
-        wrong = size * np.linalg.norm(slip, axis=1) - np.einsum("pi,pi->p", slip, shear)
-        rubbing = contact & (local.status[t] == SLIP) & (points.friction > 0)
-        direction = max(direction, wrong[rubbing].max(initial=0.0))
-        previous = local.jump[t]
+    def squared(x: np.ndarray, scaled: np.ndarray) -> float:
+        """Σ x · scaled, once for pairs between ranks."""
+        return float((np.einsum("tip,tip->p", x, scaled) * pairs.mine).sum())
+
+    def norm2(x: np.ndarray) -> float:
+        return squared(x, points.compliance(x))
+
+    def largest(x: np.ndarray) -> float:
+        return max(x[..., contact].max(initial=0.0), 0.0)
+
+    top = norm2(at.f1 - local.force) + norm2(at.f2 + local.force)
+    bottom, unbalanced = norm2(at.f1) + norm2(at.f2), norm2(at.f1 + at.f2)
+    moved = squared(at.w1, points.stiffness(at.w1)) + squared(at.w2, points.stiffness(at.w2))
+    reach = largest(points.stiff_n * np.abs(at.w1 + at.w2).max(axis=1) / pairs.area)
+    carried = 0.5 * (at.f1 - at.f2) / pairs.area
+    normal, shear = points.along(carried), points.across(carried)
+    size = np.sqrt(dot(shear, shear))
+    pressure, tension = largest(np.abs(normal)), largest(normal)
+    penetration = largest(-(points.gap + points.along(at.w2 - at.w1)))
+    cone = largest(size - points.friction * np.maximum(-normal, 0.0))
+    slip = points.across(np.diff(local.jump, axis=0, prepend=first_previous[None]))
+    rubbing = contact & (local.status == SLIP) & (points.friction > 0)
+    direction = (size * np.sqrt(dot(slip, slip)) - dot(slip, shear))[rubbing].max(initial=0.0)
     tied, weight = pairs.tied, 1 / pairs.tie_stiffness[:, None]
     if len(tied):
         top += float(np.sum(weight * (f[tied] - local.hats[1][tied]) ** 2))
@@ -99,10 +93,6 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     scale = scale or 1.0
     return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), penetration / scale, tension / pressure,
                         cone / pressure, direction / (pressure * scale))
-
-
-def _norm2(points, x: np.ndarray) -> float:
-    return float(np.sum(x * points.compliance(x)))
 
 
 def _root(top: float, bottom: float) -> float:

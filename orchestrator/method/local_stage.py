@@ -46,7 +46,8 @@ class PerfectInterfaces:
             # the neighbour forms k w' − f', with our k: one message brings it
             return LocalState(self.direction.space.swapped(self.k @ w - f))
         w_hat, f_hat = self.hats(w, f)
-        return LocalState(f_hat + self.direction.k @ w_hat, (w_hat, f_hat))
+        k_hat = self.direction.k @ w_hat
+        return LocalState(f_hat + k_hat, (w_hat, f_hat, k_hat))
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (D, T)."""

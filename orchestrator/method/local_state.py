@@ -16,15 +16,15 @@ class LocalState:
     Parameters
     ----------
     s : (D, T) next state f̂ + k⁻ŵ
-    hats : ŵ and f̂, (D, T) each, where they were formed
-    force : (T, P, 3) f̂ on side 1 of each pair that is not perfect
-    jump : (T, P, 3) its jump d
+    hats : ŵ, f̂ and k⁻ŵ, (D, T) each, where they were formed
+    force : (T, 3, P) f̂ on side 1 of each pair that is not perfect
+    jump : (T, 3, P) its jump d
     status : (T, P) OPEN, STICK, SLIP, BONDED
     mine : (P,) bool, pairs that this rank counts; those on interfaces between ranks are on both
     """
 
     s: np.ndarray
-    hats: tuple[np.ndarray, np.ndarray] | None = None
+    hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     force: np.ndarray | None = None
     jump: np.ndarray | None = None
     status: np.ndarray | None = None

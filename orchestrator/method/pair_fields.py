@@ -3,7 +3,7 @@
 The fields U of a body are combinations of 1, x, y, z in each component. Forces therefore do work in them through
 a few moments alone: with φ the monomials at a pair and the matrices A of an interface,
 
-    T = [U₁, −U₂] = (φ ⊗ 1₃) A,     Tᵀf̂ = Aᵀ Σ φ ⊗ f̂,     Σ Tᵀ (∂f̂/∂F) L = Aᵀ Σ (φ ⊗ ∂f̂/∂F) L
+    T = [U₁, −U₂] = (1₃ ⊗ φ) A,     Tᵀf̂ = Aᵀ Σ f̂ ⊗ φ,     Σ Tᵀ (∂f̂/∂F) L = Aᵀ Σ (∂f̂/∂F ⊗ φ) L
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class PairFields:
     ----------
     pairs : P of the node pairs, of I interfaces
     phi : (P, m) monomials
-    A : (I, 3m, 24) from the fields of the first body, then of the second, to the monomials of T
+    A : (I, 3m, 24), components outside, from the fields of the first body, then of the second, to the monomials of T
     L : (P, 3, 24) single precision, what the predicted force F changes with the fields: it always multiplies
         their change, which is small in the end
     bodies : (I, 2) int
@@ -45,29 +45,30 @@ class PairFields:
         return PairFields(self.pairs.some(chosen), self.phi[chosen], self.A, self.L[chosen], self.bodies)
 
     def spread(self, y: np.ndarray) -> np.ndarray:
-        """(P, 3) L y of the fields y (bodies, 12)."""
-        both, L, result = self.both(y).astype(np.float32), self.L.reshape(-1, 2 * FIELDS), np.empty(3 * len(self.L), np.float32)
+        """(3, P) L y of the fields y (bodies, 12)."""
+        both, L = self.both(y).astype(np.float32), self.L.reshape(-1, 2 * FIELDS)
+        result = np.empty(len(L), np.float32)
         for v, a, b in self._each(both, 3):
             np.dot(L[a:b], v, out=result[a:b])
-        return result.reshape(-1, 3)
+        return result.reshape(-1, 3).T
 
     def both(self, y: np.ndarray) -> np.ndarray:
         """(I, 24) fields of the two bodies of every interface."""
         return y[self.bodies].reshape(-1, 2 * FIELDS)
 
     def carried(self, force: np.ndarray) -> np.ndarray:
-        """(I, 24) Tᵀf̂ of forces (P, 3)."""
-        moments = np.zeros((len(self.A), self.phi.shape[1], 3))
+        """(I, 24) Tᵀf̂ of forces (3, P)."""
+        moments = np.zeros((len(self.A), 3, self.phi.shape[1]))
         for m, a, b in self._each(moments, 1):
-            np.dot(self.phi[a:b].T, force[a:b], out=m)
+            np.dot(force[:, a:b], self.phi[a:b], out=m)
         return np.einsum("iaf,ia->if", self.A, moments.reshape(len(self.A), -1))
 
     def slopes(self, answer: Answer) -> np.ndarray:
         """(I, 24, 24) ΣTᵀ (∂f̂/∂F) L, single precision: a Newton matrix need not be better than its step."""
         count, m = self.phi.shape
-        weights = np.zeros((count, 3, m, 3), np.float32)
-        slope = answer.derivative.astype(np.float32).transpose(0, 2, 1)
-        weights[answer.active] = self._phi_single[answer.active][:, None, :, None] * slope[:, :, None, :]
+        weights = np.zeros((count, 3, 3, m), np.float32)
+        slope = np.ascontiguousarray(answer.derivative.transpose(2, 1, 0), dtype=np.float32)
+        weights[answer.active] = slope[:, :, :, None] * self._phi_single[answer.active][:, None, None, :]
         weights, L = weights.reshape(3 * count, 3 * m), self.L.reshape(-1, 2 * FIELDS)
         sums = np.zeros((len(self.A), 3 * m, 2 * FIELDS), np.float32)
         for s, a, b in self._each(sums, 3):
@@ -76,13 +77,13 @@ class PairFields:
 
     def at_pairs(self) -> np.ndarray:
         """(P, 3, 24) T."""
-        A = np.repeat(self.A.reshape(len(self.A), -1, 3, 2 * FIELDS), np.diff(self.pairs.bounds), axis=0)
-        return np.einsum("pm,pmif->pif", self.phi, A)
+        A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * FIELDS), np.diff(self.pairs.bounds), axis=0)
+        return np.einsum("pm,pimf->pif", self.phi, A)
 
     @cached_property
     def normal_size(self) -> np.ndarray:
         """(P,) Euclidean norm of n·L: the most that the normal force changes with fields of that size."""
-        along = np.einsum("pi,pif->pf", self.pairs.points.normal.astype(np.float32), self.L)
+        along = np.einsum("ip,pif->pf", self.pairs.points.normal.astype(np.float32), self.L)
         return np.linalg.norm(along, axis=1)
 
     @cached_property

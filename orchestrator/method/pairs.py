@@ -30,8 +30,8 @@ class Pairs:
     ----------
     interfaces : the interfaces, in order
     bounds : (interfaces + 1,) int, where each one's pairs start
-    one, two : (P, 3) int, trace dofs (ghosts included) of the pair on side 1 and 2; 0 where prescribed
-    free : (P, 3) bool, whether the trace dof exists
+    one, two : (3, P) int, trace dofs (ghosts included) of the pair on side 1 and 2; 0 where prescribed
+    free : (3, P) bool, whether the trace dof exists
     points : geometry, search direction and law parameters
     area : (P,) share of the interface's area
     mine : (P,) bool, pairs of interfaces whose first side is on this rank
@@ -52,37 +52,41 @@ class Pairs:
     tie_stiffness: np.ndarray
 
     def __len__(self) -> int:
-        return len(self.one)
+        return len(self.area)
 
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
-        """The laws' answer for the predicted forces F (P, 3), each interface by its own law."""
-        parts = [(part, LAWS[law](points, F[part], previous[part], derivative)) for law, part, points in self._runs]
+        """The laws' answer for the predicted forces F (3, P), each interface by its own law."""
+        parts = [(part, LAWS[law](points, F[:, part], previous[:, part], derivative)) for law, part, points in self._runs]
         if not parts:
             return _nothing(derivative)
         if len(parts) == 1 and self._all_free:
             return parts[0][1]
-        force = np.where(self.free, np.concatenate([a.force for _, a in parts]), 0.0)
+        force = np.where(self.free, np.concatenate([a.force for _, a in parts], axis=1), 0.0)
         answer = Answer(force, np.concatenate([a.status for _, a in parts]))
         if derivative:
             answer.active = np.concatenate([a.active + part.start for part, a in parts])
-            free = self.free[answer.active]
-            slope = np.concatenate([a.derivative for _, a in parts])
-            answer.derivative = np.where(free[:, :, None] & free[:, None, :], slope, 0.0)
+            free = self.free[:, answer.active]
+            slope = np.concatenate([a.derivative for _, a in parts], axis=2)
+            answer.derivative = np.where(free[:, None] & free, slope, 0.0)
         return answer
 
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
-        kept = {name: getattr(self, name)[chosen] for name in ("one", "two", "free", "area", "mine")}
-        return replace(self, points=part_of(self.points, chosen), bounds=np.searchsorted(chosen, self.bounds),
+        kept = {name: getattr(self, name)[..., chosen] for name in ("one", "two", "free", "area", "mine")}
+        return replace(self, points=self.points.some(chosen), bounds=np.searchsorted(chosen, self.bounds),
                        tied=self.tied[:0], targets=self.targets[:0], tie_stiffness=self.tie_stiffness[:0], **kept)
 
     def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
         """(P,) bool, pairs that carry no force as long as the normal part of F changes by no more than ``change`` (P,)."""
-        return self.force(F - change[:, None] * self.points.normal, np.zeros_like(F)).status == OPEN
+        return self.force(F - change * self.points.normal, np.zeros_like(F)).status == OPEN
 
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """(P, 3) of a trace vector (D + G,) on one side; zero where prescribed."""
-        return np.where(self.free, x[side], 0.0)
+        """(…, 3, P) of trace vectors (…, D + G) on one side; zero where prescribed."""
+        return self.masked(x.take(side, axis=-1))
+
+    def masked(self, x: np.ndarray) -> np.ndarray:
+        """(…, 3, P) values, zero where prescribed."""
+        return x if self._all_free else np.where(self.free, x, 0.0)
 
     def batch(self, steps) -> Pairs:
         """The same pairs for some of the load steps, a slice or indices."""
@@ -99,23 +103,33 @@ class Pairs:
         for i, law in enumerate(laws):
             if i + 1 == len(laws) or laws[i + 1] != law:
                 part = slice(int(self.bounds[start]), int(self.bounds[i + 1]))
-                runs.append((law, part, part_of(self.points, part)))
+                runs.append((law, part, self.points.some(part)))
                 start = i + 1
         return runs
 
 
+@dataclass
+class PairTraces:
+    """Traces at the node pairs, of both sides and all load steps, (T, 3, P) each; zero where prescribed."""
+
+    w1: np.ndarray
+    w2: np.ndarray
+    f1: np.ndarray
+    f2: np.ndarray
+
+    @classmethod
+    def of(cls, pairs: Pairs, w: np.ndarray, f: np.ndarray) -> PairTraces:
+        """From traces (D + G, T)."""
+        rows = [np.ascontiguousarray(x.T) for x in (w, f)]
+        return cls(*(pairs.gather(x, side) for x in rows for side in (pairs.one, pairs.two)))
+
+
 def _nothing(derivative: bool) -> Answer:
     """The answer of no pairs."""
-    answer = Answer(np.zeros((0, 3)), np.zeros(0, int))
+    answer = Answer(np.zeros((3, 0)), np.zeros(0, int))
     if derivative:
-        answer.active, answer.derivative = np.zeros(0, int), np.zeros((0, 3, 3))
+        answer.active, answer.derivative = np.zeros(0, int), np.zeros((3, 3, 0))
     return answer
-
-
-def part_of(points: Points, part: slice | np.ndarray) -> Points:
-    """Some of the points."""
-    return Points(points.normal[part], points.stiff_n[part], points.stiff_t[part], points.gap[part],
-                  points.friction[part], points.jump[part])
 
 
 def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[Interface]) -> Pairs:
@@ -158,6 +172,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[In
     stiff_n = np.einsum("pi,pij,pj->p", normal, blocks, normal)
     stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
     stiff_t = (trace - stiff_n) / 2
+    one, two, free, normal, jump = (np.ascontiguousarray(x.T) for x in (one, two, free, normal, jump))
     points = Points(normal, stiff_n / 2, stiff_t / 2, gap, friction, jump)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((0, scene.steps)), np.empty(0))

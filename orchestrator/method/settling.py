@@ -48,11 +48,11 @@ class Body:
 
         Parameters
         ----------
-        F, previous : (P, 3) predicted forces and jumps before the load step, of all pairs
+        F, previous : (3, P) predicted forces and jumps before the load step, of all pairs
         rho : (12,) imbalance of the body there
         radius : longest move
         """
-        start, previous = F[self.chosen], previous[self.chosen]
+        start, previous = F[:, self.chosen], previous[:, self.chosen]
         carried = rho + self._sum(self.pairs.force(start, previous).force)
         v, best = np.zeros(len(rho)), np.zeros(len(rho))
         F, size, least, step = start, np.linalg.norm(rho), np.linalg.norm(rho), FIRST
@@ -67,7 +67,7 @@ class Body:
             far = np.abs(self.W @ dv).max(initial=0.0) > left
             if far:
                 dv *= left / np.abs(self.W @ dv).max()
-            F_new = start + self.L @ (v + dv)
+            F_new = start + (self.L @ (v + dv)).T
             rho_new = carried + self.K @ (v + dv) - self._sum(self.pairs.force(F_new, previous).force)
             size_new = np.linalg.norm(rho_new)
             if not size_new <= JUMP * size and step > 1 / FIRST:
@@ -82,11 +82,11 @@ class Body:
         return best
 
     def _sum(self, force: np.ndarray) -> np.ndarray:
-        """(12,) Tᵀ of forces (Q, 3)."""
-        return np.tensordot(self.T, force, axes=((0, 1), (0, 1)))
+        """(12,) Tᵀ of forces (3, Q)."""
+        return np.tensordot(self.T, force, axes=((1, 0), (0, 1)))
 
     def _slope(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(12, 12) derivative of ρ."""
         answer = self.pairs.force(F, previous, derivative=True)
-        return self.K - np.tensordot(self.T[answer.active], answer.derivative @ self.L[answer.active],
+        return self.K - np.tensordot(self.T[answer.active], answer.derivative.transpose(2, 0, 1) @ self.L[answer.active],
                                      axes=((0, 1), (0, 1)))

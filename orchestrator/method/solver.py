@@ -151,7 +151,7 @@ def iterate_batch(d: Decomposition, method, subscribers: Sequence[Callable], wat
             residual, best, (u, alpha) = acceleration.best(evaluated.s, local.s, [evaluated.u, evaluated.alpha])
             fields = evaluated if best is evaluated.s else d.stage.complete(best, u, alpha)
         with watch("bound"):
-            measures = cache(measure(d.stage.direction, d.local, d.stage.macro, fields, local, residual,
+            measures = cache(measure(d.stage, d.local, fields, local, residual,
                                      exact=method.tolerance.indicator is not None))
             verdict = criterion(fields, local, measures)
             m, bound, laws = measures(), verdict.bound, verdict.laws

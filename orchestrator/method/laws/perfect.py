@@ -12,11 +12,12 @@ def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool 
 
     Parameters
     ----------
-    F : (P, 3) predicted force on side 1
-    previous : (P, 3) jump at the previous load step, of no influence here
+    F : (3, P) predicted force on side 1
+    previous : (3, P) jump at the previous load step, of no influence here
     derivative : also return ∂f̂/∂F
     """
-    answer = Answer(F, np.full(len(F), BONDED))
+    count = F.shape[1]
+    answer = Answer(F, np.full(count, BONDED))
     if derivative:
-        answer.active, answer.derivative = np.arange(len(F)), np.broadcast_to(np.eye(3), (len(F), 3, 3))
+        answer.active, answer.derivative = np.arange(count), np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
     return answer
