@@ -1,6 +1,6 @@
 """Sparse matrices of dense blocks whose places never change: bodies, and the interfaces between them.
 
-The places are sorted once; what remains of an assembly is a sum of blocks and one gather.
+The places are sorted once; what remains of an assembly is one product with a matrix of ones.
 """
 
 from __future__ import annotations
@@ -23,23 +23,16 @@ class BlockPattern:
     """
 
     def __init__(self, ends: np.ndarray, bodies: int, size: int):
-        self.bodies, self.size = bodies, size
-        one, two = ends.T
-        body = np.arange(bodies)
-        rows = np.concatenate([one, one, two, two, body])
-        columns = np.concatenate([one, two, one, two, body])
-        places, place = np.unique(columns * bodies + rows, return_inverse=True)
-        self.gathered = np.argsort(place, kind="stable")  # blocks of the same place lie together
-        self.starts = np.searchsorted(place[self.gathered], np.arange(len(places)))
-        column, row = np.divmod(places, bodies)
+        self.bodies, self.size, n = bodies, size, size * bodies
         field = np.arange(size)
-        rows = np.broadcast_to(size * row[:, None, None] + field[:, None], (len(places), size, size)).ravel()
-        columns = np.broadcast_to(size * column[:, None, None] + field, (len(places), size, size)).ravel()
-        self.order = np.lexsort((rows, columns))
-        self.indices = rows[self.order].astype(np.int32)
-        n = size * bodies
-        self.indptr = np.searchsorted(columns[self.order], np.arange(n + 1)).astype(np.int32)
-        self.diagonal = np.flatnonzero(self.indices == columns[self.order])
+        both = (size * ends[:, :, None] + field).reshape(len(ends), -1)
+        own = size * np.arange(bodies)[:, None] + field
+        place = np.concatenate([(n * dofs[:, None, :] + dofs[:, :, None]).ravel() for dofs in (both, own)])
+        places, where = np.unique(place, return_inverse=True)
+        columns, self.indices = np.divmod(places, n)
+        self.diagonal = np.flatnonzero(columns == self.indices)
+        self.indices, self.indptr = self.indices.astype(np.int32), np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
+        self.sum = sp.csr_array((np.ones(len(place)), (where, np.arange(len(place)))), shape=(len(places), len(place)))
 
     def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
         """Entries of the matrix, column after column.
@@ -49,10 +42,7 @@ class BlockPattern:
         pairs : (I, 2 size, 2 size) blocks of the interfaces, first body first
         own : (bodies, size, size) blocks of the bodies
         """
-        m = self.size
-        halves = (pairs[:, a : a + m, b : b + m] for a in (0, m) for b in (0, m))
-        blocks = np.concatenate([*halves, own], dtype=float).reshape(len(self.gathered), -1)
-        return np.add.reduceat(blocks[self.gathered], self.starts, axis=0).ravel()[self.order]
+        return self.sum @ np.concatenate([pairs.ravel(), own.ravel()], dtype=float)
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.csc_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.method.laws.points import Answer
 from orchestrator.method.pairs import Pairs
@@ -58,18 +59,17 @@ class PairFields:
 
     def carried(self, force: np.ndarray) -> np.ndarray:
         """(I, 24) Tᵀf̂ of forces (3, P)."""
-        moments = np.zeros((len(self.A), 3, self.phi.shape[1]))
-        for m, a, b in self._each(moments, 1):
-            np.dot(force[:, a:b], self.phi[a:b], out=m)
+        moments = (self._moments @ force.T).reshape(len(self.A), -1, 3).swapaxes(1, 2)
         return np.einsum("iaf,ia->if", self.A, moments.reshape(len(self.A), -1))
 
     def slopes(self, answer: Answer) -> np.ndarray:
         """(I, 24, 24) ΣTᵀ (∂f̂/∂F) L, single precision: a Newton matrix need not be better than its step."""
         count, m = self.phi.shape
-        weights = np.zeros((count, 3, 3, m), np.float32)
-        slope = np.ascontiguousarray(answer.derivative.transpose(2, 1, 0), dtype=np.float32)
-        weights[answer.active] = slope[:, :, :, None] * self._phi_single[answer.active][:, None, None, :]
-        weights, L = weights.reshape(3 * count, 3 * m), self.L.reshape(-1, 2 * FIELDS)
+        slope = np.zeros((3, 3, count), np.float32)
+        slope[:, :, answer.active] = answer.derivative
+        weights = (slope[:, None] * self._phi_rows[:, None]).reshape(3 * m, 3, count)
+        weights = np.ascontiguousarray(weights.transpose(2, 1, 0)).reshape(3 * count, 3 * m)
+        L = self.L.reshape(-1, 2 * FIELDS)
         sums = np.zeros((len(self.A), 3 * m, 2 * FIELDS), np.float32)
         for s, a, b in self._each(sums, 3):
             np.dot(weights[a:b].T, L[a:b], out=s)
@@ -87,8 +87,16 @@ class PairFields:
         return np.linalg.norm(along, axis=1)
 
     @cached_property
-    def _phi_single(self) -> np.ndarray:
-        return self.phi.astype(np.float32)
+    def _moments(self) -> sp.csc_array:
+        """(I m, P) sums over the pairs of each interface, weighted with φ; a column is a pair."""
+        count, m = self.phi.shape
+        interface = np.repeat(np.arange(len(self.A)), np.diff(self.pairs.bounds))
+        rows = m * interface[:, None] + np.arange(m)
+        return sp.csc_array((self.phi.ravel(), rows.ravel(), m * np.arange(count + 1)), shape=(m * len(self.A), count))
+
+    @cached_property
+    def _phi_rows(self) -> np.ndarray:
+        return np.ascontiguousarray(self.phi.T, dtype=np.float32)
 
     @cached_property
     def _A_single(self) -> np.ndarray:
