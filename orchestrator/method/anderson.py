@@ -8,6 +8,7 @@ residual has grown far beyond the best one: the statuses that it speaks of are g
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg.blas import daxpy
 
 from orchestrator.parallel.team import ALONE, Team
 
@@ -29,9 +30,9 @@ class Anderson:
     def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE):
         self.root = np.sqrt(weight)[:, None]
         self.memory, self.relaxation, self.team = memory, relaxation, team
-        self.ds: list[np.ndarray] = []
+        self.change: list[np.ndarray] = []  # of s + β r, where the step starts
         self.dr: list[np.ndarray] = []
-        self.gram = np.zeros((0, 0))
+        self.gram, self.right = np.zeros((0, 0)), np.zeros(0)  # products of all dr, and with the latest r
         self.s = self.r = None
         self.smallest = np.inf
 
@@ -40,22 +41,23 @@ class Anderson:
         r = self.root * (s_new - s)
         size = float(np.sqrt(self.team.sum(np.vdot(r, r))[0]))
         if size > FORGET * self.smallest:
-            self.ds, self.dr, self.gram = [], [], np.zeros((0, 0))
+            self.change, self.dr, self.gram, self.right = [], [], np.zeros((0, 0)), np.zeros(0)
             self.smallest = size
         elif self.s is not None:
-            self._remember(s - self.s, r - self.r)
+            self._remember(s, r)
         self.smallest = min(self.smallest, size)
         self.s, self.r = s, r
-        return r / self.root, s, extra
+        return s_new - s, s, extra
 
-    def _remember(self, ds: np.ndarray, dr: np.ndarray) -> None:
-        if len(self.ds) == self.memory:
-            self.ds.pop(0)
+    def _remember(self, s: np.ndarray, r: np.ndarray) -> None:
+        if len(self.dr) == self.memory:
+            self.change.pop(0)
             self.dr.pop(0)
             self.gram = self.gram[1:, 1:]
-        self.ds.append(ds)
+        dr = r - self.r
+        self.change.append(s - self.s + self.relaxation * dr / self.root)
         self.dr.append(dr)
-        row, = self.team.sum(np.array([np.vdot(dr, other) for other in self.dr]))
+        row, self.right = self.team.sum(np.array([[np.vdot(dr, other), np.vdot(r, other)] for other in self.dr]).T)[0]
         grown = np.empty((len(row), len(row)))
         grown[:-1, :-1] = self.gram
         grown[-1], grown[:, -1] = row, row
@@ -63,14 +65,13 @@ class Anderson:
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""
-        s, r = self.s, self.r
+        state = np.ascontiguousarray(self.s + self.relaxation * self.r / self.root)
         if self.dr:
             size = np.sqrt(np.diag(self.gram))
             size[size == 0] = 1.0
             scaled = self.gram / np.outer(size, size)
             scaled[np.diag_indices_from(scaled)] += REGULARISATION
-            right = self.team.sum(np.array([np.vdot(dr, self.r) for dr in self.dr]))[0] / size
-            gamma = np.linalg.solve(scaled, right) / size
-            s = s - sum(g * d for g, d in zip(gamma, self.ds))
-            r = r - sum(g * d for g, d in zip(gamma, self.dr))
-        return s + self.relaxation * r / self.root
+            flat = state.reshape(-1)
+            for gamma, change in zip(np.linalg.solve(scaled, self.right / size) / size, self.change):
+                daxpy(change.reshape(-1), flat, a=-gamma)  # in place
+        return state
