@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -27,11 +28,11 @@ from orchestrator.method.solver import Outcome, iterate
 from orchestrator.method.support import held_bodies
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Elsewhere, Team
+from orchestrator.results.artist import Artist
 from orchestrator.results.cautions import cautions
 from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
 from orchestrator.results.discretisation import Estimate, Estimator
 from orchestrator.results.fields import Fields, write_fields
-from orchestrator.results.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.history import HistoryWriter, read_history
 from orchestrator.results.progress import Progress
@@ -266,27 +267,28 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     watch.start -= (launch := seconds_since_launch())
     watch.seconds["startup"] = launch
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    progress = Progress(quiet)
-    try:
-        progress.stage("meshing")
-        with watch("mesh"):
-            scene = build_scene(config)
-        key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
-        saved = load_checkpoint(folder, key) if resume else None
-        if not resume:
-            folder.clear()
-        checkpoint, last = Checkpoint(folder, key, *([OFTEN] if team.size > 1 else [])), LastEvent()
-        with HistoryWriter(folder, saved.iteration if saved else None) as history:
-            try:
-                team.share((config, scene, reference, saved))
-                solved = solve(config, scene, (history, checkpoint, progress, last), reference=reference,
-                               start=saved, watch=watch, stage=progress.stage, team=team)
-            except (OrchestratorError, KeyboardInterrupt, Elsewhere) as error:
-                _write_remains(folder, config, scene, watch, checkpoint, last, team.cause(error))
-                raise
-    finally:
-        progress.close()
-    _write(folder, solved, watch, config)
+    with Artist() if config.output.figures else nullcontext() as artist:
+        progress = Progress(quiet)
+        try:
+            progress.stage("meshing")
+            with watch("mesh"):
+                scene = build_scene(config)
+            key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
+            saved = load_checkpoint(folder, key) if resume else None
+            if not resume:
+                folder.clear()
+            checkpoint, last = Checkpoint(folder, key, *([OFTEN] if team.size > 1 else [])), LastEvent()
+            with HistoryWriter(folder, saved.iteration if saved else None) as history:
+                try:
+                    team.share((config, scene, reference, saved))
+                    solved = solve(config, scene, (history, checkpoint, progress, last), reference=reference,
+                                   start=saved, watch=watch, stage=progress.stage, team=team)
+                except (OrchestratorError, KeyboardInterrupt, Elsewhere) as error:
+                    _write_remains(folder, config, scene, watch, checkpoint, last, team.cause(error))
+                    raise
+        finally:
+            progress.close()
+        _write(folder, solved, watch, config, artist)
     if not quiet:
         print_summary(solved.summary, folder.path)
     return CONVERGED if solved.outcome.converged else NOT_CONVERGED
@@ -326,21 +328,20 @@ class LastEvent:
             self.iteration = event
 
 
-def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Config) -> None:
+def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Config, artist: Artist | None) -> None:
     """Fields, figures and summary of a finished run."""
     scene, summary = solved.scene, solved.summary
-    fields = None
     with watch("output"):
         lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
-        if config.output.fields:
-            fields = write_fields(folder, scene.mesh, scene.cell_subdomain, lame, solved.displacement,
-                                  solved.sides, solved.interfaces, solved.discretisation and solved.discretisation.cells)
-        elif config.output.figures:
-            fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement,
-                            solved.sides, solved.interfaces)
-        if config.output.figures:
+        fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement,
+                        solved.sides, solved.interfaces, solved.discretisation and solved.discretisation.cells)
+        if artist:
             _time(summary, watch)
-            write_figures(folder, summary, read_history(folder / "history.csv"), fields)
+            artist.begin(folder, summary, read_history(folder / "history.csv"), fields)
+        if config.output.fields:
+            write_fields(folder, fields)
+        if artist:
+            artist.finish()
     _time(summary, watch)
     write_summary(folder, summary)
 

@@ -1,6 +1,7 @@
 """What a run with contact leaves behind: both sides, statuses, resultants, bodies that come loose, warnings."""
 
 import json
+import sys
 import xml.etree.ElementTree as ET
 
 import meshio
@@ -116,8 +117,7 @@ def test_both_sides_and_their_mean(pressed):
 
 def test_files_hold_bodies_that_separate(pressed, tmp_path):
     mine = fields_of(pressed)
-    written = write_fields(ResultsFolder(tmp_path), pressed.scene.mesh, mine.subdomain, mine.lame, mine.displacement,
-                           mine.sides, mine.interfaces)
+    write_fields(ResultsFolder(tmp_path), mine)
     sets = ET.parse(tmp_path / "fields/interfaces.pvd").getroot().findall("Collection/DataSet")
     assert [s.get("file") for s in sets] == ["interface_0001.vtu", "interface_0002.vtu", "interface_0003.vtu"]
 
@@ -140,7 +140,7 @@ def test_files_hold_bodies_that_separate(pressed, tmp_path):
     assert set(patch.cell_data["interface"][0]) == {0}
 
     read = Fields.read(tmp_path)
-    for e, u in enumerate(written.sides):
+    for e, u in enumerate(mine.sides):
         np.testing.assert_array_equal(read.sides[e], u)
         np.testing.assert_array_equal(np.load(tmp_path / "fields.npz")[f"displacement_sides_{e}"], u)
     for name, array in i.arrays().items():
@@ -193,8 +193,7 @@ def test_perfect_runs_have_none_of_it(tmp_path):
     found = case.solved(False)
     assert found.interfaces is None and found.sides is None and found.summary["warnings"] == []
     assert not {"status_counts", "detached", "interface_resultants"} & set(found.summary)
-    write_fields(ResultsFolder(tmp_path), found.scene.mesh, found.scene.cell_subdomain, fields_of(found).lame,
-                 found.displacement)
+    write_fields(ResultsFolder(tmp_path), fields_of(found))
     assert sorted(p.name for p in (tmp_path / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu"]
     read = Fields.read(tmp_path)
     assert read.sides is None and read.interfaces is None and read.opened is read
@@ -246,7 +245,6 @@ def test_from_the_configuration_to_the_report(tmp_path, capsys):
 
 
 def test_pictures_without_vtk(loose, tmp_path, monkeypatch):
-    from orchestrator.results import deformed
-    monkeypatch.setattr(deformed.sys, "executable", "/bin/false")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
     names = [p.name for p in write_figures(ResultsFolder(tmp_path), jsonable(loose.summary), {}, fields_of(loose))]
     assert names == ["deformed.png", "interfaces.png"]

@@ -257,8 +257,7 @@ def test_field_files(tmp_path):
     """fields.npz comes back; the .vtu has quadratic tets in VTK's order, with stress and its peak."""
     found = solved(reference=False, **P2)
     fields = fields_of(found)
-    scene = found.scene
-    write_fields(ResultsFolder(tmp_path), scene.mesh, scene.cell_subdomain, fields.lame, found.displacement)
+    write_fields(ResultsFolder(tmp_path), fields)
     again = Fields.read(tmp_path)
     assert again.cells.shape[1] == 10 and np.array_equal(again.displacement, found.displacement)
     grid = pyvista.read(tmp_path / "fields" / "step_0001.vtu")

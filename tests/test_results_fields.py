@@ -79,7 +79,8 @@ def test_field_files_round_trip(tmp_path):
     mesh, folder = case.box_mesh(), ResultsFolder(tmp_path)
     folder.write("fields/step_0003.vtu", "of an earlier run")
     u = case.bending(mesh)
-    written = write_fields(folder, mesh, case.slices(mesh), case.lame(mesh), u)
+    written = Fields(mesh.nodes, mesh.cells, case.slices(mesh), case.lame(mesh), u)
+    write_fields(folder, written)
 
     assert sorted(p.name for p in (tmp_path / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu", "step_0002.vtu"]
     sets = ET.parse(tmp_path / "fields/fields.pvd").getroot().findall("Collection/DataSet")
@@ -101,7 +102,7 @@ def test_field_files_round_trip(tmp_path):
 def test_vtk_reads_the_vtu(tmp_path):
     reader = pytest.importorskip("vtkmodules.vtkIOXML").vtkXMLUnstructuredGridReader()
     mesh = case.box_mesh()
-    write_fields(ResultsFolder(tmp_path), mesh, case.slices(mesh), case.lame(mesh), case.bending(mesh, 1))
+    write_fields(ResultsFolder(tmp_path), case.fields())
     reader.SetFileName(str(tmp_path / "fields/step_0001.vtu"))
     reader.Update()
     grid = reader.GetOutput()

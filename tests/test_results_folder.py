@@ -102,7 +102,7 @@ def test_full_disk(tiny_disk, what):
 
     with pytest.raises(InputError) as caught:
         if what == "fields":
-            write_fields(folder, mesh, case.slices(mesh), case.lame(mesh), case.bending(mesh))
+            write_fields(folder, case.fields(mesh))
         elif what == "figures":
             write_figures(folder, case.summary(), case.history())
         elif what == "summary":

@@ -6,6 +6,7 @@ import math
 import os
 import re
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from rich.console import Console
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
 from orchestrator.results import deformed, surface
+from orchestrator.results.drawing import Drawing
 from orchestrator.results.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.progress import Progress, fraction_done, seconds_left
@@ -65,8 +67,8 @@ def test_printed_summary(tmp_path):
 @pytest.mark.parametrize("painter", ["vtk", "matplotlib"])
 def test_figures_are_there_and_not_blank(tmp_path, monkeypatch, painter):
     if painter == "matplotlib":  # the drawing process fails, as where VTK finds neither display nor EGL
-        monkeypatch.setattr(deformed.sys, "executable", shutil.which("false"))
-    elif deformed.Drawing(deformed.view(case.fields())).finish() is None:
+        monkeypatch.setattr(sys, "executable", shutil.which("false"))
+    elif Drawing().begin([deformed.view(case.fields())]).finish() is None:
         pytest.skip("VTK can draw neither with X nor with EGL on this machine")
     written = write_figures(ResultsFolder(tmp_path), case.summary(), case.history(), case.fields())
     assert sorted(p.name for p in written) == ["convergence.png", "deformed.png", "time.png"]

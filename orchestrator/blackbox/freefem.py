@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from functools import cached_property
 from pathlib import Path
 
 from orchestrator.blackbox import meshb
@@ -66,6 +67,10 @@ class FreeFem:
 
     def version(self) -> str:
         """What FreeFEM says it is, e.g. "4.9"; empty when it does not answer."""
+        return self._version
+
+    @cached_property
+    def _version(self) -> str:
         with tempfile.NamedTemporaryFile("w", suffix=".edp", prefix="orchestrator-version-") as script:
             script.write("cout << version << endl;\n")
             script.flush()

@@ -1,18 +1,13 @@
 """figures/deformed.png: the deformed surface with von Mises stress, and the undeformed outline.
 
 Where interfaces open, one panel per load step shows the bodies apart (see ``panels``). VTK draws
-(see ``offscreen``); where VTK cannot, matplotlib does, and the caption says so.
+(see ``drawing``); where VTK cannot, matplotlib does, and the caption says so.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +20,6 @@ _OPENING, _FARTHEST = 0.03, 0.25  # the same for the largest opening, and the li
 WIDTH, DPI = 9.0, 160  # of the picture, inches and dots per inch
 _FLATTEST, _TALLEST = 0.22, 0.75  # height of the drawing over its width
 PAINTED = "\n(drawn by matplotlib: VTK cannot draw on this machine)"
-_PATIENCE = 120.0  # seconds after which the drawing process is given up
 # every 16th colour of viridis: readable in grey and by the colour-blind
 _COLOURS = ["#440154", "#481b6d", "#46327e", "#3f4788", "#365c8d", "#2e6e8e", "#277f8e", "#21918c", "#1fa187",
             "#2db27d", "#4ac16d", "#73d056", "#a0da39", "#d0e11c", "#fde725"]
@@ -136,58 +130,6 @@ def viridis() -> np.ndarray:
     colours = np.array([[int(c[i:i + 2], 16) for i in (1, 3, 5)] for c in _COLOURS]) / 255
     at = np.linspace(0, len(colours) - 1, 256)
     return np.stack([np.interp(at, np.arange(len(colours)), colours[:, i]) for i in range(3)], axis=1)
-
-
-class Drawing:
-    """Pictures being drawn by VTK in another process, while this one does something else."""
-
-    def __init__(self, *views: View):
-        self._process: subprocess.Popen[bytes] | None = None
-        self._folder = tempfile.TemporaryDirectory(prefix="orchestrator-")
-        folder = Path(self._folder.name)
-        self._pictures = [folder / f"picture_{i}.npy" for i in range(len(views))]
-        environment = dict(os.environ)
-        if not environment.get("DISPLAY"):  # otherwise VTK tries X first and complains
-            environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-        program = Path(__file__).with_name("offscreen.py")
-        try:
-            files = []
-            for i, view in enumerate(views):
-                files += [folder / f"job_{i}.npz", self._pictures[i]]
-                np.savez(files[-2], **_job(view))
-            # in the temporary folder, where a core dump would go away with it
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", str(program), *map(str, files)], env=environment,
-                cwd=self._folder.name, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        except OSError:  # a full /tmp is no reason to lose the picture: matplotlib needs no room there
-            pass
-
-    def finish(self) -> list[np.ndarray] | None:
-        """(rows, columns, 3) uint8 each, or None when VTK could not draw here."""
-        try:
-            if self._process is None or self._process.wait(_PATIENCE) != 0:
-                return None
-            return [np.load(picture) for picture in self._pictures]
-        except (subprocess.TimeoutExpired, OSError, ValueError):
-            return None
-        finally:
-            self.close()
-
-    def close(self) -> None:
-        """Ends the process if it still runs and removes its files."""
-        if self._process is not None and self._process.poll() is None:
-            self._process.kill()
-            self._process.wait()
-        self._folder.cleanup()
-
-
-def _job(view: View) -> dict[str, object]:
-    """What ``offscreen`` needs to know of a view."""
-    camera, (low, high), columns = view.camera, view.limits, int(view.inches * DPI)
-    return dict(points=view.points, triangles=view.triangles, palette=view.palette,
-                value=np.clip((view.stress - low) / (high - low), 0, 1), lines=view.lines,
-                outline=view.outline, focus=camera.focus, toward=camera.toward, up=camera.up,
-                height=camera.height, shaded=view.shaded, pixels=np.array([columns, round(columns * camera.height / camera.width)]))
 
 
 def compose(view: View, picture: np.ndarray | None, title: str) -> bytes:

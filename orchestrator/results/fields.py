@@ -15,17 +15,19 @@ import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.method.interface_fields import InterfaceFields
 from orchestrator.results import stress as recovery
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.interface_files import pvd, write_interfaces
-from orchestrator.scene.model import Mesh
 from orchestrator.scene.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.quadratic import TET_EDGES
+
+if TYPE_CHECKING:
+    from orchestrator.method.interface_fields import InterfaceFields
 
 NAME = "fields.npz"
 PVD_NAME = "fields/fields.pvd"
@@ -132,6 +134,8 @@ class Fields:
         path = Path(directory) / NAME
         if not path.is_file():
             return None
+        from orchestrator.method.interface_fields import InterfaceFields  # what draws does without the method
+
         try:
             with np.load(path, allow_pickle=False) as data:
                 count = sum(name.startswith(_SIDES) for name in data)
@@ -144,23 +148,13 @@ class Fields:
                                      "run the configuration again")) from error
 
 
-def write_fields(folder: ResultsFolder, mesh: Mesh, cell_subdomain: np.ndarray, lame: np.ndarray,
-                 displacement: np.ndarray, sides: list[np.ndarray] | None = None,
-                 interfaces: InterfaceFields | None = None, discretisation_error: np.ndarray | None = None) -> Fields:
+def write_fields(folder: ResultsFolder, fields: Fields) -> None:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
-
-    Parameters
-    ----------
-    mesh : the undecomposed mesh
-    cell_subdomain : (m,) int; lame : (m, 2), λ and μ per cell; displacement : (steps, n, 3)
-    sides, interfaces, discretisation_error : see ``Fields``
 
     Raises
     ------
     InputError : disk full or folder not writable
     """
-    fields = Fields(mesh.nodes, mesh.cells, np.asarray(cell_subdomain), np.asarray(lame, float),
-                    np.asarray(displacement, float), sides, interfaces, discretisation_error)
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvd")  # of an earlier run with more steps
     names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
@@ -170,7 +164,6 @@ def write_fields(folder: ResultsFolder, mesh: Mesh, cell_subdomain: np.ndarray, 
     if fields.interfaces is not None:
         write_interfaces(folder, fields.nodes, fields.interfaces,
                          [fields.interface_displacement(side) for side in (0, 1)])
-    return fields
 
 
 def write_npz(folder: ResultsFolder, fields: Fields) -> Path:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results import codes, deformed, panels
+from orchestrator.results.drawing import Drawing
 from orchestrator.results.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.plotting import (
@@ -44,7 +45,7 @@ _CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
 
 
 def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
-                  fields: Fields | None = None, step: int | None = None) -> list[Path]:
+                  fields: Fields | None = None, step: int | None = None, drawing: Drawing | None = None) -> list[Path]:
     """Draws the figures of a run.
 
     Parameters
@@ -53,6 +54,7 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     fields : for deformed.png, which is left out without them
     step : load step of deformed.png, zero-based; default: the one with the largest displacement. Where
         interfaces open, all are shown
+    drawing : made ready before; default: a new one
 
     Returns
     -------
@@ -62,19 +64,21 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     ------
     InputError : disk full or folder not writable
     """
-    written, drawing = [], None
+    written = []
+    drawn = fields is not None and fields.steps and len(fields.cells)
     opens = fields is not None and fields.interfaces is not None
     try:
-        if fields is not None and fields.steps and len(fields.cells):
+        if drawn:
+            drawing = drawing or Drawing()
             figures = [panels.opened(fields), panels.interfaces(fields)] if opens else []
             views = [view for figure in figures for view in figure.views] or [deformed.view(fields, step)]
             by_code = codes.code_view(fields, summary)
-            drawing = deformed.Drawing(*views, *filter(None, [by_code]))  # VTK is busy while matplotlib draws the others
+            drawing.begin([*views, *filter(None, [by_code])])  # VTK is busy while matplotlib draws the others
         if len(history.get("iteration", ())):
             written.append(folder.write("figures/convergence.png", convergence(summary, history)))
         if (summary.get("timing") or {}).get("total"):
             written.append(folder.write("figures/time.png", time_per_stage(summary)))
-        if drawing is not None:
+        if drawn:
             pictures, title = drawing.finish(), str(summary.get("name") or "")
             if not opens:
                 picture = deformed.compose(views[0], pictures[0] if pictures else None, title)

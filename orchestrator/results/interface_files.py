@@ -7,11 +7,14 @@ by ``displacement_1`` or ``displacement_2`` to see either side where it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.interface_fields import InterfaceFields
 from orchestrator.results.folder import ResultsFolder
+
+if TYPE_CHECKING:
+    from orchestrator.method.interface_fields import InterfaceFields
 
 PVD_NAME = "fields/interfaces.pvd"
 

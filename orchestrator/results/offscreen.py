@@ -1,27 +1,32 @@
-"""Draws a triangulated surface with VTK, without a window; run as a program of its own.
+"""Draws triangulated surfaces with VTK, without a window; run as a program of its own.
 
-    python offscreen.py JOB.npz PICTURE.npy [JOB.npz PICTURE.npy …]
+    python offscreen.py < JOBS > PICTURES
 
 Where neither a display nor EGL is to be had, VTK ends its process with a segmentation fault
 instead of an error: a process apart keeps that away from the run. It imports nothing of the
-orchestrator, and only the parts of VTK it needs, which halves the time to start.
+orchestrator, and only the parts of VTK it needs, which halves the time to start. JOBS is a pickled
+list of jobs (see ``draw``), PICTURES a pickled list of arrays.
 """
 
 from __future__ import annotations
 
+import os
+import pickle
+import resource
 import sys
 
 import numpy as np
 
 
 def new_window() -> object:
-    """A window that is never shown; opening one takes longer than drawing a small picture."""
+    """An open window that is never shown."""
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  registers the renderer
     from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
     window = vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetMultiSamples(8)
+    window.Render()
     return window
 
 
@@ -115,9 +120,19 @@ def _actor(points: np.ndarray, cells: np.ndarray, lines: bool) -> tuple[object, 
     return actor, mapper
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Opens the window first: that takes longer than drawing, and there may be nothing to draw yet."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # its end is expected: no core dump
+    answer = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what libraries print is no picture
     window = new_window()
-    for job, result in zip(sys.argv[1::2], sys.argv[2::2]):
-        with np.load(job) as archive:
-            picture = draw(dict(archive), window)
-        np.save(result, picture)
+    try:
+        jobs = pickle.load(sys.stdin.buffer)
+    except EOFError:  # nothing will be drawn
+        return
+    with answer:
+        pickle.dump([draw(job, window) for job in jobs], answer, pickle.HIGHEST_PROTOCOL)
+
+
+if __name__ == "__main__":
+    main()

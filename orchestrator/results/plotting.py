@@ -24,6 +24,15 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+def warm_up() -> None:
+    """Loads what the first figure waits for: matplotlib, its fonts and its parser of powers of ten."""
+    import matplotlib.image  # noqa: F401
+
+    figure = new_figure(1, 1)
+    figure.subplots().semilogy([1, 10])
+    png(figure)
+
+
 def tidy(axes: object) -> None:
     """Takes away the frame's upper and right sides and lays a light grid below the data."""
     axes.spines[["top", "right"]].set_visible(False)

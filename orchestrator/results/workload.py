@@ -9,10 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from orchestrator.blackbox.activity import Activity
-from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.protocol import BlackBox
 
 STAGE_HEAD = ("stage", "rank", "calls", "seconds", "share")
 WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",

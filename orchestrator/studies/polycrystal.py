@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.results import deformed, surface
+from orchestrator.results.drawing import Drawing
 from orchestrator.results.fields import write_fields
 from orchestrator.results.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
@@ -113,9 +114,8 @@ def _write(output: ResultsFolder, run: Followed, problem: Mapping[str, Any], kee
     scene, fields = run.scene, run.fields
     folder = output if keep else ResultsFolder(output / "scratch")
     folder.clear()
-    written = write_fields(folder, scene.mesh, scene.cell_subdomain, fields.lame, fields.displacement, fields.sides,
-                           fields.interfaces)
-    write_figures(folder, {"name": problem["name"]}, {}, written)
+    write_fields(folder, fields)
+    write_figures(folder, {"name": problem["name"]}, {}, fields)
     if not keep:
         shutil.rmtree(folder.path)
     run.fields = None  # large
@@ -206,25 +206,21 @@ def _figure13(scene: Scene, problem: Mapping[str, Any]) -> bytes:
     view = deformed.View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(colour, 3), lines,
                          surface.box_edges(scene.mesh.nodes), deformed.shaped(surface.Camera.framing(points)),
                          (-0.2, 1.0), (False, False), "", inches=6.0)
-    drawing = deformed.Drawing(view)
+    pictures = Drawing().begin([view]).finish()
     figure = new_figure(11.0, 4.8)
-    try:
-        left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
-        pictures = drawing.finish()
-        deformed.show(left, view, pictures[0] if pictures else None)
-        left.set_title(f"{len(scene.subdomains)} grains, {len(scene.interfaces)} interfaces, "
-                       f"{3 * len(scene.mesh.nodes):,} dofs", fontsize=11)
-        path = [0.0, *(-step[2] for step in problem["boundary"][1]["displacement"])]
-        right.plot(path, "o-", color=BLUE, linewidth=1.3)
-        right.set_xlabel("load step", fontsize=9)
-        right.set_ylabel("top moved down by", fontsize=9)
-        right.xaxis.get_major_locator().set_params(integer=True)
-        right.tick_params(labelsize=8.5)
-        tidy(right)
-        figure.tight_layout()
-        return png(figure)
-    finally:
-        drawing.close()
+    left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
+    deformed.show(left, view, pictures[0] if pictures else None)
+    left.set_title(f"{len(scene.subdomains)} grains, {len(scene.interfaces)} interfaces, "
+                   f"{3 * len(scene.mesh.nodes):,} dofs", fontsize=11)
+    path = [0.0, *(-step[2] for step in problem["boundary"][1]["displacement"])]
+    right.plot(path, "o-", color=BLUE, linewidth=1.3)
+    right.set_xlabel("load step", fontsize=9)
+    right.set_ylabel("top moved down by", fontsize=9)
+    right.xaxis.get_major_locator().set_params(integer=True)
+    right.tick_params(labelsize=8.5)
+    tidy(right)
+    figure.tight_layout()
+    return png(figure)
 
 
 def _figure15(runs: Mapping[str, Followed], last: int) -> bytes:
