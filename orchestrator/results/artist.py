@@ -7,6 +7,8 @@ To import what draws and to open a window takes as long as the iterations of a s
 
 from __future__ import annotations
 
+import atexit
+import gc
 import os
 import pickle
 import signal
@@ -78,6 +80,8 @@ class Artist:
 
 def main() -> None:
     """Gets ready, draws one job from standard input, answers on standard output: None or an InputError."""
+    gc.disable()  # one job, then the end
+    atexit.register(gc.freeze)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that it ends its own process too
     warm_up()
     drawing = Drawing()

@@ -24,6 +24,7 @@ from orchestrator.results.plotting import (
     SKY,
     new_figure,
     png,
+    powers_of_ten,
     tidy,
 )
 from orchestrator.results.summary import BLACKBOX_STAGES, STAGES
@@ -123,6 +124,7 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
                       xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY)
     axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity")
     axes.xaxis.get_major_locator().set_params(integer=True)
+    powers_of_ten(axes.yaxis)
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)

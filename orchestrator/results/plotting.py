@@ -12,6 +12,7 @@ GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
+_SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -25,12 +26,24 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def warm_up() -> None:
-    """Loads what the first figure waits for: matplotlib, its fonts and its parser of powers of ten."""
-    import matplotlib.image  # noqa: F401
-
+    """Loads what the first figure waits for: matplotlib and its fonts."""
     figure = new_figure(1, 1)
-    figure.subplots().semilogy([1, 10])
+    powers_of_ten(figure.subplots().semilogy([1, 10])[0].axes.yaxis)
     png(figure)
+
+
+def powers_of_ten(axis: object) -> None:
+    """Labels a logarithmic axis with powers as plain text: 10⁻⁶ for matplotlib's 10^{-6}, which takes long to set."""
+    from matplotlib.ticker import LogFormatterSciNotation
+
+    class Plain(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$").replace(r"\times", "×")
+            base, _, power = text.partition("^")
+            return base + power.strip("{}").translate(_SUPERSCRIPTS)
+
+    axis.set_major_formatter(Plain())
+    axis.set_minor_formatter(Plain(labelOnlyBase=False))
 
 
 def tidy(axes: object) -> None:
