@@ -191,6 +191,33 @@ def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
     assert errors.count("1 problem in the input") == 1 and told in errors and "wrong.yaml:" in errors, errors
 
 
+# Rank 0 fails at once; rank 1 swallows the interrupt, as what goes on while modules are imported may do.
+SWALLOWED = """
+import time
+from orchestrator.errors import InputError, Problem
+from orchestrator.parallel.team import Elsewhere, join
+team = join()
+try:
+    with team.together():
+        if team.rank == 0:
+            raise InputError(Problem((), "bad", "good", "mend"))
+        try:
+            time.sleep(600)
+        except Elsewhere:
+            pass
+        team.share(None)
+except Elsewhere as error:
+    print(f"rank {team.rank} left: {error}")
+except InputError:
+    pass
+"""
+
+
+def test_a_failure_that_an_import_swallows_is_heard():
+    output, errors = start(2, "-c", SWALLOWED).communicate(timeout=SECONDS)
+    assert "rank 1 left: rank 0: " in output and "bad" in output and "Traceback" not in errors
+
+
 def test_one_process_imports_nothing_of_mpi(tmp_path):
     """Nor does a code that a rank starts see anything of its launcher."""
     settings = tmp_path / "endless.yaml"

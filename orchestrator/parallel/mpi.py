@@ -134,6 +134,8 @@ class Ranks(Team):
         self._open.setdefault(id(request), request)
         begin, nap = time.perf_counter(), _NAPS[0]
         while not request.Test():
+            if self._heard is not None:
+                self._leave()
             if time.perf_counter() - begin > _EAGER:
                 time.sleep(nap)
                 nap = min(1.5 * nap, _NAPS[1])
@@ -167,8 +169,16 @@ class Ranks(Team):
 
     def _stop(self, signum: int, frame: object) -> None:
         if self._heard is not None and not self._failed:
-            self._failed = True
-            raise self._heard
+            self._leave()
+
+    def _leave(self) -> None:
+        """Raise what another rank has met.
+
+        By the signal once. Imports, finalizers and callbacks may swallow it, whatever the signal happens to
+        interrupt; the next wait for others, which would last for ever, then raises it again.
+        """
+        self._failed = True
+        raise self._heard
 
     def _end(self) -> None:
         """After a failure requests are still under way: MPI has to end before their memory goes."""
