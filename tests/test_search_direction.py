@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
+from orchestrator.blackbox.assembly import assembled
+from orchestrator.blackbox.extended import sole_models
 from orchestrator.blackbox.registry import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.solver import iterate, stable_relaxation
+from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles import make_soles
 from orchestrator.timing import Stopwatch
@@ -65,6 +68,22 @@ def test_plain_fixed_point_finds_a_stable_relaxation(prepared):
         sizes[relaxation] = history[-1].indicator / history[4].indicator
     assert sizes["auto"] < 0.05
     assert sizes[0.8] > 1
+
+
+def test_stiffness_does_not_depend_on_what_a_sole_is_packed_with():
+    """Bit for bit, in the hands of the real code: other ranks have other soles."""
+    config = config_from({"name": "grains", "mesh": {"polycrystal": {"grains": 6, "size": 1, "h": 0.4, "seed": 7}},
+                          "subdomains": "groups", "materials": BAR["materials"], "interfaces": [{"law": "contact"}],
+                          "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}]})
+    scene = build_scene(config)
+    models = [model for model, _ in sole_models(scene, make_soles(scene, config.method.sole))]
+    some = range(1, len(models), 3)
+    with make_blackbox(config.blackbox) as blackbox:
+        together = assembled(models, blackbox, 1, False, Savings())
+        apart = assembled([models[i] for i in some], blackbox, 2, False, Savings())
+    assert len(models) > len(some) > 2
+    for i, alone in zip(some, apart):
+        assert np.array_equal(together[i].toarray(), alone.toarray())
 
 
 def test_relaxation_of_conjugate_directions_is_the_papers():

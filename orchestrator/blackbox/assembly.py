@@ -1,4 +1,4 @@
-"""Stiffness of many small models: congruent ones once, the others side by side in few requests."""
+"""Stiffness of many small models: congruent ones once, the others together in few requests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: 
 
     Parameters
     ----------
-    workers : the models are joined in this many requests, or in more so that none is large
+    workers : the models are joined in about this many requests, or in more so that none is large
     share : whether to look for congruent models
 
     Raises

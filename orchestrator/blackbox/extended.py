@@ -17,6 +17,11 @@ from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.soles import Sole
 
+# Nodes of one packet at the same place. FreeFEM's search tree gives up on more than eight; half of them, as
+# nodes that differ by rounding may be taken for two places.
+CROWD = 4
+PLACES = 1 << 21  # along each axis, into which places are told apart
+
 SolePair = tuple[Sole, Sole]
 
 
@@ -111,7 +116,7 @@ def whole_model(scene: Scene) -> Model:
 
 
 def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
-    """At most ``count`` models per code that hold all the given ones side by side, of about equal size.
+    """About ``count`` models per code that hold all the given ones together, of about equal size.
 
     Returns
     -------
@@ -120,8 +125,9 @@ def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
     Notes
     -----
     Hundreds of tiny requests cost more in messages than in arithmetic; side by side they are one.
-    Each model is moved to a place of its own, which its stiffness does not notice: FreeFEM's search
-    tree gives up on many coincident vertices, and soles that meet in a cross point have them.
+    Each model stays where it is, so that its stiffness is the same bit for bit whatever it is joined with, on
+    any number of ranks, and for a sole also the same as within an extended subdomain: s − k w would show the
+    rounding of another place. Of models that meet in a cross point, only so many are joined.
     """
     joined = []
     for members in _bins(models, count):
@@ -130,7 +136,7 @@ def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
         region_shift = np.cumsum([0] + [len(m.materials) for m in parts])
         joined.append((Model(
             name=f"{parts[0].name} … {parts[-1].name}",
-            nodes=np.vstack(_apart([m.nodes for m in parts])),
+            nodes=np.vstack([m.nodes for m in parts]),
             cells=np.vstack([m.cells + s for m, s in zip(parts, node_shift)]),
             region=np.concatenate([m.region + s for m, s in zip(parts, region_shift)]),
             materials=np.vstack([m.materials for m in parts]),
@@ -141,23 +147,34 @@ def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
 
 
 def _bins(models: Sequence[Model], count: int) -> list[list[int]]:
-    """Indices of consecutive models of the same code, at most ``count`` lists for each."""
-    codes, bins = np.array([m.code for m in models]), []
+    """Indices of models of the same code, about ``count`` lists for each, in none of which nodes crowd."""
+    codes, places, bins = np.array([m.code for m in models]), _places([m.nodes for m in models]), []
+    beyond = max(place.max() for place in places) + 1
     for code in np.unique(codes):
-        own = np.flatnonzero(codes == code)
-        sizes = np.cumsum([len(models[i].cells) for i in own])
-        number = np.minimum((sizes - 1) * count // max(sizes[-1], 1), count - 1)
-        bins += [own[number == b].tolist() for b in np.unique(number)]
+        own = np.flatnonzero(codes == code).tolist()
+        enough = sum(len(models[i].cells) for i in own) / count
+        filling: list[tuple[list[int], np.ndarray]] = []
+        for i in own:
+            for members, crowd in filling:
+                if crowd[places[i]].max() < CROWD:
+                    break
+            else:
+                members, crowd = [], np.zeros(beyond, np.int8)
+                filling.append((members, crowd))
+                bins.append(members)
+            members.append(i)
+            crowd[places[i]] += 1
+            filling = [f for f in filling if sum(len(models[m].cells) for m in f[0]) < enough]
     return bins
 
 
-def _apart(clouds: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Point clouds, each centred in its own cell of a cubic lattice around the origin."""
-    centres = np.array([(c.min(axis=0) + c.max(axis=0)) / 2 for c in clouds])
-    spacing = 1.25 * max(np.ptp(c, axis=0).max() for c in clouds)
-    side = int(np.ceil(len(clouds) ** (1 / 3)))
-    place = np.stack(np.unravel_index(np.arange(len(clouds)), (side,) * 3), axis=1) - (side - 1) / 2
-    return [c - centre + spacing * p for c, centre, p in zip(clouds, centres, place)]
+def _places(clouds: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Number of the place of every point, the same for points that coincide."""
+    points = np.vstack(clouds)
+    lowest, extent = points.min(axis=0), np.ptp(points, axis=0).max()
+    cells = np.round((points - lowest) * ((PLACES - 1) / extent)).astype(np.int64)
+    places = np.unique(cells @ np.array([PLACES**2, PLACES, 1]), return_inverse=True)[1]
+    return np.split(places, np.cumsum([len(c) for c in clouds])[:-1])
 
 
 def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
