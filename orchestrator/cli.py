@@ -77,10 +77,13 @@ def check(config: ConfigFile, overrides: Overrides = None,
         if syntax_only:
             print("OK")
             return CONVERGED
+        from .blackbox.registry import check_codes
         from .scene.build import build_scene
 
         try:
-            print(f"OK: {build_scene(loaded.config)!r}")
+            scene = build_scene(loaded.config)
+            check_codes(loaded.config.codes, {s.code for s in scene.subdomains})
+            print(f"OK: {scene!r}")
         except InputError as error:
             raise place(error, loaded) from error
         return CONVERGED

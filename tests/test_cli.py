@@ -62,9 +62,8 @@ def test_check_syntax_only():
 
 
 def test_check_shows_the_scene_or_its_problems(room):
-    room("orchestrator.scene.build", build_scene=lambda config: f"Scene({config.name})")
-    done = call("check", BEAM)
-    assert done.exit_code == 0 and done.stdout.startswith("OK") and "Scene(traction_beam)" in done.stdout
+    done = call("check", BEAM, "--set", "mesh.beam.h=5")
+    assert done.exit_code == 0 and done.stdout.startswith("OK") and "32 subdomains" in done.stdout
 
     def fails(config):
         raise InputError(Problem(("boundary", 1, "on"), "no face", "some faces", "move the plane"))
@@ -73,6 +72,15 @@ def test_check_shows_the_scene_or_its_problems(room):
     done = call("check", BEAM)
     line = next(i for i, text in enumerate(Path(BEAM).read_text().splitlines(), 1) if "at: 160" in text)
     assert done.exit_code == 2 and f"{BEAM}:{line}: boundary[1].on\n  found:    no face" in done.stderr
+
+
+def test_check_refuses_an_element_that_the_code_does_not_have(tmp_path):
+    """With the words of ``run``."""
+    own = ["--set", "blackbox.code=scikit-fem", "--set", "blackbox.element=P2", "--set", "mesh.beam.h=5"]
+    checked, started = call("check", BEAM, *own), call("run", BEAM, *own, "--output", str(tmp_path))
+    assert checked.exit_code == started.exit_code == 2 and checked.stdout == ""
+    assert "blackbox.element\n  found:    'P2'\n  expected: one of P1" in checked.stderr
+    assert checked.stderr == started.stderr
 
 
 def test_run_hands_over_its_options_and_exit_code(room):

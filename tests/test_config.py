@@ -91,6 +91,8 @@ WRONG = {  # what: (changed lines, key path, words of the message)
     "no source": ({"mesh": "mesh: {scale: 2}"}, ("mesh",), "exactly one of them"),
     "no such mesh": ({"mesh": "mesh: {file: part.msh}"}, ("mesh", "file"), "part.msh"),
     "no such step": ({"mesh": "mesh: {step: part.stp, h: 1}"}, ("mesh", "step"), "part.stp"),
+    "fraction beside a fixed error": ({"method": "method: {tolerance: {error: 1.0e-6, fraction: 0.1}}"},
+                                      ("method", "tolerance", "fraction"), "fraction beside error: auto only"),
     "h without step": ({"mesh": "mesh: {box: {size: [1, 1, 1], cells: [1, 1, 1]}, h: 1}"}, ("mesh", "h"), "h beside step only"),
     "scale 0": ({"mesh": "mesh: {scale: 0, box: {size: [1, 1, 1], cells: [1, 1, 1]}}"}, ("mesh", "scale"), "> 0"),
     "cells 0": ({"mesh": "mesh: {box: {size: [1, 1, 1], cells: [1, 0, 1]}}"}, ("mesh", "box", "cells", 1), ">= 1"),

@@ -72,15 +72,7 @@ def make_blackbox(settings: Settings | Sequence[Settings], used: Iterable[int] |
     """
     if not isinstance(settings, Sequence):
         return _prepared(settings, ("blackbox",))()
-    used = sorted(range(len(settings)) if used is None else set(used)) or [0]
-    problems, starters = [], {}
-    for index in used:
-        try:
-            starters[index] = _prepared(settings[index], ("blackbox", index) if len(settings) > 1 else ("blackbox",))
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
+    starters = _all_prepared(settings, range(len(settings)) if used is None else used)
     if len(settings) == 1:
         return starters[0]()
     pools: dict[int, Pool] = {}
@@ -92,6 +84,24 @@ def make_blackbox(settings: Settings | Sequence[Settings], used: Iterable[int] |
             pool.close()
         raise
     return Routed(pools)
+
+
+def check_codes(settings: Sequence[Settings], used: Iterable[int]) -> None:
+    """Check the entries of a list that have a model as ``make_blackbox`` does, and start nothing."""
+    _all_prepared(settings, used)
+
+
+def _all_prepared(settings: Sequence[Settings], used: Iterable[int]) -> dict[int, Callable[[], Pool]]:
+    """Per entry that is used, what starts its pool; raises InputError with the problems of all."""
+    problems, starters = [], {}
+    for index in sorted(set(used)) or [0]:
+        try:
+            starters[index] = _prepared(settings[index], ("blackbox", index) if len(settings) > 1 else ("blackbox",))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return starters
 
 
 def _prepared(settings: Settings, path: KeyPath) -> Callable[[], Pool]:

@@ -45,6 +45,12 @@ def belongs_to(data: Any) -> Iterator[Problem]:
             if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
                 yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only",
                               f"remove {key}, or use {partner}")
+    for path, tolerance in find(data, ("method", "tolerance")):
+        if isinstance(tolerance, dict) and tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
+            fixed = next((f"{key}: {_show(tolerance[key])}" for key in ("error", "indicator")
+                          if tolerance.get(key) is not None), "no error")
+            yield Problem((*path, "fraction"), f"fraction beside {fixed}", "fraction beside error: auto only",
+                          "remove fraction, or write error: auto")
     for path, entry in find(data, ("interfaces", "*")):
         law = entry.get("law", "perfect") if isinstance(entry, dict) else None
         for key, partner in LAW_KEYS.items():

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from .base import Count, Name, Part, Positive, as_list, auto_or, either
 
 RATIO_RANGE = (1e-3, 1e2)
+FRACTION = 0.1  # of the mesh's error, for the iterations'
 
 AutoPositive = auto_or(Positive, "a number > 0")
 AutoCount = auto_or(Count, "a whole number >= 1")
@@ -66,9 +67,18 @@ class Tolerance(Part):
     error: AutoFraction | None = Field(None, description=(
         "guaranteed bound on the relative energy error, between 0 and 1; auto: a fraction of the estimated "
         "discretisation error, since nobody should pay for 1e-9 on a 3 % mesh"))
-    fraction: Fraction = Field(0.1, description=(
-        "with error: auto, the iterations' error over the mesh's; their squares add up, so that 0.1 adds half a per cent"))
+    fraction: Fraction | None = Field(None, description=(
+        f"beside error: auto only: the iterations' error over the mesh's, {FRACTION} if not given; their squares add up, "
+        "so that 0.1 adds half a per cent"))
     indicator: Positive | None = Field(None, description="the paper's indicator, a squared ratio; for studies")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fraction(cls, value: Any) -> Any:
+        """A fraction belongs to ``error: auto``, and there it has a default."""
+        if isinstance(value, dict) and value.get("error") == "auto" and value.get("fraction") is None:
+            return {**value, "fraction": FRACTION}
+        return value
 
 
 class Skip(Part):
