@@ -3,6 +3,16 @@
 from pathlib import Path
 
 import pytest
+from processes import end_all, hear_interrupts
+
+hear_interrupts()
+
+
+@pytest.fixture(autouse=True)
+def nothing_goes_on():
+    """Whatever a test that fails has started ends with it."""
+    yield
+    end_all()
 
 
 @pytest.fixture

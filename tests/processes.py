@@ -1,7 +1,44 @@
-"""Whether processes have ended."""
+"""Processes that tests start, and whether they have ended."""
 
+import os
+import signal
+import subprocess
 import time
 from pathlib import Path
+
+_begun: list[subprocess.Popen] = []
+
+
+def begin(*command: str, **options) -> subprocess.Popen:
+    """A child with its stdout as text, and its stderr too unless told otherwise; it ends with the test."""
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+    _begun.append(subprocess.Popen(command, **options))
+    return _begun[-1]
+
+
+def end_all(patience=10.0) -> None:
+    """End whatever a test that failed has left running: in good order, and if that takes too long by force."""
+    while _begun:
+        child = _begun.pop()
+        if child.poll() is not None:
+            continue
+        child.terminate()
+        try:
+            child.communicate(timeout=patience)
+        except subprocess.TimeoutExpired:
+            own_group = os.getpgid(child.pid) == child.pid
+            os.killpg(child.pid, signal.SIGKILL) if own_group else child.kill()
+            child.communicate()
+
+
+def hear_interrupts() -> None:
+    """Let children hear SIGINT even if this process was started without: they would inherit that.
+
+    Scripts start what they put in the background so. This process goes on as it was: it hears the signal and
+    does nothing, and a handler, unlike an ignored signal, is not inherited.
+    """
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, lambda number, frame: None)
 
 
 def running(pid: int) -> bool:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_case import box, forces, settings
-from processes import gone, running
+from processes import begin, gone, running
 
 from orchestrator.blackbox import workdir
 from orchestrator.blackbox.registry import make_blackbox
@@ -247,7 +247,7 @@ def program(transport="pipe", once=False):
     """A program in the middle of its solves, and the pids of its FreeFEM processes."""
     paths = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
     source = PROGRAM.format(paths=paths, transport=transport, once=once)
-    child = subprocess.Popen([sys.executable, "-c", source], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    child = begin(sys.executable, "-c", source, stderr=subprocess.DEVNULL)
     pids = [int(pid) for pid in child.stdout.readline().split()]
     return child, pids
 

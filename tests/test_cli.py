@@ -110,6 +110,15 @@ def test_errors_of_a_run_become_exit_codes(room, error, code, words):
     assert done.exit_code == code and words in done.stderr and "Traceback" not in done.stderr
 
 
+def test_what_tests_start_hears_interrupts():
+    """Also where a script has started the tests in the background, which makes them and their children deaf."""
+    child = "import signal; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
+    deaf = ("import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); sys.path.insert(0, sys.argv[1])\n"
+            "import conftest, processes; print(processes.begin(sys.executable, '-c', sys.argv[2]).communicate()[0])")
+    done = subprocess.run([sys.executable, "-c", deaf, str(ROOT / "tests"), child], capture_output=True, text=True)
+    assert done.stdout.strip() == "True"
+
+
 def test_sigterm_interrupts_in_order(room):
     room("orchestrator.run", run=lambda loaded, **options: os.kill(os.getpid(), signal.SIGTERM) or 0)
     before = signal.getsignal(signal.SIGTERM)

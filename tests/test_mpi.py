@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import gone
+from processes import begin, gone
 from ranks_case import CASES, found
 
 from orchestrator.parallel.launcher import launched, without_launcher
@@ -56,25 +56,8 @@ def environment(folder: Path | None = None) -> dict[str, str]:
     return {**os.environ, **ALLOWED, "PYTHONPATH": paths, "TERM": "dumb"} | ({"TMPDIR": str(folder)} if folder else {})
 
 
-started: list[subprocess.Popen] = []
-
-
-@pytest.fixture(autouse=True)
-def nothing_goes_on():
-    """Whatever a test that fails has started ends with it."""
-    yield
-    while started:
-        run = started.pop()
-        if run.poll() is None:
-            run.terminate()
-            run.communicate()
-
-
 def start(ranks: int, *command: str, folder: Path | None = None) -> subprocess.Popen:
-    run = subprocess.Popen([MPIEXEC, "-n", str(ranks), sys.executable, *command], env=environment(folder),
-                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    started.append(run)
-    return run
+    return begin(MPIEXEC, "-n", str(ranks), sys.executable, *command, env=environment(folder), stdin=subprocess.DEVNULL)
 
 
 def orchestrate(ranks: int, *arguments: str, folder: Path | None = None) -> subprocess.Popen:

@@ -14,6 +14,7 @@ import meshio
 import numpy as np
 import pytest
 from method_case import CLAMP, CUBES, METIS, config, method, solved
+from processes import begin
 
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.results.result import Result
@@ -104,9 +105,8 @@ def temporary(tmp_path):
 
 def launch(temporary, *arguments, **environment):
     """``orchestrator …`` as a process group of its own, as a shell would start it."""
-    return subprocess.Popen([sys.executable, "-m", "orchestrator", *map(str, arguments)], cwd=ROOT, text=True,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
-                            env={**os.environ, "TMPDIR": str(temporary), **environment})
+    return begin(sys.executable, "-m", "orchestrator", *map(str, arguments), cwd=ROOT, start_new_session=True,
+                 env={**os.environ, "TMPDIR": str(temporary), **environment})
 
 
 def ended(process, timeout=60):
