@@ -29,10 +29,11 @@ class BlockPattern:
         own = size * np.arange(bodies)[:, None] + field
         place = np.concatenate([(n * dofs[:, None, :] + dofs[:, :, None]).ravel() for dofs in (both, own)])
         places, where = np.unique(place, return_inverse=True)
-        columns, self.indices = np.divmod(places, n)
-        self.diagonal = np.flatnonzero(columns == self.indices)
-        self.indices, self.indptr = self.indices.astype(np.int32), np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
-        self.sum = sp.csr_array((np.ones(len(place)), (where, np.arange(len(place)))), shape=(len(places), len(place)))
+        columns, rows = np.divmod(places, n)  # column after column
+        self.diagonal = np.flatnonzero(columns == rows)
+        self.indices, self.indptr = rows.astype(np.int32), np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
+        self.sum = sp.csr_array((np.ones(len(place)), (where, np.arange(len(place)))),
+                                shape=(len(places), len(place)))
 
     def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
         """Entries of the matrix, column after column.

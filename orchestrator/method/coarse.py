@@ -139,7 +139,7 @@ class CoarseCorrection:
         return Admissible(s, u, fields.alpha, w, f)
 
     def _independent(self, fields: np.ndarray, k) -> np.ndarray:
-        """(own bodies, 12, 12) R that makes U = fields R orthonormal per body, UᵀkU = 1; what is dependent becomes zero.
+        """(own bodies, 12, 12) R that makes U = fields R orthonormal, UᵀkU = 1; what is dependent becomes zero.
 
         On a body that has a single plane interface, the gradients along its normal are.
         """

@@ -24,7 +24,7 @@ from orchestrator.method.stale_factors import StaleFactors
 from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
-SERVED, SLOW, IDLE = 0.1, 0.9, 2  # reduced this much, a solve ends after two steps that gain less than a tenth
+SLOW, IDLE = 0.9, 2  # two steps that gain less than a tenth each end a solve, or have a body settle
 MAX_STEPS = 20
 FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
@@ -101,7 +101,8 @@ class CoarseProblem:
     newton_steps : Newton steps taken so far
     """
 
-    def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray]):
+    def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray,
+                 W: list[np.ndarray]):
         self.team, self.bodies, self.own, self.fields = team, bodies, np.asarray(own, dtype=int), fields
         self.K0, self.W, pairs = K0, W, fields.pairs
         self.firsts, self.seconds = fields.bodies.T
@@ -143,10 +144,11 @@ class CoarseProblem:
                 worst = self._dominating(rho, size)
                 if worst is not None and worst not in settled and len(settled) < FEW:
                     settled.append(worst)
-                    y = y + self._settle(worst, F0 + self.fields.spread(y), previous, rho, SETTLED * REDUCTION * start, radius)
+                    F, goal = F0 + self.fields.spread(y), SETTLED * REDUCTION * start
+                    y = y + self._settle(worst, F, previous, rho, goal, radius)
                     rho = at.residual(y)
                     size, delta, matrix, idling, before = np.linalg.norm(rho), LEVENBERG, None, 0, np.inf
-                elif size <= SERVED * start:
+                else:
                     break
             self.newton_steps += 1
             if matrix is None:

@@ -56,7 +56,8 @@ class Pairs:
 
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law."""
-        parts = [(part, LAWS[law](points, F[:, part], previous[:, part], derivative)) for law, part, points in self._runs]
+        parts = [(part, LAWS[law](points, F[:, part], previous[:, part], derivative))
+                 for law, part, points in self._runs]
         if not parts:
             return _nothing(derivative)
         if len(parts) == 1 and self._all_free:
@@ -77,7 +78,7 @@ class Pairs:
                        tied=self.tied[:0], targets=self.targets[:0], tie_stiffness=self.tie_stiffness[:0], **kept)
 
     def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """(P,) bool, pairs that carry no force as long as the normal part of F changes by no more than ``change`` (P,)."""
+        """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
         return self.force(F - change * self.points.normal, np.zeros_like(F)).status == OPEN
 
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
