@@ -66,3 +66,5 @@ if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
         --constraint constraints.txt --editable '.[test,mpi]'
     echo "$wanted" > .venv/stamp
 fi
+# Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.
+.venv/bin/python -m compileall -q orchestrator

@@ -76,16 +76,17 @@ def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[V
     sharp = surface.sharp_edges(drawn.nodes, faces)
     lines = np.concatenate([pairs[owner[neighbours[:, 0]] != owner[neighbours[:, 1]]], sharp])
     if drawn is not fields:  # the outline is the whole structure's
-        sharp = surface.sharp_edges(fields.nodes, surface.outer_faces(fields.cells)[0])
+        whole = fields.numbering.nodes[faces]
+        sharp = surface.sharp_edges(fields.nodes, whole[surface.alone(whole.T)])
     outline = fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
 
     moved, stress = {}, {}
     for step in steps:
         moved[step] = drawn.nodes + factor * drawn.displacement[step]
-        average, node, corner = recovery.nodal_average(
+        stress[step], node, corner = recovery.nodal_average(
             drawn.cells, drawn.nodal_von_mises(step), drawn.volumes, drawn.material)
-        used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
-        stress[step] = average[used]
+    used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
+    stress = {step: average[used] for step, average in stress.items()}
     triangles, node = triangles.reshape(-1, 3), node[used]
     camera = shaped(surface.Camera.framing(
         np.concatenate([*(moved[step][node] for step in steps), outline.reshape(-1, 3)])))

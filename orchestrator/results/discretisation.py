@@ -54,7 +54,8 @@ class Estimator:
     ----------
     cells : (m, p) int, nodes of the cells, subdomain after subdomain, each with its own nodes; order : (m,) int, the
         mesh's index of each
-    gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions; node : (K,) int, see ``recovered``
+    gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
+    node : (K,) int, see ``recovered``; corner : (p, m) int, the index into it of each cell's nodes
     """
 
     def __init__(self, scene: Scene):
@@ -64,20 +65,22 @@ class Estimator:
         self.cells = np.concatenate([s.connectivity + a for s, a in zip(scene.subdomains, offsets)])
         nodes = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
         self.gradients, self.volumes = shape_gradients(nodes, self.cells)
-        self.lame = np.array([m.lame for m in scene.materials])[scene.cell_material[self.order]]
+        lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[self.order]
+        self.lame = lame[material]
 
         bonded = [i for i in scene.interfaces if i.law == "perfect"]
         one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
                     for side in (0, 1))
         joined = components(one, two, len(nodes))[1]
         # what counts is whether the moduli differ, not whether the configuration lists them apart
-        matter = np.unique(np.ascontiguousarray(self.lame).view(complex).ravel(), return_inverse=True)[1]
-        keys = joined[self.cells] * (int(matter.max()) + 1) + matter[:, None]
-        self.corner = np.unique(keys, return_inverse=True)[1].reshape(self.cells.shape)
+        matters, matter = np.unique(lame, axis=0, return_inverse=True)
+        keys = joined[self.cells.T] * len(matters) + matter.ravel()[material]
+        occurs = np.zeros(int(keys.max()) + 1, dtype=bool)
+        occurs[keys] = True
+        self.corner = (np.cumsum(occurs) - 1)[keys]
         self.node = np.empty(self.corner.max() + 1, dtype=int)
-        self.node[self.corner] = np.concatenate([s.nodes for s in scene.subdomains])[self.cells]
-        self.share = np.repeat(self.volumes, self.cells.shape[1])
-        self.weight = np.bincount(self.corner.ravel(), self.share)
+        self.node[self.corner] = np.concatenate([s.nodes for s in scene.subdomains])[self.cells.T]
+        self.weight = self._sum(np.ones((1, len(self.cells))))
         self.product = _mean_products(self.cells.shape[1])
 
     def __call__(self, sides: Sequence[np.ndarray]) -> Estimate:
@@ -105,26 +108,24 @@ class Estimator:
         return np.array([self._squares(self._stress(u))[1].sum() for u in np.concatenate(sides, axis=1)])
 
     def _stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(6, m, p) stress at the cells' own p nodes."""
+        """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all."""
         ten = self.cells.shape[1] == 10
-        corners = [stress(strain(self.gradients, self.cells, displacement, at), self.lame).T
-                   for at in (np.eye(4) if ten else [CENTRE])]
-        corners = np.stack(corners, axis=-1)
-        if not ten:
-            return np.broadcast_to(corners, (*corners.shape[:2], 4))
-        return np.concatenate([corners, corners[:, :, TET_EDGES].mean(axis=-1)], axis=-1)
+        corners = np.stack([stress(strain(self.gradients, self.cells, displacement, at), self.lame).T
+                            for at in (np.eye(4) if ten else [CENTRE])], axis=1)
+        return np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1) if ten else corners
 
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, m, p).
+        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, p or 1, m).
 
         C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ
         """
         first, second = self.lame.T
         dilation = first / (3 * first + 2 * second)
         error, energy = np.zeros((2, len(self.cells)))
-        trace = np.zeros(self.cells.shape)
+        trace, gap = np.zeros((2, *self.corner.shape))
         for component, weight in zip(sigma, _WEIGHT):
-            gap = self._mean(component)[self.corner] - component
+            self._mean(component).take(self.corner, out=gap, mode="clip")  # no index is beyond: that is fastest
+            gap -= component
             error += weight * self._mean_square(gap)
             energy += weight * self._mean_square(component)
             if weight == 1:
@@ -135,12 +136,17 @@ class Estimator:
         return np.maximum(error, 0.0) * scale, energy * scale
 
     def _mean(self, component: np.ndarray) -> np.ndarray:
-        """(K,) nodal means of (m, p)."""
-        return np.bincount(self.corner.ravel(), self.share * component.ravel()) / self.weight
+        """(K,) nodal means of (p or 1, m)."""
+        return self._sum(component) / self.weight
+
+    def _sum(self, values: np.ndarray) -> np.ndarray:
+        """(K,) nodal sums of (p or 1, m), weighted by volume."""
+        shares = np.broadcast_to(self.volumes * values, self.corner.shape)
+        return sum(np.bincount(nodes, share, len(self.node)) for nodes, share in zip(self.corner, shares))
 
     def _mean_square(self, values: np.ndarray) -> np.ndarray:
-        """(m,) mean over each cell of the square of the function with these nodal values (m, p)."""
-        return np.sum((values @ self.product) * values, axis=1)
+        """(m,) mean over each cell of the square of the function with these nodal values (p or 1, m)."""
+        return values[0] ** 2 if len(values) == 1 else np.einsum("pm,pm->m", self.product @ values, values)
 
 
 def _mean_products(count: int) -> np.ndarray:

@@ -23,6 +23,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.results import stress as recovery
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.interface_files import pvd, write_interfaces
+from orchestrator.results.vtu import write_vtu
 from orchestrator.scene.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.quadratic import TET_EDGES
 
@@ -179,16 +180,11 @@ def write_npz(folder: ResultsFolder, fields: Fields) -> Path:
 
 
 def _write_vtu(folder: ResultsFolder, name: str, fields: Fields, step: int) -> None:
-    import meshio
-
     sigma = fields.stress(step)
     ten = fields.cells.shape[1] == 10
-    peak = {"von_mises_max": [fields.nodal_von_mises(step).max(axis=1)]} if ten else {}
-    estimated = {} if fields.discretisation_error is None else {_ERROR: [fields.discretisation_error[step]]}
-    grid = meshio.Mesh(
-        fields.nodes, [("tetra10" if ten else "tetra", fields.cells)],
-        point_data={"displacement": fields.displacement[step]},
-        cell_data={"stress": [sigma], "von_mises": [recovery.von_mises(sigma)], **peak,
-                   "subdomain": [fields.subdomain.astype(np.int32)], **estimated})
+    peak = {"von_mises_max": fields.nodal_von_mises(step).max(axis=1)} if ten else {}
+    estimated = {} if fields.discretisation_error is None else {_ERROR: fields.discretisation_error[step]}
     with folder.replacing(name) as temporary:
-        meshio.vtu.write(temporary, grid, binary=True, compression=None)
+        write_vtu(temporary, fields.nodes, fields.cells, {"displacement": fields.displacement[step]},
+                  {"stress": sigma, "von_mises": recovery.von_mises(sigma), **peak,
+                   "subdomain": fields.subdomain.astype(np.int32), **estimated})

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.vtu import write_vtu
 
 if TYPE_CHECKING:
     from orchestrator.method.interface_fields import InterfaceFields
@@ -32,20 +33,16 @@ def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: Inter
     ------
     InputError : disk full or folder not writable
     """
-    import meshio
-
     names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
     for step, name in enumerate(names):
-        grid = meshio.Mesh(
-            nodes[interfaces.nodes], [("triangle", interfaces.triangles)],
-            point_data={"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
-                        "gap": interfaces.gap[step], "slip": interfaces.slip[step],
-                        "pressure": interfaces.pressure[step],
-                        "friction_traction": interfaces.friction_traction[step],
-                        "status": interfaces.status[step].astype(np.int32)},
-            cell_data={"interface": [interfaces.owner.astype(np.int32)]})
         with folder.replacing(f"fields/{name}") as temporary:
-            meshio.vtu.write(temporary, grid, binary=True, compression=None)
+            write_vtu(temporary, nodes[interfaces.nodes], interfaces.triangles,
+                      {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
+                       "gap": interfaces.gap[step], "slip": interfaces.slip[step],
+                       "pressure": interfaces.pressure[step],
+                       "friction_traction": interfaces.friction_traction[step],
+                       "status": interfaces.status[step].astype(np.int32)},
+                      {"interface": interfaces.owner.astype(np.int32)})
     folder.write(PVD_NAME, pvd(names))
 
 

@@ -1,7 +1,8 @@
 """Strain, stress and von Mises stress of four- and ten-node tetrahedra from nodal displacements.
 
 Six components are in VTK's order xx, yy, zz, xy, yz, xz; shear strains are tensor
-components ε_xy (half the engineering γ_xy).
+components ε_xy (half the engineering γ_xy). In memory each component of all cells lies together,
+whatever the order of the axes: long operations instead of many small products.
 """
 
 from __future__ import annotations
@@ -26,14 +27,17 @@ def shape_gradients(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, n
     -------
     gradients : (m, 4, 3), 1/length; volumes : (m,), positive for positively oriented tets
     """
-    corners = nodes[cells[:, :4]]
+    corners = nodes.T.take(cells[:, :4].T, axis=1)
     a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
-    gradients = np.empty((len(cells), 4, 3))
-    gradients[:, 1], gradients[:, 2], gradients[:, 3] = np.cross(b, c), np.cross(c, a), np.cross(a, b)
-    six_volumes = np.einsum("ij,ij->i", a, gradients[:, 1])
-    gradients[:, 1:] /= six_volumes[:, None, None]
-    gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
-    return gradients, six_volumes / 6.0
+    gradients = np.empty((4, 3, len(cells)))
+    for one, (p, q) in zip(gradients[1:], ((b, c), (c, a), (a, b))):
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            np.subtract(p[y] * q[z], p[z] * q[y], out=one[x])
+    six_volumes = (a * gradients[1]).sum(axis=0)
+    gradients[1:] /= six_volumes
+    np.negative(gradients[1:].sum(axis=0), out=gradients[0])
+    return gradients.transpose(2, 0, 1), six_volumes / 6.0
 
 
 def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, at: np.ndarray = CENTRE) -> np.ndarray:
@@ -48,11 +52,18 @@ def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, a
     -------
     (m, 6)
     """
-    u = displacement[cells].transpose(0, 2, 1)
+    u = displacement.T.take(cells.T, axis=1)
     if cells.shape[1] == 10:
-        u = u @ _slopes(at)
-    gradient = np.matmul(u, gradients)  # [cell, i, j] = ∂u_i/∂x_j
-    return 0.5 * (gradient[:, _ROW, _COLUMN] + gradient[:, _COLUMN, _ROW])
+        u = _slopes(at).T @ u
+    slopes = gradients.transpose(1, 2, 0)
+
+    def slope(i: int, j: int) -> np.ndarray:  # ∂u_i/∂x_j
+        return np.einsum("km,km->m", u[i], slopes[:, j])
+
+    epsilon = np.empty((6, len(cells)))
+    for row, i, j in zip(epsilon, _ROW, _COLUMN):
+        row[:] = slope(i, j) if i == j else 0.5 * (slope(i, j) + slope(j, i))
+    return epsilon.T
 
 
 def _slopes(at: np.ndarray) -> np.ndarray:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.scene.faces import LOCAL_FACES as _FACES
+from orchestrator.scene.faces import MAX_NODES
 from orchestrator.scene.quadratic import TET_EDGES
 
-# the face opposite each corner, oriented outward for positively oriented tets
-_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-# the same face cut at the middles of its edges: (4, 4, 3)
+# the four faces of a tet, each cut at the middles of its edges: (4, 4, 3)
 _MIDDLE = {frozenset(ends): 4 + i for i, ends in enumerate(TET_EDGES.tolist())}
 _QUARTERS = np.array([[[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
                       for a, b, c in _FACES.tolist()
@@ -29,22 +29,28 @@ def outer_faces(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     triangles : (k, 3) node ids, oriented outward
     cell : (k,) the tet of each; local : (k, 3) the triangle's nodes within that tet
     """
-    faces = cells[:, _FACES].reshape(-1, 3)
-    ordered = np.sort(faces, axis=1).astype(np.int64)
-    count = int(faces.max()) + 1
-    if count < 2_000_000:  # three node ids fit in one 64-bit number: sorting that is much faster
-        key = (ordered[:, 0] * count + ordered[:, 1]) * count + ordered[:, 2]
-        order = np.argsort(key)
-        differs = key[order[1:]] != key[order[:-1]]
-    else:
-        order = np.lexsort(ordered.T)
-        differs = (ordered[order[1:]] != ordered[order[:-1]]).any(axis=1)
-    alone = np.concatenate([[True], differs]) & np.concatenate([differs, [True]])
-    chosen = np.sort(order[alone])
-    if cells.shape[1] == 4:
-        return faces[chosen], chosen // 4, _FACES[chosen % 4]
-    cell, local = np.repeat(chosen // 4, 4), _QUARTERS[chosen % 4].reshape(-1, 3)
+    chosen = np.flatnonzero(alone(cells.T[_FACES.T]).T)  # tet after tet
+    cell, local = chosen // 4, _FACES[chosen % 4]
+    if cells.shape[1] == 10:
+        cell, local = np.repeat(cell, 4), _QUARTERS[chosen % 4].reshape(-1, 3)
     return cells[cell[:, None], local], cell, local
+
+
+def alone(triangles: np.ndarray) -> np.ndarray:
+    """(...) bool, which triangles (3, ...) have nodes that no other one has."""
+    a, b, c = triangles.reshape(3, -1)
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    middle, count = a + b + c - low - high, int(high.max()) + 1
+    if count <= MAX_NODES:  # three node ids fit in one 64-bit number: sorting that is much faster
+        key = (low * np.int64(count) + middle) * count + high
+        order = np.argsort(key)
+        differs = np.diff(key[order]) != 0
+    else:
+        order = np.lexsort((low, middle, high))
+        differs = np.any([np.diff(ids[order]) != 0 for ids in (low, middle, high)], axis=0)
+    result = np.empty(len(order), dtype=bool)
+    result[order] = np.concatenate([[True], differs]) & np.concatenate([differs, [True]])
+    return result.reshape(triangles.shape[1:])
 
 
 def edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
