@@ -67,4 +67,4 @@ if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
     echo "$wanted" > .venv/stamp
 fi
 # Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.
-.venv/bin/python -m compileall -q orchestrator
+.venv/bin/python -m compileall -q orchestrator || true
