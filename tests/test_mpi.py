@@ -226,4 +226,7 @@ def test_ranks_get_equal_cost_and_neighbours():
     load = np.bincount(owner, weights=costs, minlength=4)
     assert load.max() <= 1.15 * load.mean()
     assert (owner[chain[:, 0]] != owner[chain[:, 1]]).sum() <= 5
+    for dofs in (np.linspace(10, 1000, n - 1), np.linspace(1000, 10, n - 1)):  # rank 0 has other work too
+        owner = owners(np.ones(n), chain, dofs, 2)
+        assert owner[np.argmin(dofs)] == 0 and owner[np.argmax(dofs)] == 1
     assert sorted(owners([1.0, 5.0, 1.0], np.array([[0, 1], [1, 2]]), [10, 10], 3)) == [0, 1, 2]

@@ -23,7 +23,8 @@ from mpi4py import MPI
 from orchestrator.errors import OrchestratorError
 from orchestrator.parallel.team import Elsewhere, Team
 
-_TRACES, _FAILURE = 1, 2  # tags
+_TRACES, _FAILURE, _GATHER = 1, 2, 3  # tags
+_SHORT = 1 << 15  # bytes that travel together with their number
 _EAGER = 50e-6  # seconds of polling without a nap
 _NAPS = (20e-6, 1e-3)  # shortest and longest
 _LISTENING = 0.1  # seconds between two looks for failures elsewhere
@@ -91,12 +92,19 @@ class Ranks(Team):
         return self._unpacked(everyone, lengths)
 
     def gather(self, part: Any) -> list[Any] | None:
-        mine = np.frombuffer(pickle.dumps(part), np.uint8)
-        lengths = np.empty(self.size, np.int64)
-        self._wait(self._world.Iallgather(np.array([len(mine)], np.int64), lengths))
-        everyone = np.empty(lengths.sum() if self.rank == 0 else 0, np.uint8)
-        self._wait(self._world.Igatherv(mine, [everyone, lengths] if self.rank == 0 else None, root=0))
-        return self._unpacked(everyone, lengths) if self.rank == 0 else None
+        packed = pickle.dumps(part)
+        if self.rank:
+            self._wait(self._world.Isend(np.frombuffer(packed, np.uint8), 0, _GATHER))
+            return None
+        return [part] + [pickle.loads(self._received(rank)) for rank in range(1, self.size)]
+
+    def _received(self, rank: int) -> np.ndarray:
+        """The next part that a rank has sent, of whatever length."""
+        status = MPI.Status()
+        self._poll(lambda: self._world.Iprobe(rank, _GATHER, status))
+        packed = np.empty(status.Get_count(MPI.BYTE), np.uint8)
+        self._wait(self._world.Irecv(packed, rank, _GATHER))
+        return packed
 
     def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:
         mine = np.array(part, float).ravel()
@@ -111,12 +119,20 @@ class Ranks(Team):
         return result
 
     def share(self, thing: Any) -> Any:
-        mine = np.frombuffer(pickle.dumps(thing) if self.rank == 0 else b"", np.uint8)
-        length = np.array([len(mine)], np.int64)
-        self._wait(self._world.Ibcast(length, root=0))
-        packed = mine.copy() if self.rank == 0 else np.empty(length[0], np.uint8)
-        self._wait(self._world.Ibcast(packed, root=0))
-        return thing if self.rank == 0 else pickle.loads(packed.tobytes())
+        # length and beginning in one message, which is all for most things
+        first, packed = np.zeros(8 + _SHORT, np.uint8), np.empty(0, np.uint8)
+        if self.rank == 0:
+            packed = np.frombuffer(pickle.dumps(thing), np.uint8).copy()
+            first[:8] = np.array([len(packed)]).view(np.uint8)
+            first[8 : 8 + len(packed)] = packed[:_SHORT]
+        self._wait(self._world.Ibcast(first, root=0))
+        length = int(first[:8].view(np.int64)[0])
+        if self.rank:
+            packed = np.empty(length, np.uint8)
+            packed[:_SHORT] = first[8 : 8 + length]
+        if length > _SHORT:
+            self._wait(self._world.Ibcast(packed[_SHORT:], root=0))
+        return thing if self.rank == 0 else pickle.loads(packed)
 
     def cores(self) -> float:
         """Each core is shared evenly by the ranks of this node that may use it."""
@@ -132,14 +148,17 @@ class Ranks(Team):
 
     def _wait(self, request) -> None:
         self._open.setdefault(id(request), request)
+        self._poll(request.Test)
+        self._open.pop(id(request), None)
+
+    def _poll(self, arrived: Callable[[], bool]) -> None:
         begin, nap = time.perf_counter(), _NAPS[0]
-        while not request.Test():
+        while not arrived():
             if self._heard is not None:
                 self._leave()
             if time.perf_counter() - begin > _EAGER:
                 time.sleep(nap)
                 nap = min(1.5 * nap, _NAPS[1])
-        self._open.pop(id(request), None)
         self.waited += time.perf_counter() - begin
 
     @contextmanager

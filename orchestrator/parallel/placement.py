@@ -23,7 +23,8 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
 
     Returns
     -------
-    (n,) int, the rank of each subdomain; every rank has some
+    (n,) int, the rank of each subdomain; every rank has some. Rank 0, which also solves the coarse problems and
+    writes, has the part with the fewest interface dofs
     """
     costs = np.asarray(costs, float)
     n = len(costs)
@@ -41,4 +42,5 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
             spare = np.bincount(owner, minlength=ranks) > 1
             richest = np.flatnonzero(owner == np.argmax(np.where(spare, load, -1.0)))
             owner[richest[np.argmin(costs[richest])]] = rank
-    return owner
+    lightest = np.argmin(np.bincount(owner[np.r_[one, two]], weights=np.tile(dofs, 2), minlength=ranks))
+    return np.where(owner == lightest, 0, np.where(owner == 0, lightest, owner))
