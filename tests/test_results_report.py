@@ -11,11 +11,13 @@ import sys
 import numpy as np
 import pytest
 import results_case as case
+from processes import gone
 from rich.console import Console
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
 from orchestrator.results import deformed, surface
+from orchestrator.results.artist import Artist
 from orchestrator.results.drawing import Drawing
 from orchestrator.results.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
@@ -196,3 +198,29 @@ def test_time_left():
     assert seconds_left(seconds, values, 1e-2) == 0.0
     assert math.isnan(seconds_left(seconds, [1, 2, 3, 4], 1e-6)) and math.isnan(seconds_left([0], [1], 1e-6))
     assert fraction_done(values, 1e-6) == pytest.approx(0.5) and fraction_done([math.nan], 1e-6) == 0
+
+
+def test_another_process_draws(tmp_path):
+    """It tells what hinders it; where it dies, this process draws; it does not outlive its job."""
+    folder = ResultsFolder(tmp_path)
+    job = folder, case.summary(), case.history(), None
+    with Artist() as artist:
+        artist.begin(*job)
+        artist.finish()
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"convergence.png", "time.png"}
+
+    shutil.rmtree(tmp_path / "figures")
+    with Artist() as artist:
+        artist._process.kill()
+        artist.begin(*job)
+        artist.finish()
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"convergence.png", "time.png"}
+
+    shutil.rmtree(tmp_path / "figures")
+    folder.write("figures", "in the way")
+    with Artist() as artist, pytest.raises(InputError, match="cannot write figures"):
+        artist.begin(*job)
+        artist.finish()
+    with Artist() as artist:
+        pass
+    assert gone([artist._process.pid])
