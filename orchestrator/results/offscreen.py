@@ -95,6 +95,7 @@ def draw(job: dict[str, np.ndarray], window: object) -> np.ndarray:
     grab = vtkWindowToImageFilter()
     grab.SetInput(window)
     grab.ReadFrontBufferOff()
+    grab.ShouldRerenderOff()  # it has just been rendered
     grab.Update()
     window.RemoveRenderer(renderer)
     pixels = vtk_to_numpy(grab.GetOutput().GetPointData().GetScalars())
