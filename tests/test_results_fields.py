@@ -69,10 +69,10 @@ def test_nodal_average_does_not_mix_materials():
     group = case.slices(mesh, 2)
     volumes = recovery.shape_gradients(mesh.nodes, mesh.cells)[1]
     values = np.where(group == 1, 7.0, 3.0)
-    average, node, corner = recovery.nodal_average(mesh.cells, np.tile(values[:, None], 4), volumes, group)
-    np.testing.assert_allclose(average[corner], values[:, None] * np.ones(4), rtol=1e-14)
+    average, node, corner = recovery.nodal_average(mesh.cells, [np.tile(values[:, None], 4)], volumes, group)
+    np.testing.assert_allclose(average[0][corner], values[:, None] * np.ones(4), rtol=1e-14)
     np.testing.assert_array_equal(node[corner], mesh.cells)
-    assert len(average) == len(mesh.nodes) + 9  # the 3 × 3 nodes between the halves count twice
+    assert average.shape == (1, len(mesh.nodes) + 9)  # the 3 × 3 nodes between the halves count twice
 
 
 def test_field_files_round_trip(tmp_path):

@@ -80,13 +80,11 @@ def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[V
         sharp = surface.sharp_edges(fields.nodes, whole[surface.alone(whole.T)])
     outline = fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
 
-    moved, stress = {}, {}
-    for step in steps:
-        moved[step] = drawn.nodes + factor * drawn.displacement[step]
-        stress[step], node, corner = recovery.nodal_average(
-            drawn.cells, drawn.nodal_von_mises(step), drawn.volumes, drawn.material)
+    moved = {step: drawn.nodes + factor * drawn.displacement[step] for step in steps}
+    average, node, corner = recovery.nodal_average(
+        drawn.cells, map(drawn.nodal_von_mises, steps), drawn.volumes, drawn.material)
     used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
-    stress = {step: average[used] for step, average in stress.items()}
+    stress = dict(zip(steps, average[:, used]))
     triangles, node = triangles.reshape(-1, 3), node[used]
     camera = shaped(surface.Camera.framing(
         np.concatenate([*(moved[step][node] for step in steps), outline.reshape(-1, 3)])))

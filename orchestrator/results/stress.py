@@ -7,6 +7,8 @@ whatever the order of the axes: long operations instead of many small products.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from orchestrator.scene.quadratic import TET_EDGES
@@ -98,7 +100,7 @@ def von_mises(sigma: np.ndarray) -> np.ndarray:
     return np.sqrt(0.5 * (differences**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1))
 
 
-def nodal_average(cells: np.ndarray, values: np.ndarray, volumes: np.ndarray,
+def nodal_average(cells: np.ndarray, values: Iterable[np.ndarray], volumes: np.ndarray,
                   group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Volume-weighted average of the cells' values at their nodes, one value per node and group.
 
@@ -106,13 +108,13 @@ def nodal_average(cells: np.ndarray, values: np.ndarray, volumes: np.ndarray,
 
     Parameters
     ----------
-    cells : (m, p) int; values : (m, p); volumes : (m,); group : (m,) int, e.g. the material
+    cells : (m, p) int; values : (m, p) each, of T load steps; volumes : (m,); group : (m,) int, e.g. the material
 
     Returns
     -------
-    average : (k,), one per pair of node and group that occurs
+    average : (T, k), one per pair of node and group that occurs
     node : (k,) int, the node of each
-    corner : (m, p) int, index into ``average`` of every cell's nodes
+    corner : (m, p) int, index into a row of ``average`` of every cell's nodes
     """
     count = int(cells.max()) + 1
     key = group.astype(np.int64)[:, None] * count + cells
@@ -121,6 +123,6 @@ def nodal_average(cells: np.ndarray, values: np.ndarray, volumes: np.ndarray,
     pairs = np.flatnonzero(present)
     position = np.cumsum(present) - 1
     corner = position[key]
-    weight = np.bincount(corner.ravel(), np.repeat(volumes, cells.shape[1]), len(pairs))
-    total = np.bincount(corner.ravel(), (volumes[:, None] * values).ravel(), len(pairs))
-    return total / weight, pairs % count, corner
+    weight = np.bincount(corner.ravel(), np.repeat(volumes, cells.shape[1]))
+    totals = [np.bincount(corner.ravel(), (volumes[:, None] * one).ravel()) for one in values]
+    return np.array(totals) / weight, pairs % count, corner
