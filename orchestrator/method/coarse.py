@@ -96,7 +96,7 @@ class CoarseCorrection:
         # (P, 3, 24): the fields of the first body, then of the second
         L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
                                            -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
-        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R)), L.astype(np.float32),
+        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R)), L,
                               np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2))
         self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
                                      [self.response.W[part] for part in self.parts])

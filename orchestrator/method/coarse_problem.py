@@ -109,7 +109,7 @@ class CoarseProblem:
         self.counted = np.flatnonzero(np.isin(self.firsts, own))  # interfaces that this rank adds up
         counted = [pairs.interfaces[i] for i in self.counted]
         everyones = sum(team.all_gather([(i.law, i.index, *i.subdomains) for i in counted]), [])
-        # the order in which blocks are added must not depend on the ranks: single precision shows it
+        # the order in which blocks are added must not depend on the ranks
         self.order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([everyones[i][2:] for i in self.order], dtype=int).reshape(-1, 2)
         self.pattern = BlockPattern(ends, bodies, FIELDS) if team.rank == 0 else None

@@ -30,8 +30,7 @@ class PairFields:
     pairs : P of the node pairs, of I interfaces
     phi : (P, m) monomials
     A : (I, 3m, 24), components outside, from the fields of the first body, then of the second, to the monomials of T
-    L : (P, 3, 24) single precision, what the predicted force F changes with the fields: it always multiplies
-        their change, which is small in the end
+    L : (P, 3, 24) what the predicted force F changes with the fields
     bodies : (I, 2) int
     """
 
@@ -47,8 +46,8 @@ class PairFields:
 
     def spread(self, y: np.ndarray) -> np.ndarray:
         """(3, P) L y of the fields y (bodies, 12)."""
-        both, L = self.both(y).astype(np.float32), self.L.reshape(-1, 2 * FIELDS)
-        result = np.empty(len(L), np.float32)
+        both, L = self.both(y), self.L.reshape(-1, 2 * FIELDS)
+        result = np.empty(len(L))
         for v, a, b in self._each(both, 3):
             np.dot(L[a:b], v, out=result[a:b])
         return result.reshape(-1, 3).T
@@ -63,17 +62,17 @@ class PairFields:
         return np.einsum("iaf,ia->if", self.A, moments.reshape(len(self.A), -1))
 
     def slopes(self, answer: Answer) -> np.ndarray:
-        """(I, 24, 24) ΣTᵀ (∂f̂/∂F) L, single precision: a Newton matrix need not be better than its step."""
+        """(I, 24, 24) ΣTᵀ (∂f̂/∂F) L."""
         count, m = self.phi.shape
-        slope = np.zeros((3, 3, count), np.float32)
+        slope = np.zeros((3, 3, count))
         slope[:, :, answer.active] = answer.derivative
         weights = (slope[:, None] * self._phi_rows[:, None]).reshape(3 * m, 3, count)
         weights = np.ascontiguousarray(weights.transpose(2, 1, 0)).reshape(3 * count, 3 * m)
         L = self.L.reshape(-1, 2 * FIELDS)
-        sums = np.zeros((len(self.A), 3 * m, 2 * FIELDS), np.float32)
+        sums = np.zeros((len(self.A), 3 * m, 2 * FIELDS))
         for s, a, b in self._each(sums, 3):
             np.dot(weights[a:b].T, L[a:b], out=s)
-        return self._A_single @ sums
+        return self.A.swapaxes(1, 2) @ sums
 
     def at_pairs(self) -> np.ndarray:
         """(P, 3, 24) T."""
@@ -83,7 +82,7 @@ class PairFields:
     @cached_property
     def normal_size(self) -> np.ndarray:
         """(P,) Euclidean norm of n·L: the most that the normal force changes with fields of that size."""
-        along = np.einsum("ip,pif->pf", self.pairs.points.normal.astype(np.float32), self.L)
+        along = np.einsum("ip,pif->pf", self.pairs.points.normal, self.L)
         return np.linalg.norm(along, axis=1)
 
     @cached_property
@@ -96,11 +95,7 @@ class PairFields:
 
     @cached_property
     def _phi_rows(self) -> np.ndarray:
-        return np.ascontiguousarray(self.phi.T, dtype=np.float32)
-
-    @cached_property
-    def _A_single(self) -> np.ndarray:
-        return np.ascontiguousarray(self.A.transpose(0, 2, 1), dtype=np.float32)
+        return np.ascontiguousarray(self.phi.T)
 
     def _each(self, values: np.ndarray, rows: int):
         """Per interface that has pairs: its entry of the values, its first and last row."""
