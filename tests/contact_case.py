@@ -14,6 +14,7 @@ from orchestrator.config import Config
 from orchestrator.method.traces import TraceSpace
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.gmsh_session import session
 from orchestrator.scene.model import Mesh
 
 BOTTOM = {"on": {"plane": "z", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
@@ -188,9 +189,7 @@ def written(path: Path, mesh: Mesh) -> dict:
 
 def two_boxes(h: float = 0.3) -> Mesh:
     """Two boxes of 1 × 1 × 0.5, one on the other, meshed irregularly; sides named bottom, top, x, y."""
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with session():
         occ, model = gmsh.model.occ, gmsh.model
         occ.fragment([(3, occ.addBox(0, 0, 0, 1, 1, 0.5))], [(3, occ.addBox(0, 0, 0.5, 1, 1, 0.5))])
         occ.synchronize()
@@ -204,6 +203,4 @@ def two_boxes(h: float = 0.3) -> Mesh:
         for name, axis, at in (("bottom", 2, 0), ("top", 2, 1), ("x", 0, 0), ("y", 1, 0)):
             found = [number[model.mesh.getElements(2, tag)[2][0]].reshape(-1, 3) for _, tag in model.getEntities(2)]
             surfaces[name] = np.concatenate([f for f in found if np.abs(nodes[f][..., axis] - at).max() < 1e-9])
-    finally:
-        gmsh.finalize()
     return Mesh(nodes, np.concatenate(cells), np.repeat([0, 1], [len(c) for c in cells]), ["lower", "upper"], surfaces)

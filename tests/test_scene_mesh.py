@@ -1,5 +1,7 @@
 """Mesh sources: counts, volumes, names, and everything a mesh file can do wrong."""
 
+import os
+import signal
 from types import SimpleNamespace
 
 import gmsh
@@ -10,6 +12,7 @@ import pytest
 from orchestrator.errors import InputError
 from orchestrator.scene.cad import locate
 from orchestrator.scene.faces import area_vectors, faces_of, tet_volumes
+from orchestrator.scene.gmsh_session import session
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.quality import checked
 from orchestrator.scene.sources import make_mesh
@@ -102,9 +105,7 @@ def test_faces_close_and_point_outward():
 def gmsh_files(tmp_path_factory):
     """Two blocks side by side, with physical groups, in gmsh's two formats."""
     folder = tmp_path_factory.mktemp("gmsh")
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with session():
         occ, model = gmsh.model.occ, gmsh.model
         occ.fragment([(3, occ.addBox(0, 0, 0, 1, 1, 1))], [(3, occ.addBox(1, 0, 0, 1, 1, 1))])
         occ.synchronize()
@@ -120,8 +121,6 @@ def gmsh_files(tmp_path_factory):
         for version in (2.2, 4.1):
             gmsh.option.setNumber("Mesh.MshFileVersion", version)
             gmsh.write(str(folder / f"blocks{version}.msh"))
-    finally:
-        gmsh.finalize()
     return folder
 
 
@@ -271,15 +270,28 @@ def test_unreadable_model(tmp_path):
     assert not gmsh.isInitialized()
 
 
-def test_one_solid_from_brep(tmp_path):
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
+def test_gmsh_leaves_the_signals_as_they_are():
+    """It would have a broken pipe kill the program, whose message would then be missing."""
+    heard, before = [], signal.signal(signal.SIGTERM, lambda number, frame: heard.append(number))
     try:
-        gmsh.option.setNumber("General.Terminal", 0)
+        with session():
+            os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert heard == [signal.SIGTERM] * 2
+    reading, writing = os.pipe()
+    os.close(reading)
+    with pytest.raises(BrokenPipeError):
+        os.write(writing, b"nobody listens")
+    os.close(writing)
+
+
+def test_one_solid_from_brep(tmp_path):
+    with session():
         gmsh.model.occ.addBox(0, 0, 0, 1, 2, 3)
         gmsh.model.occ.synchronize()
         gmsh.write(str(tmp_path / "a.brep"))
-    finally:
-        gmsh.finalize()
     mesh, _ = make_mesh(SimpleNamespace(step=str(tmp_path / "a.brep"), h=1.0))
     assert mesh.volumes == ["solid"] and list(mesh.surfaces) == [f"solid:{k}" for k in range(1, 7)]
     assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(6)

@@ -7,6 +7,7 @@ from typing import Any
 
 import gmsh
 
+from orchestrator.scene.gmsh_session import session
 from orchestrator.studies.cases import STEEL
 
 _LENGTH, _WIDTH, _THICKNESS, _RADIUS = 100.0, 40.0, 40.0, 10.0
@@ -22,14 +23,9 @@ def bracket(folder: Path, parts: int = 64, h: float = 3.2) -> dict[str, Any]:
     h : element size; half of it around the hole
     """
     path = folder / "bracket.msh"
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)  # the same mesh at every call
+    with session():
         _mesh(h)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
     return {
         "name": f"bracket-{parts}", "mesh": {"file": str(path)}, "subdomains": {"metis": parts}, "materials": STEEL,
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
