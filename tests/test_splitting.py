@@ -132,7 +132,7 @@ def test_same_solution_with_friction_on_a_curved_surface(tmp_path, element, cell
 
 
 def test_detached_bodies_are_named_as_wholes():
-    data = {**grains(10, 0.15), "blackbox": {"workers": 2}, "method": {"max_iterations": 8}}
+    data = {**grains(10, 0.15), "blackbox": {"workers": 2}, "method": {"max_iterations": 12}}
     configs = [Config.model_validate({**data, "subdomains": {"groups": True, "split_above": above}})
                for above in (10**9, 250)]
     whole, cut = (solve(config, build_scene(config)) for config in configs)
