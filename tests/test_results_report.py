@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from rich.console import Console
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
-from orchestrator.results import deformed, surface
+from orchestrator.results import deformed, drawing, surface
 from orchestrator.results.artist import Artist
 from orchestrator.results.drawing import Drawing
 from orchestrator.results.figures import write_figures
@@ -82,6 +83,18 @@ def test_figures_are_there_and_not_blank(tmp_path, monkeypatch, painter):
     middle = picture[len(picture) // 4:-len(picture) // 3]
     coloured = np.ptp(middle, axis=2) > 40  # the structure, not lines and text
     assert coloured.mean() > 0.05 and len(np.unique(middle[coloured].round(-1), axis=0)) > 20
+
+
+def test_a_drawing_process_that_hangs_is_given_up(tmp_path, monkeypatch):
+    """Though it has not even read what to draw, which is more than a pipe takes in."""
+    sleeper = tmp_path / "sleeper"
+    sleeper.write_text("#!/bin/sh\nexec sleep 60\n")
+    sleeper.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(sleeper))
+    monkeypatch.setattr(drawing, "_PATIENCE", 0.5)
+    view = deformed.view(case.fields())
+    waiting = Drawing().begin([replace(view, lines=np.zeros((10_000, 2, 3)))])
+    assert waiting.finish() is None and gone([waiting._process.pid])
 
 
 def test_no_fields_no_history(tmp_path):

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class Drawing:
         if not environment.get("DISPLAY"):  # otherwise VTK tries X first and complains
             environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
         self._process: subprocess.Popen[bytes] | None = None
+        self._pictures: list[np.ndarray] | None = None
         try:
             self._process = subprocess.Popen([sys.executable, "-P", str(_PROGRAM)], env=environment,
                                              stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
@@ -33,23 +35,25 @@ class Drawing:
 
     def begin(self, views: Sequence[View]) -> Drawing:
         """Hands over what is to be drawn; returns this drawing."""
-        if self._process is not None:
-            try:
-                pickle.dump([_job(view) for view in views], self._process.stdin, pickle.HIGHEST_PROTOCOL)
-                self._process.stdin.flush()
-            except OSError:  # it has ended: ``finish`` tells
-                pass
+        work = pickle.dumps([_job(view) for view in views], pickle.HIGHEST_PROTOCOL)
+        self._thread = Thread(target=self._draw, args=[work], daemon=True)
+        self._thread.start()
         return self
 
     def finish(self) -> list[np.ndarray] | None:
         """(rows, columns, 3) uint8 each, or None when VTK could not draw here."""
+        self._thread.join()
+        return self._pictures
+
+    def _draw(self, work: bytes) -> None:
         if self._process is None:
-            return None
+            return
         try:
-            answer, _ = self._process.communicate(timeout=_PATIENCE)
-            return pickle.loads(answer) if self._process.returncode == 0 else None
+            answer, _ = self._process.communicate(work, timeout=_PATIENCE)
+            if self._process.returncode == 0:
+                self._pictures = pickle.loads(answer)
         except (subprocess.TimeoutExpired, OSError):
-            return None
+            pass
         finally:
             self.close()
 
