@@ -14,13 +14,15 @@ from orchestrator.studies.cases import beam, contact_defaults, cube, grains, wit
 from orchestrator.studies.commands import whole_command
 from orchestrator.studies.framework import Study
 from orchestrator.studies.polycrystal import GRAINS, H
-from orchestrator.studies.scaling import measured
+from orchestrator.studies.scaling import measured, without_ranks
 
 OVER, START = 1.5, 3.0  # limit of the wall time: times the floor, and seconds for Python and the mesh
 FACTORISATIONS = 3  # of 128 slices, of which two are ends
 CONTACT_OVER, IDLE = 1.3, 0.1  # limits with contact: times the floor without the mesh, idle share of the workers
 TOLERANCE = 1e-4  # of the law residual
-COLUMNS = ("case", "subdomains", "dofs", "iterations", "factorisations", "seconds", "mesh", "floor", "over_floor", "idle")
+RANKS = 2
+COLUMNS = ("case", "subdomains", "dofs", "iterations", "factorisations", "seconds", "mesh", "floor", "over_floor",
+           "idle")
 
 
 def run(study: Study) -> None:
@@ -33,26 +35,29 @@ def run(study: Study) -> None:
                      f"{START:g} s = {limit:.1f} s", f"{row['seconds']:.1f} s", row["seconds"] <= limit)
     count = study.rows[0]["factorisations"]
     study.target("beam of 128 slices: factorisations", f"at most {FACTORISATIONS}", count, count <= FACTORISATIONS)
-    name = f"{GRAINS} grains in contact"
-    row = add(study, name, with_method(grains(GRAINS, H), contact_defaults(error=TOLERANCE)))
-    over = (row["seconds"] - row["mesh"]) / row["floor"]
-    study.target(f"{name}, law residual {TOLERANCE:g}: wall time without the mesh", f"at most {CONTACT_OVER:g} × the floor",
-                 f"{over:.2f}", over <= CONTACT_OVER)
-    study.target(f"{name}: idle share of the workers in the iterations", f"at most {100 * IDLE:.0f} %",
-                 f"{100 * row['idle']:.0f} %", row["idle"] <= IDLE)
+    contact = with_method(grains(GRAINS, H), contact_defaults(error=TOLERANCE))
+    for ranks in (1, RANKS) if without_ranks() is None else (1,):
+        name = f"{GRAINS} grains in contact" + (f", {ranks} ranks" if ranks > 1 else "")
+        row = add(study, name, contact, ranks)
+        over = (row["seconds"] - row["mesh"]) / row["floor"]
+        study.target(f"{name}, law residual {TOLERANCE:g}: wall time without the mesh",
+                     f"at most {CONTACT_OVER:g} × the floor", f"{over:.2f}", over <= CONTACT_OVER)
+        study.target(f"{name}: idle share of the workers in the iterations", f"at most {100 * IDLE:.0f} %",
+                     f"{100 * row['idle']:.0f} %", row["idle"] <= IDLE)
     study.figure(picture(study.rows))
 
 
-def add(study: Study, name: str, config: dict[str, Any]) -> dict[str, Any]:
+def add(study: Study, name: str, config: dict[str, Any], ranks: int = 1) -> dict[str, Any]:
     """Run the command, add its row."""
-    label = name.replace(" ", "_").replace("³", "3")
-    summary, seconds = whole_command(study, label, config, accepted=(CONVERGED,))
+    label = name.replace(" ", "_").replace("³", "3").replace(",", "")
+    summary, seconds = whole_command(study, label, config, ranks, accepted=(CONVERGED,))
     shared = sum(entry["saved"].get("factorisations", 0) for entry in summary["skipped"])
     row = {"case": name, **measured(summary, seconds), "mesh": summary["timing"]["mesh"],
            "factorisations": summary["subdomains"] - shared}
     study.rows.append(row)
     study.write()
-    study.console.print(f"  {len(study.rows):3}  {name}: {row['iterations']} iterations, {seconds:.1f} s, floor {row['floor']:.2f} s")
+    study.console.print(f"  {len(study.rows):3}  {name}: {row['iterations']} iterations, {seconds:.1f} s, "
+                        f"floor {row['floor']:.2f} s")
     return row
 
 
