@@ -24,7 +24,7 @@ from orchestrator.method.stale_factors import StaleFactors
 from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
-SLOW, IDLE = 0.9, 2  # two steps that gain less than a tenth each end a solve, or have a body settle
+SERVED, SLOW, IDLE = 0.1, 0.9, 2  # reduced this much, a solve ends after two steps that gain less than a tenth
 MAX_STEPS = 20
 FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
@@ -148,7 +148,7 @@ class CoarseProblem:
                     y = y + self._settle(worst, F, previous, rho, goal, radius)
                     rho = at.residual(y)
                     size, delta, matrix, idling, before = np.linalg.norm(rho), LEVENBERG, None, 0, np.inf
-                else:
+                elif size <= SERVED * start:
                     break
             self.newton_steps += 1
             if matrix is None:
