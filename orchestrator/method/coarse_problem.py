@@ -24,7 +24,8 @@ from orchestrator.method.stale_factors import StaleFactors
 from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
-SERVED, SLOW, IDLE = 0.1, 0.9, 2  # reduced this much, a solve ends after two steps that gain less than a tenth
+SLOW, IDLE = 0.9, 2  # two steps that gain less than a tenth each have a body settle, or end a solve,
+SERVED, STILL = 0.1, 0.99  # if it has been reduced that much already, or the last step gained next to nothing
 MAX_STEPS = 20
 FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
@@ -137,7 +138,8 @@ class CoarseProblem:
         size = start = np.linalg.norm(rho)
         delta, matrix, idling, before, settled = LEVENBERG, None, 0, np.inf, []
         for _ in range(MAX_STEPS):
-            idling, before = (idling + 1 if size > SLOW * before else 0), size
+            left, before = size / before, size
+            idling = idling + 1 if left > SLOW else 0
             if size <= REDUCTION * start or size == 0:
                 break
             if idling >= IDLE:
@@ -148,7 +150,7 @@ class CoarseProblem:
                     y = y + self._settle(worst, F, previous, rho, goal, radius)
                     rho = at.residual(y)
                     size, delta, matrix, idling, before = np.linalg.norm(rho), LEVENBERG, None, 0, np.inf
-                elif size <= SERVED * start:
+                elif size <= SERVED * start or left > STILL:
                     break
             self.newton_steps += 1
             if matrix is None:
