@@ -25,7 +25,7 @@ from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
 SLOW, IDLE = 0.9, 2  # two steps that gain less than a tenth each have a body settle, or end a solve,
-SERVED, STILL = 0.1, 0.99  # if it has been reduced that much already, or the last step gained next to nothing
+SERVED, STILL = 0.1, 0.99  # if it has been reduced that much already, or an accepted step gained next to nothing
 MAX_STEPS = 20
 FLAT = 1.001  # growth of ρ that still counts as standing still
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
@@ -136,10 +136,9 @@ class CoarseProblem:
         y = np.zeros((self.bodies, FIELDS))
         rho = at.residual(y)
         size = start = np.linalg.norm(rho)
-        delta, matrix, idling, before, settled = LEVENBERG, None, 0, np.inf, []
+        delta, matrix, idling, before, still, settled = LEVENBERG, None, 0, np.inf, False, []
         for _ in range(MAX_STEPS):
-            left, before = size / before, size
-            idling = idling + 1 if left > SLOW else 0
+            idling, before = (idling + 1 if size > SLOW * before else 0), size
             if size <= REDUCTION * start or size == 0:
                 break
             if idling >= IDLE:
@@ -150,7 +149,7 @@ class CoarseProblem:
                     y = y + self._settle(worst, F, previous, rho, goal, radius)
                     rho = at.residual(y)
                     size, delta, matrix, idling, before = np.linalg.norm(rho), LEVENBERG, None, 0, np.inf
-                elif size <= SERVED * start or left > STILL:
+                elif size <= SERVED * start or still:
                     break
             self.newton_steps += 1
             if matrix is None:
@@ -164,9 +163,11 @@ class CoarseProblem:
                 # a loose body feels nothing until it touches: once the shift is raised, standing still is allowed
                 idle = theta == 1 and delta > LEVENBERG and size_new <= FLAT * size
                 if size_new <= (1 - 0.2 * theta) * size or idle:
+                    still = size_new > STILL * size
                     y, rho, size, matrix = trial, rho_new, size_new, None
                     break
             else:
+                still = False
                 delta *= 30
                 if delta > 1e3:
                     break
