@@ -38,7 +38,8 @@ class Anderson:
 
     def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
         """Take in an evaluation; the best known point is the evaluation itself."""
-        r = self.root * (s_new - s)
+        residual = s_new - s
+        r = self.root * residual
         size = float(np.sqrt(self.team.sum(np.vdot(r, r))[0]))
         if size > FORGET * self.smallest:
             self.change, self.dr, self.gram, self.right = [], [], np.zeros((0, 0)), np.zeros(0)
@@ -47,7 +48,7 @@ class Anderson:
             self._remember(s, r)
         self.smallest = min(self.smallest, size)
         self.s, self.r = s, r
-        return s_new - s, s, extra
+        return residual, s, extra
 
     def _remember(self, s: np.ndarray, r: np.ndarray) -> None:
         if len(self.dr) == self.memory:

@@ -85,19 +85,16 @@ class CoarseCorrection:
         K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
         one, two, free = pairs.one.T, pairs.two.T, pairs.free.T[:, :, None]
-        points = pairs.points
         W, F = space.extended(W, self.response.F)  # ghosts last: own parts keep their places
 
-        def keq(x):  # (P, 3, 12)
-            along = np.einsum("pif,ip->pf", x, points.normal)
-            return points.stiff_t[:, None, None] * x + (
-                (points.stiff_n - points.stiff_t)[:, None] * along)[:, None, :] * points.normal.T[:, :, None]
+        def keq(x: np.ndarray) -> np.ndarray:  # (P, 3, 12)
+            return pairs.points.stiffness(x.T).T
 
         # (P, 3, 24): the fields of the first body, then of the second
         L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
                                            -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
-        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R)), L,
-                              np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2))
+        ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
+        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
         self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
                                      [self.response.W[part] for part in self.parts])
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
@@ -150,29 +147,29 @@ class CoarseCorrection:
             r[:, keep] = vectors[:, keep] / np.sqrt(size[keep])
         return result
 
-    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray,
+                   ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """φ (P, m) and A (I, 3m, 24) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
         space, pairs = self.stage.space, self.pairs
         centre, size = self._of_all(frames.centre), self._of_all(frames.size)
         x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3])
         pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=0)
         x1, x2 = x[pairs.one[component, pair]], x[pairs.two[component, pair]]
-        bodies = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
-        first, second = np.repeat(bodies, np.diff(pairs.bounds), axis=0).T
+        first, second = np.repeat(ends, np.diff(pairs.bounds), axis=0).T
         phi = _monomials((x1 - centre[first]) / size[first, None])
         # fields are monomials outside, components inside; here it is the other way round
-        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3, FIELDS).swapaxes(1, 2) for b in bodies.T)
+        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3, FIELDS).swapaxes(1, 2) for b in ends.T)
         if self.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
             phi = np.hstack([phi, _monomials((x2 - centre[second]) / size[second, None])])
             A = np.block([[R1, np.zeros_like(R1)], [np.zeros_like(R2), -R2]])
         else:  # the second body's monomials are combinations of the first one's
-            change = np.zeros((len(bodies), 1, MONOMIALS, MONOMIALS))
-            one, two = bodies.T
+            change = np.zeros((len(ends), 1, MONOMIALS, MONOMIALS))
+            one, two = ends.T
             change[:, 0, 0, 0] = 1.0
             change[:, 0, 0, 1:] = (centre[one] - centre[two]) / size[two, None]
             change[:, 0, range(1, MONOMIALS), range(1, MONOMIALS)] = (size[one] / size[two])[:, None]
             A = np.concatenate([R1, -change @ R2], axis=3)
-        return phi, A.reshape(len(bodies), -1, 2 * FIELDS)
+        return phi, A.reshape(len(ends), -1, 2 * FIELDS)
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(own bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""

@@ -13,6 +13,7 @@ Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +40,7 @@ class ContactStage:
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
         pairs, points = self.pairs, self.pairs.points
-        stiff_n, stiff_t = 1 / np.sqrt(2 * points.stiff_n), 1 / np.sqrt(2 * points.stiff_t)
+        roots = replace(points, stiff_n=1 / np.sqrt(2 * points.stiff_n), stiff_t=1 / np.sqrt(2 * points.stiff_t))
         mine = np.concatenate([pairs.one[pairs.free], pairs.two[pairs.free]])
 
         def root(x: np.ndarray) -> np.ndarray:
@@ -47,9 +48,8 @@ class ContactStage:
             for side, part in ((pairs.one, x[: len(x) // 2]), (pairs.two, x[len(x) // 2 :])):
                 values = np.zeros(pairs.free.shape)
                 values[pairs.free] = part
-                scaled = stiff_t * values + (stiff_n - stiff_t) * points.along(values) * points.normal
                 half = slice(None, len(x) // 2) if side is pairs.one else slice(len(x) // 2, None)
-                result[half] = scaled[pairs.free]
+                result[half] = roots.stiffness(values)[pairs.free]
             return result
 
         return conditioning(self.direction.whole[mine][:, mine], root)

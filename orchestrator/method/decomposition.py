@@ -83,7 +83,7 @@ class Decomposition:
         Parameters
         ----------
         steps : slice or (r,) int
-        previous : (P, 3) jump of the pairs that are not perfect at the end of the step before; None at the start
+        previous : (3, P) jump of the pairs that are not perfect at the end of the step before; None at the start
         """
         loading, stage = self.loading.batch(steps), copy(self.stage)
         stage.loaded = loading.boundary

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.scene.faces import LOCAL_FACES as _FACES
-from orchestrator.scene.faces import MAX_NODES
+from orchestrator.scene.faces import MAX_NODES, pack
 from orchestrator.scene.quadratic import TET_EDGES
 
 # the four faces of a tet, each cut at the middles of its edges: (4, 4, 3)
@@ -38,16 +38,15 @@ def outer_faces(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def alone(triangles: np.ndarray) -> np.ndarray:
     """(...) bool, which triangles (3, ...) have nodes that no other one has."""
-    a, b, c = triangles.reshape(3, -1)
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    middle, count = a + b + c - low - high, int(high.max()) + 1
+    flat, count = triangles.reshape(3, -1), int(triangles.max()) + 1
     if count <= MAX_NODES:  # three node ids fit in one 64-bit number: sorting that is much faster
-        key = (low * np.int64(count) + middle) * count + high
+        key = pack(flat.T, np.int64(count))
         order = np.argsort(key)
         differs = np.diff(key[order]) != 0
     else:
-        order = np.lexsort((low, middle, high))
-        differs = np.any([np.diff(ids[order]) != 0 for ids in (low, middle, high)], axis=0)
+        ids = np.sort(flat, axis=0)
+        order = np.lexsort(ids)
+        differs = (np.diff(ids[:, order]) != 0).any(axis=0)
     result = np.empty(len(order), dtype=bool)
     result[order] = np.concatenate([[True], differs]) & np.concatenate([differs, [True]])
     return result.reshape(triangles.shape[1:])

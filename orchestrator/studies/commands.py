@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -21,6 +22,13 @@ _MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",  #
 def launcher() -> Path:
     """The mpiexec that belongs to this Python's mpi4py."""
     return Path(sys.executable).with_name("mpiexec")
+
+
+def without_ranks() -> str | None:
+    """Why runs over several ranks cannot be made here; None where they can."""
+    if importlib.util.find_spec("mpi4py") is None:
+        return "mpi4py is not installed"
+    return None if launcher().is_file() else f"no {launcher()}"
 
 
 def whole_command(study: Study, name: str, config: dict[str, Any], ranks: int = 1, *, output: str = "",

@@ -11,10 +11,10 @@ from typing import Any
 from orchestrator.errors import CONVERGED
 from orchestrator.results.plotting import BLUE, GREY, new_figure, png, tidy
 from orchestrator.studies.cases import beam, contact_defaults, cube, grains, with_method
-from orchestrator.studies.commands import whole_command
+from orchestrator.studies.commands import whole_command, without_ranks
 from orchestrator.studies.framework import Study
 from orchestrator.studies.polycrystal import GRAINS, H
-from orchestrator.studies.scaling import measured, without_ranks
+from orchestrator.studies.scaling import measured
 
 OVER, START = 1.5, 3.0  # limit of the wall time: times the floor, and seconds for Python and the mesh
 FACTORISATIONS = 3  # of 128 slices, of which two are ends

@@ -6,7 +6,6 @@ The *floor* is what the code needs by its own clock if all cores share it evenly
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -18,7 +17,7 @@ from orchestrator.results.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from orchestrator.results.summary import blackbox_seconds
 from orchestrator.results.workload import idle_share
 from orchestrator.studies.cases import STEEL
-from orchestrator.studies.commands import launcher, whole_command
+from orchestrator.studies.commands import whole_command, without_ranks
 from orchestrator.studies.framework import Study
 from orchestrator.studies.prediction import BANDWIDTH, FIELDS, LATENCY, Coarse, Costs, limit, measure_coarse, predict
 
@@ -66,15 +65,6 @@ def run(study: Study, elements: int = ELEMENTS) -> None:
                             f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s")
     study.console.print(f"  the coarse problem, solved on every rank, outweighs a subdomain's own solve from "
                         f"{limit(costs, coarse):,.0f} subdomains on; see prediction.md")
-
-
-def without_ranks() -> str | None:
-    """Why runs over several ranks cannot be made here; None where they can."""
-    if importlib.util.find_spec("orchestrator.parallel") is None:
-        return "this version runs on one rank"
-    if importlib.util.find_spec("mpi4py") is None:
-        return "mpi4py is not installed"
-    return None if launcher().is_file() else f"no {launcher()}"
 
 
 def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int, elements: int) -> dict[str, Any]:
