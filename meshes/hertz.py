@@ -15,7 +15,7 @@ import meshio
 import numpy as np
 
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.mesh.structured import bricks
 
 LENGTH, RADIUS = 1.0, 2.0
 GROWTH = 1.2  # of element sizes away from the contact

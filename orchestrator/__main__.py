@@ -1,6 +1,6 @@
 """``python -m orchestrator``."""
 
-from .cli import main
+from orchestrator.cli import main
 
 if __name__ == "__main__":
     main()

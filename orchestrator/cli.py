@@ -13,7 +13,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from .errors import CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+from orchestrator.errors import CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Multiscale domain decomposition around an untouched finite element code.")
@@ -31,19 +31,19 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
     """Solve a problem and write its results."""
     def action() -> int:
-        from .parallel.team import join
+        from orchestrator.parallel.team import join
 
         team = join()
         try:
             with team.together():
                 if team.rank:
-                    from .run import follow
+                    from orchestrator.run import follow
 
                     return follow(team)
                 return lead(team)
         except BaseException as error:
             if team.lost():
-                from .blackbox import workdir
+                from orchestrator.blackbox.pool import workdir
 
                 workdir.sweep()  # what the lost ones left
             if not team.speaks():
@@ -51,11 +51,11 @@ def run(config: ConfigFile, overrides: Overrides = None,
             raise team.cause(error)
 
     def lead(team) -> int:
-        from .config import load_config, place
-        from .parallel.team import Elsewhere
+        from orchestrator.config import load_config, place
+        from orchestrator.parallel.team import Elsewhere
 
         loaded = load_config(config, overrides or [])
-        from .run import run as solve
+        from orchestrator.run import run as solve
 
         try:
             return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team)
@@ -71,18 +71,18 @@ def check(config: ConfigFile, overrides: Overrides = None,
           syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False) -> None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
     def action() -> int:
-        from .config import load_config, place
+        from orchestrator.config import load_config, place
 
         loaded = load_config(config, overrides or [])
         if syntax_only:
             print("OK")
             return CONVERGED
-        from .scene.build import build_scene
+        from orchestrator.scene.build import build_scene
 
         try:
             scene = build_scene(loaded.config)
             if any(entry.code != "freefem" for entry in loaded.config.codes):  # FreeFEM does all that can be asked for
-                from .blackbox.registry import check_codes
+                from orchestrator.blackbox.codes.registry import check_codes
 
                 check_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             print(f"OK: {scene!r}")
@@ -97,7 +97,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
 def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")]) -> None:
     """Draw the figures and a readable report from a results folder."""
     def action() -> int:
-        from .results.report import report as write
+        from orchestrator.results.report.report import report as write
 
         write(directory)
         return CONVERGED
@@ -109,7 +109,7 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
 def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None) -> None:
     """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
     def action() -> int:
-        from .studies import STUDIES, run_study
+        from orchestrator.studies import STUDIES, run_study
 
         if name in STUDIES:
             run_study(name)
@@ -118,7 +118,7 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
         if name is None:
             print(f"Studies:\n{listing}")
             return CONVERGED
-        from .config.explain import nearest
+        from orchestrator.config.explain import nearest
 
         raise InputError(Problem((), f"study '{name}'", "one of\n" + listing,
                                  nearest(name, list(STUDIES), otherwise="take one of these")))
@@ -132,7 +132,7 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefe
                 timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> None:
     """Run a code against the black box protocol: is it fit to take part?"""
     def action() -> int:
-        from .blackbox.trial import try_out
+        from orchestrator.blackbox.trial.trial import try_out
 
         return try_out(code, transport, timeout)
 
@@ -143,8 +143,8 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefe
 def doctor() -> None:
     """Tell whether FreeFEM, its plugins and its BLAS are in order, and which other codes are there."""
     def action() -> int:
-        from .blackbox.freefem import doctor as examine
-        from .blackbox.registry import others
+        from orchestrator.blackbox.codes.freefem import doctor as examine
+        from orchestrator.blackbox.codes.registry import others
 
         print("\n".join([*examine(), *others()]))
         return CONVERGED

@@ -12,37 +12,37 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.registry import make_blackbox, spared
+from orchestrator.blackbox.codes.registry import make_blackbox, spared
 from orchestrator.config import Config, Loaded
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
-from orchestrator.method.criteria import LawCriterion
+from orchestrator.method.stopping.criteria import LawCriterion
 from orchestrator.method.events import Iteration
-from orchestrator.method.guards import failed_guards, with_noise
-from orchestrator.method.interface_fields import InterfaceFields, interface_fields, sides
-from orchestrator.method.recovery import delivered, reactions, recover
+from orchestrator.method.delivery.guards import failed_guards, with_noise
+from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
+from orchestrator.method.delivery.recovery import delivered, reactions, recover
 from orchestrator.method.load_cases import expanded, load_cases
-from orchestrator.method.reference import Reference, solve_reference
+from orchestrator.method.delivery.reference import Reference, solve_reference
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.solver import Outcome, iterate
-from orchestrator.method.support import held_bodies
+from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Elsewhere, Team
-from orchestrator.results.artist import Artist
-from orchestrator.results.cautions import cautions
-from orchestrator.results.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
-from orchestrator.results.discretisation import Estimate, Estimator
-from orchestrator.results.fields import Fields, write_fields
+from orchestrator.results.figures.artist import Artist
+from orchestrator.results.summary.cautions import cautions
+from orchestrator.results.subscribers.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
+from orchestrator.method.stopping.discretisation import Estimate, Estimator
+from orchestrator.results.fields.files import Fields, write_fields
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.history import HistoryWriter, read_history
-from orchestrator.results.progress import Progress
-from orchestrator.results.summary import memory_peak_mb, print_summary, versions, write_summary
-from orchestrator.results.whole_states import whole_states
-from orchestrator.results.workload import Workload, codes_of_all, joined
+from orchestrator.results.subscribers.history import HistoryWriter, read_history
+from orchestrator.results.subscribers.progress import Progress
+from orchestrator.results.summary.summary import memory_peak_mb, print_summary, versions, write_summary
+from orchestrator.results.subscribers.whole_states import whole_states
+from orchestrator.results.summary.workload import Workload, codes_of_all, joined
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles import make_soles
+from orchestrator.scene.soles.layers import make_soles
 from orchestrator.timing import Stopwatch, seconds_since_launch
 
 OFTEN = 2.0  # seconds between checkpoints with several ranks: a launcher that ends them leaves little time for one

@@ -8,13 +8,13 @@ import meshio
 import numpy as np
 from monolithic import OPEN, Monolithic, free_normals
 
-from orchestrator.blackbox.extended import boundary_dofs, sides_of
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.models.extended import boundary_dofs, sides_of
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import Config
-from orchestrator.method.traces import TraceSpace
+from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.gmsh_session import session
+from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.model import Mesh
 
 BOTTOM = {"on": {"plane": "z", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}

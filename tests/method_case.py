@@ -5,14 +5,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import Config
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh, Scene
-from orchestrator.scene.soles import make_soles
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.mesh.structured import bricks
 from orchestrator.timing import Stopwatch
 
 CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}

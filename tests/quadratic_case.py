@@ -6,7 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import Model
-from orchestrator.scene.quadratic import TET_EDGES, edges_of
+from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
 
 # Four points that integrate degree two exactly over a tet, in barycentric coordinates; equal weights.
 POINTS = np.full((4, 4), (5 - np.sqrt(5)) / 20) + np.eye(4) * np.sqrt(5) / 5

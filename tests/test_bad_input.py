@@ -12,10 +12,10 @@ import pytest
 from method_case import saved
 from typer.testing import CliRunner
 
-from orchestrator.blackbox import freefem
+from orchestrator.blackbox.codes import freefem
 from orchestrator.cli import app
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.mesh.structured import bricks
 
 GOOD = {
     "name": "name: bar",

@@ -15,8 +15,8 @@ import pytest
 from blackbox_case import box, forces, settings
 from processes import begin, gone, running
 
-from orchestrator.blackbox import workdir
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.pool import workdir
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.errors import BlackBoxError, InputError
 
 TRANSPORTS = ["pipe", "file"]
@@ -233,7 +233,7 @@ PROGRAM = textwrap.dedent("""
     import sys
     sys.path[:0] = {paths!r}
     from blackbox_case import box, forces, settings
-    from orchestrator.blackbox.registry import make_blackbox
+    from orchestrator.blackbox.codes.registry import make_blackbox
     model = box((6, 6, 6))
     blackbox = make_blackbox(settings(transport={transport!r}, workers=2))
     blackbox.load([model, model])

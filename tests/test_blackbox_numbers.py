@@ -5,9 +5,9 @@ import pytest
 import scipy.sparse.linalg as spla
 from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
 
-from orchestrator.blackbox.freefem import blas_of, doctor
-from orchestrator.blackbox.pool import place
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.codes.freefem import blas_of, doctor
+from orchestrator.blackbox.pool.pool import place
+from orchestrator.blackbox.codes.registry import make_blackbox
 
 
 @pytest.fixture(scope="module")

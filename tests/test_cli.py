@@ -128,9 +128,9 @@ def test_sigterm_interrupts_in_order(room):
 
 def test_report_and_doctor(room):
     seen = []
-    room("orchestrator.results.report", report=seen.append)
-    room("orchestrator.blackbox.freefem", doctor=lambda: ["FreeFEM 4.11", "plugins found"])
-    room("orchestrator.blackbox.registry", others=lambda: ["no calculix (optional)"])
+    room("orchestrator.results.report.report", report=seen.append)
+    room("orchestrator.blackbox.codes.freefem", doctor=lambda: ["FreeFEM 4.11", "plugins found"])
+    room("orchestrator.blackbox.codes.registry", others=lambda: ["no calculix (optional)"])
     assert call("report", "results/a").exit_code == 0 and seen == [Path("results/a")]
     assert call("doctor").stdout == "FreeFEM 4.11\nplugins found\nno calculix (optional)\n"
 

@@ -6,8 +6,8 @@ from contact_case import contact
 from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
-from orchestrator.method.block_pattern import BlockPattern
-from orchestrator.method.stale_factors import ACCURACY, StaleFactors
+from orchestrator.method.coarse.block_pattern import BlockPattern
+from orchestrator.method.coarse.stale_factors import ACCURACY, StaleFactors
 from orchestrator.scene.build import build_scene
 
 

@@ -8,8 +8,8 @@ import pytest
 from blackbox_case import assemble, box, difference, forces, settings
 from method_case import CUBES, solved
 
-from orchestrator.blackbox import registry
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.codes import registry
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import config_from, load_config
 from orchestrator.config.method import CODES as CONFIGURED
 from orchestrator.errors import BlackBoxError, InputError

@@ -10,8 +10,8 @@ import pytest
 from blackbox_case import box, forces, settings
 from typer.testing import CliRunner
 
-from orchestrator.blackbox import conformance
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.trial import conformance
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
 
@@ -36,7 +36,7 @@ def test_every_adapter_keeps_the_protocol(changes):
 # what is wrong with it: the body of the method, words of the message
 PROTOTYPE = '''
 import numpy as np
-from orchestrator.blackbox import template
+from orchestrator.blackbox.codes import template
 
 class Solver(template.Solver):
     def solve(self, prepared, forces):
@@ -131,7 +131,7 @@ def test_calculix_is_missing(monkeypatch):
 
 
 def test_scikit_fem_is_missing(monkeypatch):
-    monkeypatch.setattr("orchestrator.blackbox.python_code._installed", lambda name: False)
+    monkeypatch.setattr("orchestrator.blackbox.codes.python_code._installed", lambda name: False)
     with pytest.raises(InputError, match="pip install scikit-fem"):
         make_blackbox(settings(code="scikit-fem"))
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from orchestrator.config import load_config
-from orchestrator.method.interface_fields import InterfaceFields
-from orchestrator.method.laws.points import BONDED, OPEN, SLIP, STICK
-from orchestrator.results.cautions import cautions, rotation
-from orchestrator.results.fields import Fields, write_fields
-from orchestrator.results.figures import tolerance, write_figures
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.laws.points import BONDED, OPEN, SLIP, STICK
+from orchestrator.results.summary.cautions import cautions, rotation
+from orchestrator.results.fields.files import Fields, write_fields
+from orchestrator.results.figures.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.history import read_history
-from orchestrator.results.report import report
+from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.report.report import report
 from orchestrator.results.result import Result
-from orchestrator.results.summary import STAGES, jsonable, read_summary, summary_rows
+from orchestrator.results.summary.summary import STAGES, jsonable, read_summary, summary_rows
 from orchestrator.run import run
 
 FRICTION = 0.3

@@ -8,7 +8,7 @@ from monolithic import SLIP, STICK
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.rigid import rigid_modes
+from orchestrator.scene.conditions.rigid import rigid_modes
 
 YOUNG = 200e3
 ROLLERS = [{"on": {"plane": axis, "at": 0.0}, "displacement": [0.0 if axis == a else None for a in "xyz"]} for axis in "xyz"]

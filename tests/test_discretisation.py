@@ -9,9 +9,9 @@ import pytest
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
-from orchestrator.method.criteria import LEAST
-from orchestrator.results.discretisation import Estimator
-from orchestrator.results.fields import Fields
+from orchestrator.method.stopping.criteria import LEAST
+from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.results.fields.files import Fields
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 

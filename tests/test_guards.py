@@ -11,14 +11,14 @@ from method_case import box_of, config, prepared
 
 from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.guards import failed_guards, works
-from orchestrator.method.interface_fields import interface_fields
-from orchestrator.method.recovery import recover
+from orchestrator.method.delivery.guards import failed_guards, works
+from orchestrator.method.delivery.interface_fields import interface_fields
+from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.solver import iterate
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.hard_scenes import slices
-from orchestrator.studies.rounded_traces import traces_of
+from orchestrator.studies.problems.hard_scenes import slices
+from orchestrator.studies.robustness.rounded_traces import traces_of
 from orchestrator.timing import Stopwatch
 
 # Stands in front of FreeFEM, lets it work, then changes the displacements in its last reply.

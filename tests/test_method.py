@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, prepared, solved
 
-from orchestrator.blackbox.extended import extended_model
-from orchestrator.method.acceleration import ResidualMinimisation
-from orchestrator.method.macro_basis import interface_basis
-from orchestrator.method.reference import solve_reference
+from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
+from orchestrator.method.linear.macro_basis import interface_basis
+from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.solver import iterate
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

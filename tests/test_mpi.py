@@ -16,8 +16,8 @@ from ranks_case import CASES, found
 
 from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
-from orchestrator.results.history import read_history
-from orchestrator.results.summary import read_summary
+from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.summary.summary import read_summary
 
 HERE = Path(__file__).parent
 BESIDE_PYTHON = Path(sys.executable).with_name("mpiexec")

@@ -12,16 +12,16 @@ from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, method, 
 from quadratic_case import assemble_ten, with_middles
 from test_contact_verification import ROLLERS, YOUNG, assert_agrees
 
-from orchestrator.blackbox.extended import extended_model
-from orchestrator.blackbox.registry import make_blackbox
-from orchestrator.results import surface
-from orchestrator.results.deformed import view
-from orchestrator.results.fields import Fields, write_fields
+from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.results.figures import surface
+from orchestrator.results.figures.deformed import view
+from orchestrator.results.fields.files import Fields, write_fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.faces import area_vectors
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.mesh.faces import area_vectors
+from orchestrator.scene.mesh.structured import bricks
 
 P2 = {"blackbox": {"workers": 2, "element": "P2"}}
 STEEL = [{"young": 200e3, "poisson": 0.3}]

@@ -8,8 +8,8 @@ import pytest
 import results_case as case
 
 from orchestrator.errors import InputError
-from orchestrator.results import stress as recovery
-from orchestrator.results.fields import Fields, write_fields
+from orchestrator.results.fields import stress as recovery
+from orchestrator.results.fields.files import Fields, write_fields
 from orchestrator.results.folder import ResultsFolder
 
 

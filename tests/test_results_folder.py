@@ -9,12 +9,12 @@ import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import HISTORY_COLUMNS, Finished
-from orchestrator.results.checkpoint import Checkpoint, fingerprint, load_checkpoint
-from orchestrator.results.fields import write_fields
-from orchestrator.results.figures import write_figures
+from orchestrator.results.subscribers.checkpoint import Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.results.history import HistoryWriter, read_history, write_history
-from orchestrator.results.summary import write_summary
+from orchestrator.results.subscribers.history import HistoryWriter, read_history, write_history
+from orchestrator.results.summary.summary import write_summary
 
 
 def the_problem(caught):

@@ -17,15 +17,15 @@ from rich.console import Console
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
-from orchestrator.results import deformed, drawing, surface
-from orchestrator.results.artist import Artist
-from orchestrator.results.drawing import Drawing
-from orchestrator.results.figures import write_figures
+from orchestrator.results.figures import deformed, drawing, surface
+from orchestrator.results.figures.artist import Artist
+from orchestrator.results.figures.drawing import Drawing
+from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.progress import Progress, fraction_done, seconds_left
-from orchestrator.results.report import report
+from orchestrator.results.subscribers.progress import Progress, fraction_done, seconds_left
+from orchestrator.results.report.report import report
 from orchestrator.results.result import Result
-from orchestrator.results.summary import KEYS, memory_peak_mb, print_summary, read_summary, versions, write_summary
+from orchestrator.results.summary.summary import KEYS, memory_peak_mb, print_summary, read_summary, versions, write_summary
 
 
 def pixels(path):

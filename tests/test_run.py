@@ -18,7 +18,7 @@ from processes import begin
 
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.results.result import Result
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.mesh.structured import bricks
 
 ROOT = Path(__file__).parents[1]
 BENT = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 1.0, -2.0]}]}

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from orchestrator.errors import InputError
-from orchestrator.scene.cad import locate
-from orchestrator.scene.faces import area_vectors, faces_of, tet_volumes
-from orchestrator.scene.gmsh_session import session
+from orchestrator.scene.mesh.cad import locate
+from orchestrator.scene.mesh.faces import area_vectors, faces_of, tet_volumes
+from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.quality import checked
-from orchestrator.scene.sources import make_mesh
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.mesh.quality import checked
+from orchestrator.scene.mesh.sources import make_mesh
+from orchestrator.scene.mesh.structured import bricks
 
 
 def from_file(path, **more):

@@ -9,7 +9,7 @@ from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.mesh.structured import bricks
 
 HELD = {"on": "lower zmin", "displacement": [0, 0, 0]}
 PATH = [[0.0, 0.0, -0.005], [0.01, 0.0, -0.005], [0.0, 0.002, -0.004]]

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from orchestrator.blackbox.assembly import assembled
-from orchestrator.blackbox.extended import sole_models
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.models.extended import sole_models
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.solver import iterate, stable_relaxation
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.soles import make_soles
+from orchestrator.scene.soles.layers import make_soles
 from orchestrator.timing import Stopwatch
 
 BAR = {

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orchestrator.method.laws.points import Points
-from orchestrator.method.pairs import Pairs
-from orchestrator.method.settling import Body
+from orchestrator.laws.points import Points
+from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.coarse.settling import Body
 
 GAP, PUSH = 0.5, 0.1
 

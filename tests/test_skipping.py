@@ -11,10 +11,10 @@ import pytest
 from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, METIS, PULL, method, solved
 
-from orchestrator.blackbox.compliance import Compliance
-from orchestrator.blackbox.congruence import representatives
-from orchestrator.blackbox.registry import make_blackbox
-from orchestrator.blackbox.shared import SharedModels
+from orchestrator.blackbox.layers.compliance import Compliance
+from orchestrator.blackbox.models.congruence import representatives
+from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.layers.shared import SharedModels
 from orchestrator.savings import Savings
 
 ROOT = Path(__file__).parents[1]

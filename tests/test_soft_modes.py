@@ -5,11 +5,11 @@ import pytest
 import scipy.linalg as la
 from method_case import box_of, config, method, prepared, saved, solved
 
-from orchestrator.method.soft_modes import SOFT, soft_modes
+from orchestrator.method.linear.soft_modes import SOFT, soft_modes
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.hardness import hardness
-from orchestrator.scene.soles import make_soles
-from orchestrator.scene.structured import bricks
+from orchestrator.scene.soles.difficulty import hardness
+from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.mesh.structured import bricks
 
 SOFT_AND_STIFF = [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}]
 

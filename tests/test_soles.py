@@ -7,11 +7,11 @@ import pytest
 import scipy.sparse as sp
 from method_case import CUBES, METIS, box_of, config, irregular, layered, method, prepared
 
-from orchestrator.blackbox.extended import extended_model, rim_model, sides_of, sole_models
+from orchestrator.blackbox.models.extended import extended_model, rim_model, sides_of, sole_models
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.faces import tet_volumes
-from orchestrator.scene.soles import Facets, facets_of, make_soles, merge, prisms, soles_of
+from orchestrator.scene.mesh.faces import tet_volumes
+from orchestrator.scene.soles.layers import Facets, facets_of, make_soles, merge, prisms, soles_of
 
 YOUNG, POISSON = 200e3, 0.3
 OEDOMETRIC = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))

@@ -9,9 +9,9 @@ from orchestrator.cost import predicted_cost
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.faces import faces_of, pieces
-from orchestrator.scene.structured import bricks
-from orchestrator.studies.cases import grains
+from orchestrator.scene.mesh.faces import faces_of, pieces
+from orchestrator.scene.mesh.structured import bricks
+from orchestrator.studies.problems.cases import grains
 
 CONTACT = {"law": "contact", "friction": 0.2}
 

@@ -21,7 +21,7 @@ def rows_of(path):
 
 
 def tiny(slices=2):
-    from orchestrator.studies.cases import beam
+    from orchestrator.studies.problems.cases import beam
 
     return {**beam(slices), "mesh": {"beam": {"size": [8, 2, 2], "h": 1}},
             "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
@@ -50,9 +50,9 @@ def test_unknown_name():
 
 
 def test_matrix_of_two_cases(tmp_path, capsys):
-    from orchestrator.studies.cases import defaults, paper, with_method
-    from orchestrator.studies.framework import Case, Study
-    from orchestrator.studies.stages import picture
+    from orchestrator.studies.problems.cases import defaults, paper, with_method
+    from orchestrator.studies.kit.framework import Case, Study
+    from orchestrator.studies.convergence.stages import picture
 
     study = Study("tiny", "a tiny matrix", tmp_path)
     first = study.solve(Case(with_method(tiny(), defaults()), {"case": "defaults"}))
@@ -79,8 +79,8 @@ def test_matrix_of_two_cases(tmp_path, capsys):
 
 
 def test_a_failing_case_leaves_the_others(tmp_path, monkeypatch):
-    from orchestrator.studies import framework
-    from orchestrator.studies.cases import defaults, with_method
+    from orchestrator.studies.kit import framework
+    from orchestrator.studies.problems.cases import defaults, with_method
 
     study = framework.Study("tiny", "a tiny matrix", tmp_path)
     study.solve(framework.Case(with_method(tiny(), defaults(error=1e-2)), {"case": "good"}))
@@ -95,7 +95,7 @@ def test_a_failing_case_leaves_the_others(tmp_path, monkeypatch):
 
 
 def test_first():
-    from orchestrator.studies.framework import first
+    from orchestrator.studies.kit.framework import first
 
     history = [SimpleNamespace(iteration=i, true_error=e) for i, e in ((1, np.nan), (2, 1e-3), (3, 1e-7), (4, 1e-6))]
     assert first(history, "true_error", 1e-6).iteration == 3
@@ -107,7 +107,7 @@ def test_alternating_beam_fills_the_box(tmp_path):
 
     from orchestrator.scene.build import build_scene
     from orchestrator.config import config_from
-    from orchestrator.studies.alternating import alternating_beam
+    from orchestrator.studies.paper.alternating import alternating_beam
 
     path = alternating_beam(tmp_path, (4, 2, 2), 2.0)
     mesh = meshio.read(path)
@@ -122,13 +122,13 @@ def test_alternating_beam_fills_the_box(tmp_path):
 
 
 def few_grains(count=4, h=0.3):
-    from orchestrator.studies.cases import grains
+    from orchestrator.studies.problems.cases import grains
 
     return grains(count, h)
 
 
 def test_a_trail_keeps_some_of_all_components_and_measures_distances():
-    from orchestrator.studies import following
+    from orchestrator.studies.kit import following
 
     rng = np.random.default_rng(0)
     end = rng.normal(size=(3 * following._KEPT - 7, 2))
@@ -144,8 +144,8 @@ def test_a_trail_keeps_some_of_all_components_and_measures_distances():
 def test_the_rigid_motion_of_loose_bodies_is_no_error_their_deformation_is():
     import numpy as np
 
-    from orchestrator.scene.rigid import motions
-    from orchestrator.studies import following
+    from orchestrator.scene.conditions.rigid import motions
+    from orchestrator.studies.kit import following
 
     rng = np.random.default_rng(2)
     nodes = rng.random((60, 3))
@@ -168,9 +168,9 @@ def test_the_rigid_motion_of_loose_bodies_is_no_error_their_deformation_is():
 
 
 def test_a_run_is_continued_to_where_it_tends(tmp_path):
-    from orchestrator.studies.cases import contact_defaults, paper_contact, with_method
-    from orchestrator.studies.following import follow, sweeps_to
-    from orchestrator.studies.framework import Case, Study
+    from orchestrator.studies.problems.cases import contact_defaults, paper_contact, with_method
+    from orchestrator.studies.kit.following import follow, sweeps_to
+    from orchestrator.studies.kit.framework import Case, Study
 
     study = Study("tiny", "tiny contact", tmp_path)
     ours = follow(study, Case(with_method(few_grains(), contact_defaults()), {"settings": "defaults"}))
@@ -188,8 +188,8 @@ def test_a_run_is_continued_to_where_it_tends(tmp_path):
 
 
 def test_contact_studies(tmp_path, monkeypatch):
-    from orchestrator.studies import contact
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.convergence import contact
+    from orchestrator.studies.kit.framework import Study
 
     monkeypatch.setattr(contact, "LONG", 8)
     monkeypatch.setattr(contact, "pressed_cubes", lambda friction, make=contact.pressed_cubes: make(friction, 2, 2))
@@ -209,8 +209,8 @@ def test_contact_studies(tmp_path, monkeypatch):
 
 
 def test_ten_grains_from_the_command_line(tmp_path):
-    from orchestrator.studies import ten_grains
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.performance import ten_grains
+    from orchestrator.studies.kit.framework import Study
 
     study = Study("ten", "ten", tmp_path)
     small = {**ten_grains.problem(), "mesh": few_grains()["mesh"], "output": {"figures": False}}
@@ -222,16 +222,16 @@ def test_ten_grains_from_the_command_line(tmp_path):
 
 
 def test_ten_grains_tells_why_a_run_failed(tmp_path):
-    from orchestrator.studies import ten_grains
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.performance import ten_grains
+    from orchestrator.studies.kit.framework import Study
 
     with pytest.raises(BlackBoxError, match="subdomains"):
         ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.problem(), "subdomains": "grans"})
 
 
 def test_polycrystal_in_small(tmp_path, monkeypatch):
-    from orchestrator.studies import polycrystal
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.convergence import polycrystal
+    from orchestrator.studies.kit.framework import Study
 
     for name, value in (("SMALL_GRAINS", 4), ("SMALL_H", 0.3), ("CUT", 10)):
         monkeypatch.setattr(polycrystal, name, value)
@@ -252,8 +252,8 @@ def test_polycrystal_in_small(tmp_path, monkeypatch):
 
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
     """The whole study on cubes of two elements a side, coarse problems of a few."""
-    from orchestrator.studies import prediction, scaling
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.performance import prediction, scaling
+    from orchestrator.studies.kit.framework import Study
 
     monkeypatch.setattr(scaling, "without_ranks", lambda: "not in this test")
     monkeypatch.setattr(scaling, "measure_coarse", lambda: prediction.measure_coarse((2, 3)))
@@ -271,9 +271,9 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
 
 
 def test_floor_of_small_runs(tmp_path, monkeypatch):
-    from orchestrator.studies import floor
-    from orchestrator.studies.cases import beam, cube
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.performance import floor
+    from orchestrator.studies.problems.cases import beam, cube
+    from orchestrator.studies.kit.framework import Study
 
     nothing = {"output": {"fields": False, "figures": False}}
     monkeypatch.setattr(floor, "beam", lambda count: beam(count // 16) | nothing)
@@ -296,8 +296,8 @@ def test_coarse_problem_that_is_predicted_is_that_of_a_run():
 
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.cases import cube
-    from orchestrator.studies.prediction import macro_pattern
+    from orchestrator.studies.problems.cases import cube
+    from orchestrator.studies.performance.prediction import macro_pattern
 
     config = config_from(cube(3, 2))
     with case.box_of(config) as blackbox:
@@ -307,7 +307,7 @@ def test_coarse_problem_that_is_predicted_is_that_of_a_run():
 
 
 def test_prediction_adds_up():
-    from orchestrator.studies.prediction import Coarse, Costs, limit, predict
+    from orchestrator.studies.performance.prediction import Coarse, Costs, limit, predict
 
     costs = Costs(start=1, scene=0.01, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, iterations=10,
                   sweeps=12, trace=300)
@@ -322,8 +322,8 @@ def test_prediction_adds_up():
 
 
 def test_large_in_small(tmp_path):
-    from orchestrator.studies import large
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.performance import large
+    from orchestrator.studies.kit.framework import Study
 
     study = Study("large", "small", tmp_path)
     large.run(study, 2, 4, (2, 5), 4, (6,))
@@ -342,9 +342,9 @@ def test_large_in_small(tmp_path):
 
 
 def test_large_within_too_little_memory(tmp_path):
-    from orchestrator.blackbox.freefem import FreeFem
-    from orchestrator.studies import large
-    from orchestrator.studies.framework import Study
+    from orchestrator.blackbox.codes.freefem import FreeFem
+    from orchestrator.studies.performance import large
+    from orchestrator.studies.kit.framework import Study
 
     study = Study("large", "small", tmp_path)
     result = large._direct(study, FreeFem(), 26, "CHOLMOD", 300 * 2**20)
@@ -356,9 +356,9 @@ def test_large_within_too_little_memory(tmp_path):
 def test_time_vs_error_in_small(tmp_path):
     from dataclasses import replace
 
-    from orchestrator.studies import time_vs_error
-    from orchestrator.studies.error_cases import MODELS
-    from orchestrator.studies.framework import Study
+    from orchestrator.studies.performance import time_vs_error
+    from orchestrator.studies.problems.error_cases import MODELS
+    from orchestrator.studies.kit.framework import Study
 
     small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "L-shaped bracket": ((4,), (), (2, 4, 8)),
              "blocks in frictional contact": ((2, 4), (), (8,))}
@@ -389,7 +389,7 @@ def test_true_errors_of_an_exact_solution():
     """Two fields whose distance is known: the one carried to the other's mesh, and the energies' balance."""
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.true_errors import _carried
+    from orchestrator.studies.convergence.true_errors import _carried
 
     for element in ("P1", "P2"):
         box = {"name": "t", "mesh": {"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}}, "subdomains": {"grid": [2, 1, 1]},

@@ -8,17 +8,17 @@ import results_case as case
 from blackbox_case import box, forces, settings
 from rich.console import Console
 
-from orchestrator.blackbox.pool import place
-from orchestrator.blackbox.registry import make_blackbox
+from orchestrator.blackbox.pool.pool import place
+from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.history import write_history
-from orchestrator.results.report import report
-from orchestrator.results.summary import print_summary, write_summary
-from orchestrator.results.workload import Workload, idle_share, joined
+from orchestrator.results.subscribers.history import write_history
+from orchestrator.results.report.report import report
+from orchestrator.results.summary.summary import print_summary, write_summary
+from orchestrator.results.summary.workload import Workload, idle_share, joined
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.cases import grains
+from orchestrator.studies.problems.cases import grains
 from orchestrator.timing import Stopwatch
 
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.activity import Activity
+from orchestrator.blackbox.pool.activity import Activity
 
 
 @dataclass

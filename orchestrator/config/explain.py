@@ -9,9 +9,9 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from ..errors import KeyPath, Problem
-from .base import TAG
-from .model import Config
+from orchestrator.errors import KeyPath, Problem
+from orchestrator.config.base import TAG
+from orchestrator.config.model import Config
 
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
          "list": "a list", "dict": "a mapping (key: value)", "model": "a mapping (key: value)"}

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from .base import Count, Counts, Name, Part, Positive, Sizes, as_list, auto_or, either
+from orchestrator.config.base import Count, Counts, Name, Part, Positive, Sizes, as_list, auto_or, either
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
                    "a number > 0 (a cube's side), or three of them")

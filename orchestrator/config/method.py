@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from .base import Count, Name, Part, Positive, as_list, auto_or, either
+from orchestrator.config.base import Count, Name, Part, Positive, as_list, auto_or, either
 
 RATIO_RANGE = (1e-3, 1e2)
 FRACTION = 0.1  # of the mesh's error, for the iterations'

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from .base import Name, Part, either
-from .boundary import BodyForce, BoundaryCondition, InterfaceLaw, everything_perfect
-from .mesh import Material, Mesh, Subdomains
-from .method import BlackBox, BlackBoxOn, Method, Output
+from orchestrator.config.base import Name, Part, either
+from orchestrator.config.boundary import BodyForce, BoundaryCondition, InterfaceLaw, everything_perfect
+from orchestrator.config.mesh import Material, Mesh, Subdomains
+from orchestrator.config.method import BlackBox, BlackBoxOn, Method, Output
 
 BlackBoxes = either(Annotated[list[BlackBoxOn], Field(min_length=1)], BlackBox, lambda value: isinstance(value, list),
                     "a mapping such as {code: freefem}, or a list of such, each with on: [names of subdomains]")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .boundary import BodyForce, BoundaryCondition
-from .model import Config
+from orchestrator.config.boundary import BodyForce, BoundaryCondition
+from orchestrator.config.model import Config
 
 Entry = BoundaryCondition | BodyForce
 

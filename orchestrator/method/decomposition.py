@@ -8,28 +8,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.extended import boundary_dofs, extended_model, sides_of
+from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_of
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.answers import GuardedTraces
-from orchestrator.method.bound import ErrorBound
-from orchestrator.method.coarse import CoarseCorrection
-from orchestrator.method.contact_stage import ContactStage
-from orchestrator.method.linear_stage import LinearStage
-from orchestrator.method.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
-from orchestrator.method.local_stage import PerfectInterfaces
-from orchestrator.method.macro import Macro
-from orchestrator.method.macro_basis import interface_basis
-from orchestrator.method.pairs import make_pairs
-from orchestrator.method.search_direction import SearchDirection, assemble_search_direction
-from orchestrator.method.soft_modes import enriched, soft_modes
-from orchestrator.method.traces import TraceSpace
+from orchestrator.method.linear.answers import GuardedTraces
+from orchestrator.method.stopping.bound import ErrorBound
+from orchestrator.method.coarse.correction import CoarseCorrection
+from orchestrator.method.local.stage import ContactStage
+from orchestrator.method.linear.stage import LinearStage
+from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.local.exchange import PerfectInterfaces
+from orchestrator.method.linear.macro import Macro
+from orchestrator.method.linear.macro_basis import interface_basis
+from orchestrator.method.interface.pairs import make_pairs
+from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
+from orchestrator.method.linear.soft_modes import enriched, soft_modes
+from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.savings import Savings
 from orchestrator.scene.congruence import first_alike, same_shape
-from orchestrator.scene.hardness import hardness
+from orchestrator.scene.soles.difficulty import hardness
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.scene.rigid import rigid_modes
-from orchestrator.scene.soles import Sole
+from orchestrator.scene.conditions.rigid import rigid_modes
+from orchestrator.scene.soles.layers import Sole
 from orchestrator.timing import Stopwatch
 
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from orchestrator.method.bound import Bound
+from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.laws.points import BONDED, OPEN
-from orchestrator.method.linear_stage import Admissible
-from orchestrator.method.local_state import LocalState
+from orchestrator.laws.points import BONDED, OPEN
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.local.state import LocalState
 from orchestrator.method.solver import Outcome
 from orchestrator.scene.model import Scene
 

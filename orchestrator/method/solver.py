@@ -13,15 +13,15 @@ from functools import cache
 
 import numpy as np
 
-from orchestrator.method.acceleration import Relaxation, ResidualMinimisation
-from orchestrator.method.anderson import Anderson
-from orchestrator.method.bound import Bound
-from orchestrator.method.criteria import make_criterion
+from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
+from orchestrator.method.acceleration.anderson import Anderson
+from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.criteria import make_criterion
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration
-from orchestrator.method.indicator import measure
-from orchestrator.method.linear_stage import Admissible
-from orchestrator.method.local_state import LocalState
+from orchestrator.method.stopping.indicator import measure
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.local.state import LocalState
 from orchestrator.timing import Stopwatch
 
 STALL = 20  # stages without progress at rounding level that end a run

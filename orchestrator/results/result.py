@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results.fields import Fields, write_npz
+from orchestrator.results.fields.files import Fields, write_npz
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.history import read_history, write_history
-from orchestrator.results.summary import read_summary, write_summary
+from orchestrator.results.subscribers.history import read_history, write_history
+from orchestrator.results.summary.summary import read_summary, write_summary
 
 
 @dataclass(frozen=True)

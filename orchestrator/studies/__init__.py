@@ -9,31 +9,31 @@ from __future__ import annotations
 import os
 from importlib import import_module
 
-from ..errors import InputError, Problem
+from orchestrator.errors import InputError, Problem
 
-# name: module, function, what it shows
+# name: module in its room, function, what it shows
 _REGISTRY = {
-    "fig7": ("fig7", "run", "paper, figure 7: convergence for 8 to 128 slices: mono-scale, equilibrium, continuity"),
-    "fig8": ("fig8", "run", "paper, figures 8 and 9: axial stress after one and two iterations"),
-    "fig10": ("sole_modulus", "equilibrium", "paper, figure 10: soles 100 times softer to stiffer, equilibrium"),
-    "fig11": ("sole_modulus", "continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
-    "slices": ("stages", "slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
-    "cubes": ("stages", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
-    "metis": ("parts", "metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
-    "assembly": ("parts", "assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
-    "contact_cubes": ("contact", "cubes", "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
-    "contact_grains": ("contact", "polycrystals", "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
-    "contact_soles": ("contact", "soles", "soles ten times softer to stiffer, with contact"),
-    "ten_grains": ("ten_grains", "run", "a contact problem of 8,235 dofs from the command line, with wall time"),
-    "polycrystal": ("polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
-    "polycrystal_small": ("polycrystal", "small", "the same with 15 grains"),
-    "scaling": ("scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
-    "floor": ("floor", "run", "wall time of whole runs beside the code's own seconds"),
-    "codes": ("codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
-    "time_vs_error": ("time_vs_error", "run", "wall time against true error: four problems, P1 and P2, four methods"),
-    "large": ("large", "run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
-    "stability": ("stability", "run", "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
-    "bound": ("bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
+    "fig7": ("paper.fig7", "run", "paper, figure 7: convergence for 8 to 128 slices: mono-scale, equilibrium, continuity"),
+    "fig8": ("paper.fig8", "run", "paper, figures 8 and 9: axial stress after one and two iterations"),
+    "fig10": ("paper.sole_modulus", "equilibrium", "paper, figure 10: soles 100 times softer to stiffer, equilibrium"),
+    "fig11": ("paper.sole_modulus", "continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
+    "slices": ("convergence.stages", "slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
+    "cubes": ("convergence.stages", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
+    "metis": ("convergence.parts", "metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
+    "assembly": ("convergence.parts", "assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
+    "contact_cubes": ("convergence.contact", "cubes", "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
+    "contact_grains": ("convergence.contact", "polycrystals", "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
+    "contact_soles": ("convergence.contact", "soles", "soles ten times softer to stiffer, with contact"),
+    "ten_grains": ("performance.ten_grains", "run", "a contact problem of 8,235 dofs from the command line, with wall time"),
+    "polycrystal": ("convergence.polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
+    "polycrystal_small": ("convergence.polycrystal", "small", "the same with 15 grains"),
+    "scaling": ("performance.scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
+    "floor": ("performance.floor", "run", "wall time of whole runs beside the code's own seconds"),
+    "codes": ("convergence.codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
+    "time_vs_error": ("performance.time_vs_error", "run", "wall time against true error: four problems, P1 and P2, four methods"),
+    "large": ("performance.large", "run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
+    "stability": ("robustness.stability", "run", "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
+    "bound": ("convergence.bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}
 
@@ -53,7 +53,7 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None) -> None:
     """
     if name not in _REGISTRY:
         raise InputError(Problem((), f"study '{name}'", "one of " + ", ".join(STUDIES), "take one of these"))
-    from .framework import Study
+    from orchestrator.studies.kit.framework import Study
 
     module, function, line = _REGISTRY[name]
     study = Study(name, line, folder)

@@ -1,5 +1,0 @@
-"""CalculiX as a black box: unmodified, one run per question, input decks in and files out."""
-
-from orchestrator.blackbox.calculix.code import CalculiX
-
-__all__ = ["CalculiX"]

@@ -1,0 +1,152 @@
+"""Hosts a black box written in Python in a process of its own.
+
+    python -m orchestrator.blackbox.codes.python_server CODE REQUESTS REPLIES
+
+The other end is the orchestrator, which speaks the bytes of ``messages``; CODE names the class that answers, see
+``template`` for its three methods. An exception ends the process: its traceback is in the log that the error quotes.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from orchestrator.blackbox.transport import messages
+from orchestrator.blackbox.pool.diagnosis import diagnosis
+from orchestrator.blackbox.protocol import Model
+
+
+def solver_class(code: str) -> type:
+    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names."""
+    where, _, name = code.rpartition(":") if ":" in code else (code, "", "Solver")
+    if where.endswith(".py"):
+        spec = importlib.util.spec_from_file_location(Path(where).stem, where)
+        module = importlib.util.module_from_spec(spec)
+        sys.path.insert(0, str(Path(where).resolve().parent))
+        spec.loader.exec_module(module)
+    else:
+        module = importlib.import_module(where)
+    return getattr(module, name)
+
+
+class Server:
+    """Answers one request after the other.
+
+    Parameters
+    ----------
+    solver : the black box
+    requests, replies : binary streams
+    """
+
+    def __init__(self, solver, requests, replies):
+        self.solver, self.requests, self.replies = solver, requests, replies
+        self.models: dict[int, Model] = {}
+        self.prepared: dict[int, object] = {}
+
+    def run(self) -> None:
+        """Until told to quit, or until the orchestrator is gone."""
+        self._reply([0, 0], [time.process_time(), 0, 0], [])
+        answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
+                   messages.STIFFNESS: self._stiffness}
+        while len(head := self.requests.read(8)) == 8:
+            op = int(np.frombuffer(head, np.int64)[0])
+            if op == messages.QUIT:
+                return
+            answers[op](op, self._array(np.int64), self._array(np.float64))
+
+    def _load(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
+        index, start = int(ints[0]), time.process_time()
+        model = read_model(f"mesh-{index}.npz")
+        stiffness = sp.csr_array(self.solver.stiffness(model))
+        assembled = time.process_time()
+        self.models[index], self.prepared[index] = model, self.solver.prepare(model)
+        residual = self._probe(index, stiffness)
+        seconds = [assembled - start, time.process_time() - assembled, 0]
+        self._reply([index, 0, model.fixed.size, 1], seconds, [residual])
+
+    def _probe(self, index: int, stiffness: sp.csr_array) -> float:
+        """Relative residual of three load cases; raises ValueError when the solver, not the model, is wrong."""
+        free = np.flatnonzero(~self.models[index].fixed)
+        forces = np.zeros((3, self.models[index].fixed.size))
+        # no rigid motion of any part escapes these
+        forces[:, free] = np.where(np.arange(len(free)) % np.array([[5], [7], [3]]) == 0, 3.0, 1.0)
+        u = self._displacements(index, forces)
+        if not np.isfinite(u).all():
+            raise ValueError("solve() returned values that are not finite")
+        held = sp.csc_array(stiffness[free][:, free])
+        residual = _residual(held, u[:, free], forces[:, free])
+        if not residual <= messages.RESIDUAL_LIMIT or u[:, self.models[index].fixed.ravel()].any():
+            expected = np.zeros(u.shape)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # a singular matrix, reported by its residual
+                expected[:, free] = spla.spsolve(held, forces[:, free].T).T
+            if _residual(held, expected[:, free], forces[:, free]) <= messages.RESIDUAL_LIMIT:
+                what = diagnosis(u, expected) or f"a relative residual of {residual:.1e}"
+                raise ValueError(f"solve() does not fit stiffness(): {what}")
+        return residual
+
+    def _solve(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
+        at = 0
+        for index, cases in ints[1:].reshape(-1, 2).tolist():
+            start = time.process_time()
+            model = self.models[index]
+            size = len(model.trace) if op == messages.TRACES else model.fixed.size
+            forces = reals[at : at + cases * size].reshape(cases, size)
+            at += cases * size
+            if op == messages.TRACES:
+                full = np.zeros((cases, model.fixed.size))
+                full[:, model.trace] = forces
+                u = self._displacements(index, full)[:, model.trace]
+            else:
+                u = self._displacements(index, forces)
+            self._reply([index, 0], [0, 0, time.process_time() - start], u)
+
+    def _stiffness(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
+        index, start = int(ints[0]), time.process_time()
+        lower = sp.coo_array(sp.tril(sp.csr_array(self.solver.stiffness(read_model(f"mesh-{index}.npz")))))
+        head = [index, 0, lower.shape[0], lower.nnz]
+        self._reply(np.concatenate([head, *lower.coords]), [time.process_time() - start, 0, 0], lower.data)
+
+    def _displacements(self, index: int, forces: np.ndarray) -> np.ndarray:
+        u = np.asarray(self.solver.solve(self.prepared[index], forces))
+        if u.shape != forces.shape:
+            raise ValueError(f"solve() returned displacements of shape {u.shape}, expected {forces.shape}: "
+                             "a row per load case, a column per dof")
+        return u
+
+    def _array(self, dtype) -> np.ndarray:
+        count = int(np.frombuffer(self.requests.read(8), np.int64)[0])
+        return np.frombuffer(self.requests.read(8 * count), dtype)
+
+    def _reply(self, ints, seconds, reals) -> None:
+        for values, dtype in ((ints, np.int64), (seconds, np.float64), (reals, np.float64)):
+            values = np.ascontiguousarray(values, dtype)
+            self.replies.write(np.int64(values.size).tobytes())
+            self.replies.write(values.tobytes())
+        self.replies.flush()
+
+
+def _residual(matrix: sp.csc_array, u: np.ndarray, forces: np.ndarray) -> float:
+    """‖K u − f‖ / ‖f‖, the largest of all load cases."""
+    left = np.linalg.norm((matrix @ u.T).T - forces, axis=1) / np.maximum(np.linalg.norm(forces, axis=1), 1e-300)
+    return float(np.max(left, initial=0.0))
+
+
+def read_model(path: str) -> Model:
+    """A model from the file that ``python_code`` writes."""
+    with np.load(path) as data:
+        keys = ("nodes", "cells", "region", "materials", "fixed", "trace")
+        return Model(str(data["name"]), *(data[key] for key in keys))
+
+
+if __name__ == "__main__":
+    with open(sys.argv[2], "rb") as requests, open(sys.argv[3], "wb") as replies:
+        Server(solver_class(sys.argv[1])(), requests, replies).run()

@@ -1,0 +1,1 @@
+"""Layers around a black box that route, share and remember."""

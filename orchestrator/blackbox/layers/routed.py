@@ -1,0 +1,124 @@
+"""Several black boxes as one: each model goes to the code that is to solve it, all codes work at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.pool.activity import Activity
+from orchestrator.blackbox.pool.pool import Pool
+from orchestrator.blackbox.protocol import Model
+from orchestrator.errors import BlackBoxError
+
+
+class Routed:
+    """The black box of ``protocol.BlackBox`` over pools of different codes or transports.
+
+    Parameters
+    ----------
+    pools : ``Model.code`` → the pool of that code; closed with this one
+    """
+
+    def __init__(self, pools: Mapping[int, Pool]):
+        self.pools = dict(pools)
+        self._home: list[tuple[int, int]] = []  # (code, number in its pool) of every model
+        self._ended = ""
+        self._threads = ThreadPoolExecutor(len(self.pools), "routed")
+        self.asked = sum(pool.asked for pool in self.pools.values())
+
+    def load(self, models: Sequence[Model]) -> None:
+        """As the protocol says."""
+        parts: dict[int, list[Model]] = {code: [] for code in self.pools}
+        self._home = []
+        for model in models:
+            self._home.append((model.code, len(parts[model.code])))
+            parts[model.code].append(model)
+        self._all({code: lambda pool, part=part: pool.load(part) for code, part in parts.items() if part})
+
+    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        return self._solved(forces, lambda pool, part: pool.traces(part))
+
+    def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        return self._solved(forces, lambda pool, part: pool.fields(part))
+
+    def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
+        """As the protocol says."""
+        members = {code: [i for i, m in enumerate(models) if m.code == code] for code in self.pools}
+        answers = self._all({code: lambda pool, own=own: pool.stiffness([models[i] for i in own])
+                             for code, own in members.items() if own})
+        found = {i: matrix for code, matrices in answers.items() for i, matrix in zip(members[code], matrices)}
+        return [found[i] for i in range(len(models))]
+
+    def clock(self) -> dict[str, float]:
+        """As the protocol says, summed over codes."""
+        clocks = [pool.clock() for pool in self.pools.values()]
+        return {stage: sum(clock[stage] for clock in clocks) for stage in clocks[0]}
+
+    def activity(self) -> list[Activity]:
+        """Workers of all codes, numbered one after the other; each is idle while its own code has nothing to do."""
+        rows = [row for pool in self.pools.values() for row in pool.activity()]
+        return [replace(row, worker=number) for number, row in enumerate(rows)]
+
+    def codes(self) -> list[dict[str, object]]:
+        """As ``Pool.codes``."""
+        return [entry for pool in self.pools.values() for entry in pool.codes()]
+
+    def version(self) -> dict[str, str]:
+        """Names and versions of the codes."""
+        return {name: version for pool in self.pools.values() for name, version in pool.version().items()}
+
+    def memory_peak_mb(self) -> float:
+        """Largest resident memory of the codes' processes, MB, summed over workers."""
+        return sum(pool.memory_peak_mb() for pool in self.pools.values())
+
+    def pids(self) -> list[int]:
+        """Process ids of the codes' processes that run now."""
+        return [pid for pool in self.pools.values() for pid in pool.pids()]
+
+    def close(self) -> None:
+        """End all processes and remove all files; may be called twice."""
+        self._ended = self._ended or "the black box is closed"
+        for pool in self.pools.values():
+            pool.close()
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    def __enter__(self) -> "Routed":
+        return self
+
+    def __exit__(self, *exc) -> None:
+        self.close()
+
+    def _solved(self, forces: Mapping[int, np.ndarray], ask: Callable) -> dict[int, np.ndarray]:
+        parts: dict[int, dict[int, np.ndarray]] = {}
+        for index, f in forces.items():
+            code, number = self._home[index]
+            parts.setdefault(code, {})[number] = f
+        answers = self._all({code: lambda pool, part=part: ask(pool, part) for code, part in parts.items()})
+        return {index: answers[self._home[index][0]][self._home[index][1]] for index in forces}
+
+    def _all(self, tasks: Mapping[int, Callable[[Pool], Any]]) -> dict[int, Any]:
+        """Run one task per code at once; the first failure ends all codes and is raised."""
+        if self._ended:
+            raise BlackBoxError(self._ended)
+        begin = time.perf_counter()
+        futures = {self._threads.submit(task, self.pools[code]): code for code, task in tasks.items()}
+        try:
+            left = set(futures)
+            while left:
+                done, left = wait(left, return_when=FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+        except BaseException as error:
+            self.close()
+            self._ended = f"the black box has ended after a failure: {str(error) or type(error).__name__}"
+            raise
+        self.asked += time.perf_counter() - begin
+        return {code: future.result() for future, code in futures.items()}

@@ -1,0 +1,1 @@
+"""Workers, their processes and files: started, kept busy, ended."""

@@ -1,0 +1,1 @@
+"""Bytes to and from a code: pipes, files, messages, mesh formats."""

@@ -1,0 +1,81 @@
+"""Transport ``pipe``: one persistent process per worker, which keeps its models factorised."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.transport import messages
+from orchestrator.blackbox.transport.channel import Channel
+from orchestrator.blackbox.transport.messages import BadReply, Reply
+from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.pool.worker import Ended, Worker
+
+
+class PipeWorker(Worker):
+    """Hosts many models in one process; all right-hand sides of all its models travel in one message."""
+
+    channel: Channel | None = None
+
+    def open(self) -> None:
+        self.channel = Channel()
+        requests, replies = self.channel.child_fds
+        self.spawn(f"/dev/fd/{requests}", f"/dev/fd/{replies}", self.channel.child_fds)
+        self.channel.hand_over()
+        try:
+            reply = self._reply(self.deadline())
+            messages.check_hello(reply)
+        except (Ended, BadReply) as error:
+            failure = self.failure("it did not start", error, "")
+            missing = self.code.missing_plugin(self.process.returncode)
+            raise missing or failure from error
+        self.seconds["start"] += float(reply.seconds[0])
+
+    def load(self, index: int, model: Model) -> None:
+        path = self.write_mesh(index, model)
+        request = messages.load(index, self.element, model)
+        try:
+            deadline = self.deadline()
+            self.channel.write(request, deadline)
+            reply = self._reply(deadline)
+            messages.check_load(reply, index)
+        except (Ended, BadReply) as error:
+            raise self.failure("loading failed", error, model.name) from error
+        finally:
+            path.unlink(missing_ok=True)
+        self.count(reply.seconds)
+
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        answers: dict[int, np.ndarray] = {}
+        try:
+            self.channel.write(messages.solve(op, jobs), self.deadline())
+            for index, forces in jobs:
+                reply = self._reply(self.deadline())
+                answers[index] = messages.check_solve(reply, index, *forces.shape)
+                self.count(reply.seconds)
+        except (Ended, BadReply) as error:
+            raise self.failure("solving failed", error, names[len(answers)]) from error
+        return answers
+
+    def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        path = self.write_mesh(index, model)
+        dofs = 3 * len(model.nodes)
+        try:
+            deadline = self.deadline()
+            self.channel.write(messages.stiffness(index, self.element, model), deadline)
+            reply = self._reply(deadline)
+            matrix = messages.check_stiffness(reply, index, dofs)
+        except (Ended, BadReply) as error:
+            raise self.failure("the stiffness matrix was not obtained", error, model.name) from error
+        finally:
+            path.unlink(missing_ok=True)
+        self.count(reply.seconds)
+        return matrix
+
+    def release(self) -> None:
+        super().release()
+        if self.channel is not None:
+            self.channel.close()
+
+    def _reply(self, deadline: float) -> Reply:
+        return messages.read_reply(lambda view: self.channel.read_into(view, deadline))

@@ -1,0 +1,1 @@
+"""Is a code fit to take part? Checks against the protocol."""

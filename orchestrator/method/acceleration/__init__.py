@@ -1,0 +1,1 @@
+"""Accelerations of the fixed point."""

@@ -1,0 +1,224 @@
+"""Nonlinear coarse correction: every body moves in its affine fields under the true contact laws.
+
+The slow tail of the fixed point is the motion of whole bodies against each other. It is removed by
+a small contact problem solved after every linear stage: each subdomain's state may change by
+s += V y with 12 affine fields, whose response is known from set-up,
+
+    U = N R,   V = k U,   W = N M⁻¹NᵀV,   F = V − k W
+
+and y makes the forces agree with the laws on these fields, load step after load step:
+
+    ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
+    L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
+
+which ``coarse_problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.coarse.problem import CoarseProblem, of_all
+from orchestrator.method.local.stage import ContactStage
+from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.coarse.pair_fields import FIELDS, MONOMIALS, PairFields
+from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.scene.model import Scene
+
+DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
+REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
+
+
+@dataclass
+class _Response:
+    """Per trace dof (D, 12): fields of the owner's body and their response."""
+
+    U: np.ndarray
+    V: np.ndarray
+    W: np.ndarray
+    F: np.ndarray
+
+
+class CoarseCorrection:
+    """The coarse contact problem of one decomposition.
+
+    Parameters
+    ----------
+    scene : for the coordinates
+    stage : linear stage; solves the 12 fields of every body once
+    pairs : node pairs of all interfaces, perfect ones included
+
+    Attributes
+    ----------
+    sweeps : back-substitutions per subdomain at set-up
+    problem : the contact problem of one load step
+    """
+
+    sweeps = FIELDS
+
+    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs):
+        self.stage, self.pairs = stage, pairs
+        self.predict = ContactStage(stage.direction, pairs)
+        space = stage.space
+        self.team = space.team
+        self.bodies, self.own = len(scene.subdomains), space.subdomains
+        own = space.owner[: space.size]
+        self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in self.own]
+        k = stage.direction.k
+        frames = _Frames.of(scene, space)
+        fields = space.trace(frames.fields)
+        if space.ties is not None:
+            fields[space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
+        R = self._independent(fields, k)
+        U = np.zeros_like(fields)
+        for part, r in zip(self.parts, R):
+            U[part] = fields[part] @ r
+        V = k @ U
+        self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
+        W = space.trace(self.boundary_response)
+        self.response = _Response(U, V, W, V - k @ W)
+        K0 = self._per_body(U, self.response.F)
+        dropped = np.array([~U[part].any(axis=0) for part in self.parts])
+        K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
+
+        one, two, free = pairs.one.T, pairs.two.T, pairs.free.T[:, :, None]
+        W, F = space.extended(W, self.response.F)  # ghosts last: own parts keep their places
+
+        def keq(x: np.ndarray) -> np.ndarray:  # (P, 3, 12)
+            return pairs.points.stiffness(x.T).T
+
+        # (P, 3, 24): the fields of the first body, then of the second
+        L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
+                                           -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
+        ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
+        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
+        self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
+                                     [self.response.W[part] for part in self.parts])
+        self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
+        self.radius: float | None = None
+
+    def start_from(self, local: ContactStage) -> None:
+        """Take over the jumps that a local stage starts from; perfect interfaces have none."""
+        previous = np.zeros((3, len(self.pairs)))
+        begin = {i.index: a for i, a in zip(self.pairs.interfaces, self.pairs.bounds)}
+        for i, a, b in zip(local.pairs.interfaces, local.pairs.bounds[:-1], local.pairs.bounds[1:]):
+            previous[:, begin[i.index] : begin[i.index] + b - a] = local.previous[:, a:b]
+        self.predict = ContactStage(self.stage.direction, self.pairs, previous)
+
+    def __call__(self, fields: Admissible) -> Admissible:
+        """Corrected admissible fields.
+
+        Parameters
+        ----------
+        fields : result of a linear stage
+        """
+        steps = fields.s.shape[1]
+        if self.radius is None:
+            self.radius = REACH * max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
+        y = np.zeros((steps, self.bodies, FIELDS))
+        resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
+        previous = self.predict.previous
+        F0 = self.predict.predicted(self.predict.traces(fields.w, fields.f))
+        for t in range(steps):
+            y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
+            previous = self.predict.jump(F, self.pairs.force(F, previous).force)
+        s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
+        r = self.response
+        for e, part, boundary in zip(self.own, self.parts, self.stage.space.boundary):
+            change = y[:, e].T
+            s[part] += r.V[part] @ change
+            w[part] += r.W[part] @ change
+            f[part] += r.F[part] @ change
+            u[boundary] += self.boundary_response[boundary] @ change
+        return Admissible(s, u, fields.alpha, w, f)
+
+    def _independent(self, fields: np.ndarray, k) -> np.ndarray:
+        """(own bodies, 12, 12) R that makes U = fields R orthonormal, UᵀkU = 1; what is dependent becomes zero.
+
+        On a body that has a single plane interface, the gradients along its normal are.
+        """
+        result = np.zeros((len(self.own), FIELDS, FIELDS))
+        for r, gram in zip(result, self._per_body(fields, k @ fields)):
+            size, vectors = np.linalg.eigh(gram)
+            keep = size > DEPENDENT * size.max(initial=0.0)
+            r[:, keep] = vectors[:, keep] / np.sqrt(size[keep])
+        return result
+
+    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray,
+                   ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """φ (P, m) and A (I, 3m, 24) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
+        space, pairs = self.stage.space, self.pairs
+        centre, size = self._of_all(frames.centre), self._of_all(frames.size)
+        x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3])
+        pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=0)
+        x1, x2 = x[pairs.one[component, pair]], x[pairs.two[component, pair]]
+        first, second = np.repeat(ends, np.diff(pairs.bounds), axis=0).T
+        phi = _monomials((x1 - centre[first]) / size[first, None])
+        # fields are monomials outside, components inside; here it is the other way round
+        R1, R2 = (R[b].reshape(-1, MONOMIALS, 3, FIELDS).swapaxes(1, 2) for b in ends.T)
+        if self.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
+            phi = np.hstack([phi, _monomials((x2 - centre[second]) / size[second, None])])
+            A = np.block([[R1, np.zeros_like(R1)], [np.zeros_like(R2), -R2]])
+        else:  # the second body's monomials are combinations of the first one's
+            change = np.zeros((len(ends), 1, MONOMIALS, MONOMIALS))
+            one, two = ends.T
+            change[:, 0, 0, 0] = 1.0
+            change[:, 0, 0, 1:] = (centre[one] - centre[two]) / size[two, None]
+            change[:, 0, range(1, MONOMIALS), range(1, MONOMIALS)] = (size[one] / size[two])[:, None]
+            A = np.concatenate([R1, -change @ R2], axis=3)
+        return phi, A.reshape(len(ends), -1, 2 * FIELDS)
+
+    def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """(own bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
+        result = np.zeros((len(self.own), FIELDS, FIELDS))
+        for e, part in enumerate(self.parts):
+            result[e] = a[part].T @ b[part]
+        return result
+
+    def _resultants(self, f: np.ndarray) -> np.ndarray:
+        """(own bodies, T, 12) Uᵀf."""
+        return np.stack([f[part].T @ self.response.U[part] for part in self.parts])
+
+    def _of_all(self, own: np.ndarray) -> np.ndarray:
+        """(bodies, …) from what each rank knows of its own bodies."""
+        return of_all(self.team, self.bodies, self.own, own)
+
+
+@dataclass
+class _Frames:
+    """Affine fields of a rank's bodies: translations, and gradients about the body's centre scaled by its size.
+
+    Parameters
+    ----------
+    fields : (B, 12) per boundary dof; field 3m + c is monomial m in component c
+    centre, size : (own bodies, 3) and (own bodies,)
+    """
+
+    fields: np.ndarray
+    centre: np.ndarray
+    size: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, space: TraceSpace) -> _Frames:
+        """Of the bodies of a space."""
+        bodies = len(space.boundary)
+        result = cls(np.zeros((len(space.global_dof), FIELDS)), np.zeros((bodies, 3)), np.ones(bodies))
+        for e, part in enumerate(space.boundary):
+            dof = space.global_dof[part]
+            if not len(dof):
+                continue
+            x, rows = scene.mesh.nodes[dof // 3], np.arange(part.start, part.stop)
+            centre = result.centre[e] = (x.min(axis=0) + x.max(axis=0)) / 2
+            size = result.size[e] = max(np.abs(x - centre).max(), np.finfo(float).tiny)
+            phi = _monomials((x - centre) / size)
+            for m in range(MONOMIALS):
+                result.fields[rows, 3 * m + dof % 3] = phi[:, m]
+        return result
+
+
+def _monomials(x: np.ndarray) -> np.ndarray:
+    """(n, 4) 1, x, y, z."""
+    return np.column_stack([np.ones(len(x)), x])

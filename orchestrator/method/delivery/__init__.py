@@ -1,0 +1,1 @@
+"""From the last iteration to fields, forces and guards on them."""

@@ -1,0 +1,134 @@
+"""Guards on the delivered fields: what holds in every sound result, so that one that breaks it is not believed.
+
+- external work: ‖u‖²_K from interface data by duality, against loads, interface forces and reactions times
+  the displacements of all nodes, which another back-substitution has given; both are ≥ 0;
+- repetition: the last back-substitution gives the interface displacements that the iterations have combined from
+  all earlier ones; no error below what both, and the forces they stand for, differ by in energy norm can be claimed;
+- contact laws, node by node on the written fields: no penetration, no tension, Coulomb's cone, and no pressure
+  across an open gap.
+
+The answers on the way are guarded where they arrive: finite numbers and the residual of a probe solve after each
+factorisation in ``blackbox.messages``, reciprocity and strain energies in ``answers``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.stopping.law_residuals import REST
+from orchestrator.laws.points import BONDED
+from orchestrator.method.solver import Outcome
+
+NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
+NOTICED = 0.2  # share of the bound from which on noise is part of it
+WORK = 1e-5  # relative difference of the two external works
+LAWS = 100.0  # a node's violation over the law residual that the run claims
+ROUNDING = 1e-9
+
+
+def failed_guards(d: Decomposition, outcome: Outcome, parts: list[np.ndarray],
+                  interfaces: InterfaceFields | None) -> list[str]:
+    """What the delivered fields break, a sentence each.
+
+    Parameters
+    ----------
+    parts : per subdomain (T, n_E, 3), as recovered
+    interfaces : fields of the interfaces that are not perfect, if there are any
+    """
+    found = _works(d, outcome, parts)
+    if interfaces is not None and outcome.converged:
+        reach = max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0)
+        found += _laws(d, interfaces, reach, LAWS * max(outcome.last.law_residual, ROUNDING))
+    return found
+
+
+def works(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two external works and the size of the terms that they sum, each (T,) force × length."""
+    fields, steps = outcome.fields, d.scene.steps
+    forces = d.space.scatter @ fields.f
+    inner = d.loading.energy_of(d.space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u, forces)
+    outer, size = np.zeros((2, steps))
+    for s, rim, part, trace in zip(d.own, d.rims, d.space.boundary, d.traces):
+        u = parts[s.index].reshape(steps, -1)
+        load = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
+        load[:, trace] += forces[part].T
+        if s.fixed.any() and len(rim.nodes):
+            held = np.flatnonzero(s.fixed[rim.nodes])
+            rows, moved = rim.stiffness[held], u[:, rim.dofs]
+            load[:, rim.dofs[held]] += (rows @ moved.T).T
+            # prescribed rigid motions do no work, but leave rounding
+            size += ROUNDING * np.sum(np.abs(moved[:, held]) * (abs(rows) @ np.abs(moved).T).T, axis=1)
+        outer += np.sum(u * load, axis=1)
+        size += np.sum(np.abs(u * load), axis=1)
+    return tuple(d.space.team.sum(inner, outer, size))
+
+
+def with_noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> Outcome:
+    """The outcome with the noise of the answers in its bound; not converged any more if that is too much."""
+    bound, floor = outcome.bound.relative, NOISE * noise(d, outcome, parts)
+    if not floor > NOTICED * bound:
+        return outcome
+    outcome = replace(outcome, bound=replace(outcome.bound, relative=float(np.hypot(bound, floor))))
+    name, wanted = outcome.last.target
+    if not outcome.converged or name != "error_bound" or outcome.bound.relative <= wanted:
+        return outcome
+    return replace(outcome, converged=False, stop_reason=(
+        f"guard: repeated answers of the code differ: no error below {floor:.1e} can be claimed"))
+
+
+def noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> float:
+    """Energy norm of what recovered and iterated interface displacements differ by, and of the forces that go with it,
+    relative to the solution's."""
+    apart, mode = np.zeros_like(outcome.fields.u), 0
+    for s, modes, part, trace in zip(d.own, d.modes, d.space.boundary, d.traces):
+        rigid = modes[trace] @ outcome.bound.repositioned[mode : mode + modes.shape[1]]
+        mode += modes.shape[1]
+        apart[part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace].T - outcome.fields.u[part] - rigid
+    # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
+    forces = d.space.scatter @ (d.stage.direction.k @ d.space.trace(apart))
+    strain = np.sum(apart * (d.bound.stiffness @ apart), axis=0)
+    stress = np.sum(forces**2 / d.bound.weight, axis=0)
+    energy, = d.space.team.sum(strain + stress)
+    size = outcome.bound.energy.max(initial=0.0)
+    return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
+
+
+def _works(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> list[str]:
+    inner, outer, size = works(d, outcome, parts)
+    # where nothing is strained, what rounding leaves of the soles' energy is no work
+    soles, = d.space.team.sum(np.sum(outcome.fields.w * (d.stage.direction.k @ outcome.fields.w), axis=0))
+    scale = max(size.max(initial=0.0), ROUNDING * soles.max(initial=0.0), np.finfo(float).tiny)
+    found = []
+    if not np.isfinite([inner, outer]).all():
+        return ["energies are not finite"]
+    apart = np.abs(inner - outer).max(initial=0.0) / scale
+    if apart > WORK:
+        found.append(f"the external work differs by {apart:.1e} between forces times displacements and interface data")
+    least = min(inner.min(initial=0.0), outer.min(initial=0.0), outcome.bound.energy.min(initial=0.0))
+    if least < -WORK * scale:
+        found.append(f"a strain energy is negative ({least:.2g})")
+    return found
+
+
+def _laws(d: Decomposition, interfaces: InterfaceFields, reach: float, allowed: float) -> list[str]:
+    contact = np.repeat(interfaces.laws == "contact", np.diff(interfaces.offsets)) & (interfaces.status != BONDED)
+    if not contact.any():
+        return []
+    friction = np.repeat([i.friction for i in d.scene.interfaces if i.law != "perfect"], np.diff(interfaces.offsets))
+    gap, pressure = (np.where(contact, x, 0.0) for x in (interfaces.gap, interfaces.pressure))
+    shear = np.where(contact, np.linalg.norm(interfaces.friction_traction, axis=2), 0.0)
+    pairs = d.local.pairs
+    resting = REST * reach * (pairs.points.stiff_n / pairs.area).max(initial=0.0)
+    gap, push = gap / (reach or 1.0), max(np.abs(pressure).max(), resting) or 1.0
+    broken = {
+        "penetration": np.max(-gap),
+        "tension": np.max(-pressure) / push,
+        "Coulomb's cone": np.max(shear - friction * np.maximum(pressure, 0.0)) / push,
+        "complementarity": np.minimum(gap, pressure / push).max(),
+    }
+    return [f"{law} violated at a node by {value:.1e}, {allowed:.1e} allowed"
+            for law, value in broken.items() if not value <= allowed]

@@ -1,0 +1,94 @@
+"""Which bodies the supports hold at each load step, through interfaces that are closed there.
+
+A body is what perfect interfaces and imposed jumps join. A *detached* body has no way to a prescribed
+one over closed node pairs; a *weakly held* one has, but could still move as a rigid body without
+opening a closed pair or sliding where the sides stick. The rigid position of both is undetermined.
+Pairs that touch without pressing hold nothing: they count as open here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.laws.points import BONDED, OPEN, SLIP
+from orchestrator.scene.model import Scene
+from orchestrator.scene.conditions.rigid import motions
+
+MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
+PRESSING = 1e-6  # pressure relative to the largest of all steps, from which a pair holds
+FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as none
+
+
+def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
+    """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
+    count = len(scene.subdomains)
+    joined = np.array([i.subdomains for i in scene.interfaces if i.law != "contact"]).reshape(-1, 2)
+    bodies, body = _groups(count, joined)
+    fixed = np.zeros(bodies, bool)
+    fixed[body[[s.fixed.any() for s in scene.subdomains]]] = True
+    ends = body[interfaces.subdomains]
+    motion = _Motions(scene, interfaces, body) if bodies <= MOST_BODIES else None
+    detached, weak = [], []
+    for status in _holding(interfaces):
+        touching = ends[np.logical_or.reduceat(status != OPEN, interfaces.offsets[:-1])]
+        _, group = _groups(bodies, touching)
+        lost = ~np.isin(group, group[fixed])
+        loose = motion.free(status) & ~lost if motion else np.zeros(bodies, bool)
+        for result, chosen in ((detached, lost), (weak, loose)):
+            result.append(list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
+    return detached, weak
+
+
+def _holding(interfaces: InterfaceFields) -> np.ndarray:
+    """(T, N) status, open also where nothing presses."""
+    idle = interfaces.pressure <= PRESSING * np.abs(interfaces.pressure).max(initial=0.0)
+    return np.where(idle & (interfaces.status != BONDED), OPEN, interfaces.status)
+
+
+def _groups(count: int, edges: np.ndarray) -> tuple[int, np.ndarray]:
+    """Number of connected groups and the group (count,) of each vertex."""
+    graph = sp.csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    return sp.csgraph.connected_components(graph, directed=False)
+
+
+class _Motions:
+    """Rigid motions of all bodies, six each, and what supports and closed pairs make of them.
+
+    Parameters
+    ----------
+    body : (subdomains,) int, the body of each
+    """
+
+    def __init__(self, scene: Scene, interfaces: InterfaceFields, body: np.ndarray):
+        self.interfaces, self.bodies = interfaces, int(body.max()) + 1
+        self.sides = body[interfaces.subdomains][interfaces.interface_of_node]  # (N, 2)
+        self.columns = np.zeros((2, len(interfaces.nodes), 3, 6))
+        self.support = np.zeros((self.bodies, 6, 6))
+        for b in range(self.bodies):
+            mine = [s for s, owner in zip(scene.subdomains, body) if owner == b]
+            nodes = np.unique(np.concatenate([s.nodes for s in mine]))
+            columns = motions(scene.mesh.nodes[nodes]).reshape(-1, 3, 6)
+            for side, own in enumerate((interfaces.nodes, interfaces.others)):
+                here = self.sides[:, side] == b
+                self.columns[side, here] = columns[np.searchsorted(nodes, own[here])]
+            held = columns[scene.fixed[nodes]]
+            self.support[b] = held.T @ held
+
+    def free(self, status: np.ndarray) -> np.ndarray:
+        """(bodies,) bool, whether each can move rigidly, for the status (N,) of one load step."""
+        slides = (status == SLIP)[:, None, None]
+        apart = []  # what the pairs forbid to change: the normal jump, and where they stick the whole one
+        for columns in self.columns:
+            along = np.einsum("ni,nij->nj", self.interfaces.normal, columns)
+            apart.append(np.where(slides, self.interfaces.normal[:, :, None] * along[:, None, :], columns)
+                         * (status != OPEN)[:, None, None])
+        gram = np.zeros((self.bodies, 6, self.bodies, 6))
+        gram[range(self.bodies), :, range(self.bodies), :] = self.support
+        for one, two, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0)):
+            blocks = sign * np.einsum("nki,nkj->nij", apart[one], apart[two])
+            np.add.at(gram.transpose(0, 2, 1, 3), (self.sides[:, one], self.sides[:, two]), blocks)
+        values, vectors = np.linalg.eigh(gram.reshape(6 * self.bodies, -1))
+        loose = vectors[:, values <= FREE * max(values[-1], 1e-300)].reshape(self.bodies, 6, -1)
+        return np.linalg.norm(loose, axis=(1, 2)) > 1e-3

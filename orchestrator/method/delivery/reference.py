@@ -1,0 +1,74 @@
+"""The undecomposed solution by the same black box, and the true error against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.models.extended import whole_model
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import InputError, Problem
+from orchestrator.scene.model import Scene
+
+
+@dataclass
+class Reference:
+    """Solution of the whole structure in one piece.
+
+    Parameters
+    ----------
+    displacement : (T, n, 3)
+    stiffness : (3n, 3n) sparse
+    energy : (T,) ‖u‖²_K
+    """
+
+    displacement: np.ndarray
+    stiffness: sp.csr_array
+    energy: np.ndarray
+
+    def relative_error(self, displacement: np.ndarray) -> float:
+        """max_t ‖u − u_ref‖_K / max_t ‖u_ref‖_K for u (T, n, 3), the measure that the bound bounds."""
+        gap = _energies(self.stiffness, displacement - self.displacement)
+        size = self.energy.max(initial=0.0)
+        return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(gap.max(initial=0.0)))
+
+
+def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
+    """Solve all load steps without decomposition.
+
+    Raises
+    ------
+    BlackBoxError : from the code, also when memory runs out
+    InputError : parts are joined by pairs of nodes, so that the mesh is not in one piece
+    """
+    apart = [i.name for i in scene.interfaces if not np.array_equal(i.global_nodes, scene.side_nodes(i, 1))]
+    if apart:
+        raise InputError(Problem(("mesh",), f"{len(apart)} interfaces whose sides share no nodes, the first {apart[0]}",
+                                 "a mesh in one piece, which is what --reference solves",
+                                 "leave out --reference, or merge coincident nodes (gmsh: Coherence)"))
+    stiffness = blackbox.stiffness([whole_model(scene)])[0]
+    displacement = undecomposed(scene, blackbox, stiffness)
+    return Reference(displacement, stiffness, _energies(stiffness, displacement))
+
+
+def undecomposed(scene: Scene, blackbox: BlackBox, stiffness: sp.csr_array | None = None) -> np.ndarray:
+    """Displacement (T, n, 3) of the whole structure in one piece.
+
+    Parameters
+    ----------
+    stiffness : (3n, 3n); needed where displacements other than zero are prescribed
+    """
+    blackbox.load([whole_model(scene)])
+    lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
+    forces = scene.loads.reshape(scene.steps, -1)
+    if lift.any():
+        forces = forces - (stiffness @ lift.T).T
+    forces = np.where(scene.fixed.ravel(), 0.0, forces)
+    return (lift + blackbox.fields({0: forces})[0]).reshape(scene.steps, -1, 3)
+
+
+def _energies(stiffness: sp.csr_array, displacement: np.ndarray) -> np.ndarray:
+    flat = displacement.reshape(len(displacement), -1).T
+    return np.maximum(np.sum(flat * (stiffness @ flat), axis=0), 0.0)

@@ -1,0 +1,124 @@
+"""Search directions: the soles' stiffness k⁻ of the linear stage, and its companions k⁺.
+
+k⁻ comes from the black box: it assembles the soles as plain matter, and clamping their outer
+nodes leaves the rows and columns of the interface (paper, remark 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.models.extended import sole_models
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.savings import Savings
+from orchestrator.scene.model import Scene
+
+
+class SearchDirection:
+    """k⁻ on all trace dofs.
+
+    Parameters
+    ----------
+    whole : (D + G, D + G) sparse, symmetric positive definite, one block per interface and side, ghosts included
+    space : numbering
+
+    Attributes
+    ----------
+    k : (D, D) the part without ghosts
+    """
+
+    def __init__(self, whole: sp.csr_array, space: TraceSpace):
+        self.whole, self.space = whole, space
+        d = space.size
+        self.k = whole if whole.shape[0] == d else sp.csr_array(whole[:d][:, :d])
+        self.diagonal = self.k.diagonal()
+
+    @cached_property
+    def solve(self):
+        """k⁻¹ applied to (D, columns), by a factorisation made at the first call."""
+        return factorised(self.k)
+
+    @cached_property
+    def robin(self) -> sp.csr_array:
+        """(B, B) NᵀkN, what the soles add to the stiffness of the boundary dofs."""
+        scatter = self.space.scatter
+        return sp.csr_array(scatter @ self.k @ scatter.T)
+
+    @cached_property
+    def other(self) -> sp.csr_array:
+        """(D, D) the neighbour's k⁻, seen from this side."""
+        partner = self.space.partner
+        return sp.csr_array(self.whole[partner][:, partner])
+
+
+def factorised(matrix: sp.csr_array):
+    """Solver of a symmetric positive definite sparse matrix, for (n, columns) right-hand sides."""
+    if matrix.shape[0] == 0:
+        return lambda x: np.array(x)
+    lu = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                  options={"SymmetricMode": True})
+    return lu.solve
+
+
+def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,
+                              share: bool, savings: Savings) -> SearchDirection:
+    """Have the black box assemble every sole and place the results on the trace dofs.
+
+    Parameters
+    ----------
+    share : congruent soles are assembled once
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    """
+    requests = sole_models(scene, soles)
+    rows, columns, values = [], [], []
+    for stiffness, (_, (index, side)) in zip(
+            assembled([model for model, _ in requests], blackbox, workers, share, savings), requests):
+        free = np.zeros(stiffness.shape[0], dtype=bool)  # the outer nodes are clamped
+        free[: scene.interfaces[index].free.size] = scene.interfaces[index].free.ravel()
+        place = np.cumsum(free) - 1
+        row, column = np.repeat(np.arange(len(free)), np.diff(stiffness.indptr)), stiffness.indices
+        kept = free[row] & free[column]
+        row, column, value = place[row[kept]], place[column[kept]], stiffness.data[kept]
+        both = soles[index][0] is soles[index][1]
+        for slot in space.slots[index] if both else (space.slots[index][side],):
+            rows.append(slot[row])
+            columns.append(slot[column])
+            values.append(value)
+    d = len(space.owner)
+    if not rows:
+        return SearchDirection(sp.csr_array((d, d)), space)
+    k = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(d, d))
+    if space.ties is not None:
+        k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)
+    return SearchDirection(k, space)
+
+
+def conditioning(k: sp.csr_array, root: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
+    """Extreme eigenvalues λ of k⁻ x = λ k⁺ x, to about one per cent.
+
+    Parameters
+    ----------
+    k : (D, D) k⁻
+    root : applies (k⁺)^-½ to (D,)
+
+    Notes
+    -----
+    The fixed point is stable for relaxations α < 2/(1 + max(λ_max, 1/λ_min)) or so.
+    """
+    if k.shape[0] < 3:
+        return 1.0, 1.0
+    operator = sla.LinearOperator(k.shape, matvec=lambda x: root(k @ root(np.ravel(x))), dtype=float)
+    start = np.random.default_rng(0).standard_normal(k.shape[0])
+    low, high = (float(sla.eigsh(operator, k=1, which=end, tol=1e-2, v0=start, maxiter=2000,
+                                 return_eigenvectors=False)[0]) for end in ("SA", "LA"))
+    return low, high

@@ -1,0 +1,226 @@
+"""Numbering of interface unknowns: where every trace, on both sides of every interface, lives.
+
+Two numberings are used throughout the method:
+
+- *boundary dofs* (B of them): the unprescribed interface dofs of each subdomain, once per
+  subdomain, subdomains one after the other. What travels to and from the black box.
+- *trace dofs* (D of them): one per interface, side and free component. A dof of a subdomain
+  that lies on several interfaces (cross point) has one trace dof for each of them.
+
+The trace operator of eq. (1) is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
+tets are in contact, a change of basis follows (see ``ties``).
+The operators of eq. (5) need the other side only: ``A f = f + swapped(f)`` and ``B w = swapped(w) − w``.
+
+Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
+dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its interfaces. ``extended``
+brings the ghosts' values, point to point; fields are kept without them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.interface.ties import Ties, make_ties
+from orchestrator.parallel.team import ALONE, Team
+from orchestrator.scene.model import Scene
+
+
+@dataclass
+class TraceSpace:
+    """Numbering of the interface unknowns of a scene, or of a rank's part of it.
+
+    Parameters
+    ----------
+    subdomains : those numbered here, ascending
+    boundary : for each, the slice of its boundary dofs
+    global_dof : (B,) int, 3 * global node + component
+    gather : (D,) int, boundary dof of each trace dof
+    partner : (D,) int below D + G, trace dof at the same place on the other side
+    slots : per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2, paired; empty where
+        neither side is of this part
+    owner : (D + G,) int, subdomain of each trace dof
+    perfect : per interface of the scene, whether it is perfect
+    ties : mid-edge nodes tied to their corners, if there are any
+    number : (D,) int, trace dofs in the numbering of the whole scene
+    total, subdomain_count : trace dofs and subdomains of all parts
+    label : (B,) int, boundary dofs that perfect interfaces make one and the same
+    team : whom the other parts belong to
+    sends, receives : per neighbouring rank, trace dofs to send and ghosts to receive
+    shared : per rank that has boundary dofs of the same labels, these labels
+    """
+
+    subdomains: list[int]
+    boundary: list[slice]
+    global_dof: np.ndarray
+    gather: np.ndarray
+    partner: np.ndarray
+    slots: list[tuple[np.ndarray, np.ndarray]]
+    owner: np.ndarray
+    perfect: list[bool]
+    number: np.ndarray
+    total: int
+    subdomain_count: int
+    label: np.ndarray
+    ties: Ties | None = None
+    team: Team = ALONE
+    sends: dict[int, np.ndarray] = field(default_factory=dict)
+    receives: dict[int, np.ndarray] = field(default_factory=dict)
+    shared: dict[int, np.ndarray] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> "TraceSpace":
+        """Number the traces.
+
+        Parameters
+        ----------
+        sides : per subdomain, its (interface, side) pairs
+        traces : per subdomain, its (t,) boundary dofs in local numbering, ascending
+        """
+        ends = np.cumsum([0] + [len(t) for t in traces])
+        boundary = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
+        global_dof = [3 * s.nodes[t // 3] + t % 3 for s, t in zip(scene.subdomains, traces)]
+        slots: list[list] = [[None, None] for _ in scene.interfaces]
+        gather, owner, count = [], [], 0
+        for subdomain, pairs in enumerate(sides):
+            for index, side in pairs:
+                interface = scene.interfaces[index]
+                dofs = (3 * interface.nodes[side][:, None] + np.arange(3))[interface.free]
+                gather.append(boundary[subdomain].start + np.searchsorted(traces[subdomain], dofs))
+                owner.append(np.full(len(dofs), subdomain))
+                slots[index][side] = np.arange(count, count + len(dofs))
+                count += len(dofs)
+        partner = np.empty(count, dtype=int)
+        for one, two in slots:
+            partner[one], partner[two] = two, one
+        gather, perfect = _joined(gather), [i.law == "perfect" for i in scene.interfaces]
+        return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, partner, [tuple(s) for s in slots],
+                   _joined(owner), perfect, np.arange(count), count, len(sides),
+                   _labels(slots, perfect, gather, int(ends[-1])), make_ties(scene, slots, count))
+
+    def part(self, rank_of: np.ndarray, team: Team) -> "TraceSpace":
+        """A rank's part of the numbering of a whole scene.
+
+        Parameters
+        ----------
+        rank_of : (subdomains,) int, the rank of each
+
+        Notes
+        -----
+        Both sides of a message list its dofs in the order of the whole numbering: nothing has to be agreed on.
+        """
+        if team.size == 1:
+            return self
+        mine = np.flatnonzero(rank_of == team.rank)
+        rank = rank_of[self.owner]
+        own = np.flatnonzero(rank == team.rank)
+        far = self.partner[own]
+        far = np.sort(far[rank[far] != team.rank])
+        held = np.concatenate([own, far])
+        place = np.full(self.size, -1)
+        place[held] = np.arange(len(held))
+        partner = place[self.partner[own]]
+        theirs = {int(r): far[rank[far] == r] for r in np.unique(rank[far])}
+        receives = {r: place[ghosts] for r, ghosts in theirs.items()}
+        sends = {r: np.sort(place[self.partner[ghosts]]) for r, ghosts in theirs.items()}
+        none = np.empty(0, int)
+        slots = [(place[a], place[b]) if len(a) and place[a[0]] >= 0 else (none, none) for a, b in self.slots]
+
+        chosen = _joined([np.arange(s.start, s.stop) for s in (self.boundary[e] for e in mine)])
+        ends = np.cumsum([0] + [self.boundary[e].stop - self.boundary[e].start for e in mine])
+        position = np.empty(len(self.global_dof), dtype=int)
+        position[chosen] = np.arange(len(chosen))
+        labels, label = np.unique(self.label[chosen], return_inverse=True)
+        shared = {}
+        rank_of_dof = np.repeat(rank_of, [s.stop - s.start for s in self.boundary])
+        for r in range(team.size):
+            if r != team.rank:
+                common = np.flatnonzero(np.isin(labels, self.label[rank_of_dof == r]))
+                if len(common):
+                    shared[r] = common
+        return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
+                          self.global_dof[chosen], position[self.gather[own]], partner, slots, self.owner[held],
+                          self.perfect, own, self.total, self.subdomain_count, label,
+                          self.ties and self.ties.part(held, len(own)), team, sends, receives, shared)
+
+    @property
+    def size(self) -> int:
+        """Number D of trace dofs, both sides counted, ghosts not."""
+        return len(self.gather)
+
+    def extended(self, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Fields (D, columns) with the values of the ghosts behind, (D + G, columns): one message per neighbour."""
+        if not self.receives:
+            return fields
+        widths = [f.shape[1] for f in fields]
+        arrived = self.team.exchange(
+            {r: np.hstack([f[slots] for f in fields]) for r, slots in self.sends.items()},
+            {r: (len(slots), sum(widths)) for r, slots in self.receives.items()})
+        ghosts = np.empty((len(self.owner) - self.size, sum(widths)))
+        for r, slots in self.receives.items():
+            ghosts[slots - self.size] = arrived[r]
+        ends = np.cumsum(widths)
+        return tuple(np.vstack([f, ghosts[:, e - n : e]]) for f, e, n in zip(fields, ends, widths))
+
+    def swapped(self, field: np.ndarray) -> np.ndarray:
+        """(D, columns) values at the same places on the other sides."""
+        return self.extended(field)[0][self.partner]
+
+    @cached_property
+    def scatter(self) -> sp.csr_array:
+        """(B, D) transpose of the trace operator: sums trace forces into boundary forces."""
+        d = self.size
+        sums = sp.csr_array((np.ones(d), (self.gather, np.arange(d))), shape=(len(self.global_dof), d))
+        return sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T)
+
+    def trace(self, boundary: np.ndarray) -> np.ndarray:
+        """(D, columns) traces of boundary displacements (B, columns)."""
+        traces = boundary[self.gather]
+        return traces if self.ties is None else self.ties.change @ traces
+
+    @cached_property
+    def classes(self) -> sp.csr_array:
+        """(classes, B) 0/1 matrix: boundary dofs that perfect interfaces make one and the same."""
+        b = len(self.label)
+        return sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(self.label.max(initial=-1) + 1, b))
+
+    def class_sums(self, values: np.ndarray) -> np.ndarray:
+        """(classes, columns) sums of boundary values (B, columns) over each class, other ranks' included."""
+        mine = self.classes @ values
+        if not self.shared:
+            return mine
+        arrived = self.team.exchange({r: mine[c] for r, c in self.shared.items()},
+                                     {r: (len(c), mine.shape[1]) for r, c in self.shared.items()})
+        total = np.zeros_like(mine)
+        for r in sorted([*self.shared, self.team.rank]):  # in one order, for the same bits on all ranks
+            if r == self.team.rank:
+                total += mine
+            else:
+                total[self.shared[r]] += arrived[r]
+        return total
+
+    def split(self, boundary: np.ndarray) -> dict[int, np.ndarray]:
+        """(B, columns) → per subdomain with interfaces (columns, t), as the black box wants it."""
+        return {e: np.ascontiguousarray(boundary[s].T) for e, s in enumerate(self.boundary) if s.stop > s.start}
+
+    def join(self, parts: dict[int, np.ndarray], columns: int) -> np.ndarray:
+        """Inverse of ``split``: (B, columns)."""
+        result = np.zeros((len(self.global_dof), columns))
+        for e, part in parts.items():
+            result[self.boundary[e]] = part.T
+        return result
+
+
+def _labels(slots, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
+    """(B,) int, number of the class of each boundary dof."""
+    bonded = [slot for slot, whole in zip(slots, perfect) if whole]
+    one, two = (_joined([gather[slot[side]] for slot in bonded]) for side in (0, 1))
+    graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(size, size))
+    return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.empty(0, int)

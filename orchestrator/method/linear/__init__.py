@@ -1,0 +1,1 @@
+"""The linear stage: loads, back-substitutions, macro problem."""

@@ -1,0 +1,137 @@
+"""What the loads and prescribed displacements give before any interface force acts.
+
+Prescribed displacements are lifted: u = u_free + u_lift, the black box clamps, and the load becomes
+f_d = f_ext − K u_lift. K u_lift needs the tets around the prescribed nodes only: the rims.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.models.extended import Rim, rim_model
+from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.savings import Savings
+from orchestrator.scene.model import Scene, Subdomain
+
+
+@dataclass
+class RimStiffness:
+    """Stiffness of a subdomain's rim, in the rim's own numbering.
+
+    Parameters
+    ----------
+    stiffness : (3r, 3r) sparse; rows of interface and prescribed dofs are complete
+    nodes : (r,) int, local node of the subdomain for each node of the rim
+    """
+
+    stiffness: sp.csr_array
+    nodes: np.ndarray
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """(3r,) dofs of the subdomain."""
+        return (3 * self.nodes[:, None] + np.arange(3)).ravel()
+
+
+def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox, workers: int, share: bool,
+                  savings: Savings) -> list[RimStiffness]:
+    """Rim stiffness of a rank's own subdomains, assembled by the black box; congruent rims once if they ``share``."""
+    rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in own]
+    filled = [r for r in rims if len(r.model.cells)]
+    stiffness = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
+    return [RimStiffness(next(stiffness) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes)
+            for r in rims]
+
+
+def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:
+    """(B, B) the subdomains' stiffness on their boundary dofs: energy of fields that vanish inside."""
+    blocks, known = [], {}  # congruent rims share their stiffness
+    for trace, rim in zip(traces, rims):
+        position = np.searchsorted(rim.dofs, trace)
+        key = id(rim.stiffness), position.tobytes()
+        if key not in known:
+            known[key] = rim.stiffness[position][:, position]
+        blocks.append(known[key])
+    return sp.csr_array(sp.block_diag(blocks, format="csr")) if blocks else sp.csr_array((0, 0))
+
+
+@dataclass
+class Loading:
+    """The part of the solution that loads give on their own, a column per load step.
+
+    Parameters
+    ----------
+    forces : per subdomain (T, 3n_E) f_d on the free dofs, zero elsewhere
+    lift : per subdomain (T, 3n_E) prescribed displacements
+    boundary : (B, T) boundary values of M⁻¹f_d
+    working : (B, T) boundary values of M⁻¹(f_ext + K u_lift): gives energies by duality
+    energy : (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
+    sweeps : back-substitutions per subdomain and step
+    """
+
+    forces: list[np.ndarray]
+    lift: list[np.ndarray]
+    boundary: np.ndarray
+    working: np.ndarray
+    energy: np.ndarray
+    sweeps: float
+
+    def batch(self, steps: slice) -> "Loading":
+        """The part that belongs to some of the load steps."""
+        return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift], self.boundary[:, steps],
+                       self.working[:, steps], self.energy[steps], self.sweeps)
+
+    def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
+        """(T,) ‖u‖²_K of the subdomains' fields, both boundary-borne and inner.
+
+        Parameters
+        ----------
+        robin : (B, T) Nᵀ(s − Gα), the interface load of the extended subdomains
+        u : (B, T) boundary displacement
+        forces : (B, T) Nᵀf, interface forces on the subdomains proper
+
+        Notes
+        -----
+        u = u_free + u_lift with K u = f_ext + Nᵀf on free dofs, so that
+        ‖u‖² = u_freeᵀ(f_ext + Nᵀf + K u_lift) + ‖u_lift‖², and u_free = M⁻¹(f_d + robin).
+        """
+        return self.energy + np.sum(self.working * robin, axis=0) + np.sum(u * forces, axis=0)
+
+
+def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], traces: list[np.ndarray],
+                rims: list[RimStiffness], blackbox: BlackBox) -> Loading:
+    """Solve the extended subdomains under the loads alone, all load steps at once."""
+    steps = own[0].loads.shape[0]
+    forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
+    lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
+    working_forces = []
+    for e, (s, rim, model) in enumerate(zip(own, rims, models)):
+        external = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
+        lift = np.where(s.fixed, s.prescribed, 0.0).reshape(steps, -1)
+        reaction = np.zeros_like(lift)
+        if lift.any():
+            reaction[:, rim.dofs] = (rim.stiffness @ lift[:, rim.dofs].T).T
+            energy += np.sum(lift * reaction, axis=1)
+            reaction[:, s.fixed.ravel()] = 0.0
+        forces.append(external - reaction)
+        working_forces.append(external + reaction)
+        lifts.append(lift)
+        columns = np.vstack([forces[-1], working_forces[-1]]) if lifted_any else forces[-1]
+        if columns.any():
+            padded = np.zeros((len(columns), 3 * len(model.nodes)))
+            padded[:, : columns.shape[1]] = columns
+            requests[e] = padded
+    answers = blackbox.fields(requests)
+    boundary = np.zeros((len(space.global_dof), steps))
+    working = np.zeros_like(boundary)
+    for e, answer in answers.items():
+        part, trace = space.boundary[e], traces[e]
+        boundary[part] = answer[:steps, trace].T
+        working[part] = answer[-steps:, trace].T
+        energy += np.sum(working_forces[e] * answer[:steps, : working_forces[e].shape[1]], axis=1)
+    return Loading(forces, lifts, boundary, working, energy, 2.0 if lifted_any else 1.0)

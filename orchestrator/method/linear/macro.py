@@ -1,0 +1,141 @@
+"""Macro problems: what makes the linear stage global (paper, section 4).
+
+Its matrix and its solution are on every rank; ranks add up their parts of both sides. That is right for some
+thousands of subdomains, beyond which the macro problem would have to be decomposed in its turn.
+
+Both strategies end in the same algebra. With G the macro forces on all trace dofs, the linear
+stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹NᵀG, and the multiplier α is set by
+
+- ``equilibrium``:  G = k C,   Cᵀf = 0     ⇒  (CᵀkC − VᵀNᵀG) α = Cᵀf₁     (eqs. 17–33, signs mended)
+- ``continuity``:   G = BᵀF,   Gᵀw = 0     ⇒  (GᵀNV) α = Gᵀw₁             (eqs. 34–44)
+
+C = AᵀW repeats the basis of an interface on both its sides; F = (A k Aᵀ) W, eq. (35).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import InputError, Problem
+from orchestrator.method.interface.search_direction import SearchDirection, factorised
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.parallel.team import Team
+
+
+class Macro:
+    """A macro problem, ready to correct linear stages.
+
+    Parameters
+    ----------
+    space : numbering
+    direction : search direction k⁻
+    bases : per interface (d, m) macro basis
+    strategy : "equilibrium" or "continuity"
+    blackbox : solves V = M⁻¹NᵀG, all subdomains at once
+
+    Attributes
+    ----------
+    G : (D, size) sparse, macro forces
+    V : per subdomain (boundary dofs, macro unknowns it sees), dense
+    sees : per subdomain, indices of these macro unknowns
+    sweeps : back-substitutions per subdomain spent on V (the mean)
+
+    Raises
+    ------
+    InputError : the macro matrix is not positive definite: the structure is not held
+    """
+
+    def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
+                 strategy: str, blackbox: BlackBox):
+        self.space, self.strategy = space, strategy
+        C = both_sides(space, bases, (1.0, 1.0))
+        if strategy == "equilibrium":
+            self.G = sp.csr_array(direction.k @ C)
+        else:
+            mirrored = direction.k + direction.other  # A k Aᵀ, written on either side
+            self.G = sp.csr_array(mirrored @ both_sides(space, bases, (-1.0, 1.0)))
+        self.C = C
+        self.size = self.G.shape[1]
+
+        boundary_forces = sp.csr_array(space.scatter @ self.G)  # NᵀG
+        self.sees, requests, blocks = [], {}, []
+        for e, part in enumerate(space.boundary):
+            block = sp.csc_array(boundary_forces[part])
+            seen = np.flatnonzero(np.diff(block.indptr))
+            self.sees.append(seen)
+            blocks.append(block[:, seen].toarray())
+            if len(seen):
+                requests[e] = np.ascontiguousarray(blocks[-1].T)
+        answers = blackbox.traces(requests)
+        self.V = [answers[e].T.copy() if e in answers else np.zeros((b.shape[0], 0)) for e, b in enumerate(blocks)]
+        solved, count = space.team.sum(sum(len(s) for s in self.sees), len(self.sees))
+        self.sweeps = float(solved / count) if count else 0.0
+
+        compliance = _assembled([(s, b.T @ v) for s, b, v in zip(self.sees, blocks, self.V)], self.size)
+        matrix = compliance if strategy == "continuity" else sp.csr_array(C.T @ self.G) - compliance
+        matrix = sum(space.team.all_gather(sp.csr_array(matrix)), sp.csr_array(matrix.shape))
+        self.matrix = sp.csr_array((matrix + matrix.T) / 2)
+        self._solve = _positive_definite_solver(self.matrix)
+
+    def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """(size, columns) α from the traces (D, columns) of the uncorrected stage."""
+        right, = self.space.team.sum(self.C.T @ f if self.strategy == "equilibrium" else self.G.T @ w)
+        return self._solve(right)
+
+    def displacement(self, alpha: np.ndarray) -> np.ndarray:
+        """(B, columns) boundary values of V α."""
+        result = np.empty((len(self.space.global_dof), alpha.shape[1]))
+        for part, seen, v in zip(self.space.boundary, self.sees, self.V):
+            result[part] = v @ alpha[seen]
+        return result
+
+
+def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
+    """(D, size) the bases of all interfaces on both sides, with a sign for each side."""
+    rows, columns, values, start = [], [], [], 0
+    for slots, basis in zip(space.slots, bases):
+        number = np.arange(start, start + basis.shape[1])
+        for slot, sign in zip(slots, signs):
+            mine = np.flatnonzero(slot < space.size)
+            rows.append(np.repeat(slot[mine], len(number)))
+            columns.append(np.tile(number, len(mine)))
+            values.append(sign * basis[mine].ravel())
+        start += len(number)
+    if not rows:
+        return sp.csr_array((space.size, 0))
+    both = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                        shape=(space.size, start))
+    return both if space.ties is None else sp.csr_array(space.ties.change @ both)
+
+
+def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
+    """The bases, those of interfaces of other ranks empty, but with as many columns as they have there."""
+    if team.size == 1:
+        return bases
+    widths = team.max(*(b.shape[1] for b in bases))
+    return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]
+
+
+def _assembled(blocks: list[tuple[np.ndarray, np.ndarray]], size: int) -> sp.csr_array:
+    """Sum of small dense matrices on subsets of the unknowns."""
+    rows = np.concatenate([np.repeat(i, len(i)) for i, _ in blocks] or [np.empty(0, int)])
+    columns = np.concatenate([np.tile(i, len(i)) for i, _ in blocks] or [np.empty(0, int)])
+    values = np.concatenate([b.ravel() for _, b in blocks] or [np.empty(0)])
+    return sp.csr_array((values, (rows, columns)), shape=(size, size))
+
+
+def _positive_definite_solver(matrix: sp.csr_array):
+    """Factorise the macro matrix, or say what its failure means."""
+    scale = matrix.diagonal()
+    try:
+        if matrix.shape[0] and scale.min() <= 0:
+            raise RuntimeError("a diagonal entry is not positive")
+        return factorised(matrix)
+    except RuntimeError as error:
+        raise InputError(Problem(
+            ("method", "macro"), f"the macro matrix is singular ({error})",
+            "a structure held against rigid motions, and macro fields that are independent",
+            "check the boundary conditions; or choose a smaller method.macro.basis",
+        )) from error

@@ -1,0 +1,178 @@
+"""Soft modes: displacements of a subdomain's boundary that its soles hold, but hardly the subdomain itself.
+
+With S the subdomain's Schur complement and k the soles' stiffness on all its interfaces, one stage damps
+an error of the shape x, S x = σ k x, by (1 − σ)/(1 + σ): not at all where σ is small. The macro
+problem has to carry these shapes. Affine fields hold them in compact subdomains of one matter; otherwise
+they are computed, and each interface takes its part of the modes of both its sides. The black
+box never shows S, but applies C = N M⁻¹ Nᵀ = (S + k)⁻¹:
+
+    C k x = λ x,   λ = 1 / (1 + σ)  near 1
+
+by the block Lanczos method in the inner product of k, all subdomains side by side.
+
+References: Spillane, Dolean, Hauret, Nataf, Pechstein & Scheichl, Numer. Math. 126 (2014) and Haferssas, Jolivet
+& Nataf, SIAM J. Sci. Comput. 39 (2017), whose coarse spaces for Robin conditions these are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.linear.macro import known_widths
+from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.traces import TraceSpace
+
+SOFT = 0.05  # σ below which a mode belongs to the macro problem
+BLOCK = 16  # right-hand sides per subdomain and message
+ACCURATE = 0.02  # residual of a mode that is good enough: it only has to be caught, not known
+LARGEST = 320  # columns spent on one subdomain at most
+INDEPENDENT = 1e-2  # share of a mode on one interface, in energy norm, that is worth a macro function
+
+
+class _Krylov:
+    """Block Krylov space of one subdomain.
+
+    Parameters
+    ----------
+    k : (t, t) sparse, soles' stiffness on its boundary dofs
+    start : (t, b) first block
+    """
+
+    def __init__(self, k: sp.csr_array, start: np.ndarray):
+        self.k, self.modes = k, None
+        self.block = _orthonormal(k, start, np.zeros((len(start), 0)))
+        self.basis, self.images = np.zeros((2, len(start), 0))
+        self.projected = np.zeros((0, 0))
+
+    @property
+    def forces(self) -> np.ndarray:
+        """(b, t) k Q of the block whose image is wanted."""
+        return np.ascontiguousarray((self.k @ self.block).T)
+
+    def advance(self, image: np.ndarray) -> None:
+        """Take in C k Q of the block; finish, or make the next one of what is new in it."""
+        self.basis, self.images = np.hstack([self.basis, self.block]), np.hstack([self.images, image])
+        columns = self.basis.T @ (self.k @ image)
+        old = len(self.projected)
+        self.projected = np.block([[self.projected, columns[:old]], [columns[:old].T, columns[old:]]])
+        value, vector = np.linalg.eigh((self.projected + self.projected.T) / 2)
+        soft = int(np.sum(value > 1 / (1 + SOFT)))
+        watched = slice(-1, -soft - 2, -1)  # the first one that is not soft as well: none has been missed
+        left = self.images @ vector[:, watched] - self.basis @ (vector[:, watched] * value[watched])
+        settled = np.all(_energy(self.k, left) <= ACCURATE**2)
+        self.block = _orthonormal(self.k, image, self.basis)
+        if settled or not self.block.size or self.basis.shape[1] + self.block.shape[1] > LARGEST:
+            self.modes = self.basis @ vector[:, watched][:, :soft]
+
+
+def soft_modes(direction: SearchDirection, blackbox: BlackBox,
+               wanted: np.ndarray) -> tuple[dict[int, np.ndarray], float]:
+    """Soft modes of the wanted subdomains.
+
+    Parameters
+    ----------
+    direction : search direction
+    wanted : (subdomains of the scene,) bool
+
+    Returns
+    -------
+    modes : place among its ``space.subdomains`` → (t, m), k-orthonormal
+    sweeps : back-substitutions per subdomain, the mean
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    """
+    space, robin = direction.space, direction.robin
+    under_way, spent, done = {}, 0, {}
+    for e, part in enumerate(space.boundary):
+        size = part.stop - part.start
+        if wanted[space.subdomains[e]] and size:
+            own = sp.csr_array(robin[part, part])
+            start = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
+            under_way[e] = _Krylov(own, start)
+    while under_way:
+        requests = {e: s.forces for e, s in under_way.items()}
+        spent += sum(len(r) for r in requests.values())
+        for e, answer in blackbox.traces(requests).items():
+            under_way[e].advance(answer.T)
+        done.update({e: s.modes for e, s in under_way.items() if s.modes is not None})
+        under_way = {e: s for e, s in under_way.items() if s.modes is None}
+    total, = space.team.sum(spent)
+    return done, float(total) / space.subdomain_count
+
+
+def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
+             modes: dict[int, np.ndarray]) -> list[np.ndarray]:
+    """Macro bases with the soft modes of both sides added, what is dependent left out.
+
+    Parameters
+    ----------
+    k : (D + G, D + G) search direction, ghosts included
+    bases : per interface (d, m), as without modes
+
+    Notes
+    -----
+    Between ranks, the rank of the first side makes the basis and gives it to the other: made on both, it would
+    be the same up to rounding only, and some of its columns up to their sign.
+    """
+    team, counts = space.team, np.zeros(space.subdomain_count)
+    counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
+    counts = team.sum(counts)[0].astype(int)
+    at_dofs = np.zeros((len(space.global_dof), counts.max(initial=0)))
+    for e, mode in modes.items():
+        at_dofs[space.boundary[e], : mode.shape[1]] = mode
+    traces, = space.extended(at_dofs[space.gather])
+    result, given = [], {}
+    for index, ((one, two), basis) in enumerate(zip(space.slots, bases)):
+        if not len(one) or one[0] >= space.size:
+            result.append(np.zeros((0, 0)))
+            continue
+        widths = [counts[space.owner[slot[0]]] for slot in (one, two)]
+        parts = [traces[slot, :n] for slot, n in zip((one, two), widths) if n]
+        result.append(_with_modes(k[one][:, one], basis, parts))
+        if two[0] >= space.size:
+            given[index] = result[-1]
+    for gift in team.all_gather(given):
+        for index, basis in gift.items():
+            result[index] = basis
+    return known_widths(result, team)
+
+
+def _with_modes(own: sp.csr_array, basis: np.ndarray, parts: list[np.ndarray]) -> np.ndarray:
+    """The basis of one interface and what its sides' modes add to it.
+
+    Parameters
+    ----------
+    own : (d, d) search direction; basis : (d, m); parts : (d, n) of either side
+    """
+    if parts and basis.size:
+        basis = _orthonormal(own, basis, np.zeros((len(basis), 0)))
+        new = np.hstack(parts)
+        for _ in range(2):
+            new = new - basis @ (basis.T @ (own @ new))
+        value, vector = np.linalg.eigh(new.T @ (own @ new))
+        keep = value > INDEPENDENT**2
+        both = np.hstack([basis, new @ (vector[:, keep] / np.sqrt(value[keep]))])
+        return la.orth(both / np.linalg.norm(both, axis=0))
+    return basis
+
+
+def _energy(k: sp.csr_array, x: np.ndarray) -> np.ndarray:
+    """(columns,) xᵀk x."""
+    return np.sum(x * (k @ x), axis=0)
+
+
+def _orthonormal(k: sp.csr_array, x: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """Columns of x made k-orthonormal to a k-orthonormal basis and to each other; dependent ones are dropped."""
+    scale = _energy(k, x)
+    x = x[:, scale > 0] / np.sqrt(scale[scale > 0])
+    for _ in range(2):
+        x = x - basis @ (basis.T @ (k @ x))
+        value, vector = np.linalg.eigh(x.T @ (k @ x))
+        keep = value > 1e-16
+        x = x @ (vector[:, keep] / np.sqrt(value[keep]))
+    return x

@@ -1,0 +1,1 @@
+"""The local stage: the laws, and the exchange of perfect interfaces."""

@@ -1,0 +1,38 @@
+"""Result of a local stage, whatever the laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.laws.points import OPEN, SLIP, STICK
+
+
+@dataclass
+class LocalState:
+    """What a local stage hands on.
+
+    Parameters
+    ----------
+    s : (D, T) next state f̂ + k⁻ŵ
+    hats : ŵ, f̂ and k⁻ŵ, (D, T) each, where they were formed
+    force : (T, 3, P) f̂ on side 1 of each pair that is not perfect
+    jump : (T, 3, P) its jump d
+    status : (T, P) OPEN, STICK, SLIP, BONDED
+    mine : (P,) bool, pairs that this rank counts; those on interfaces between ranks are on both
+    """
+
+    s: np.ndarray
+    hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+    force: np.ndarray | None = None
+    jump: np.ndarray | None = None
+    status: np.ndarray | None = None
+    mine: np.ndarray | None = None
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """This rank's pairs that are open, stick and slip, summed over the steps."""
+        if self.status is None:
+            return 0, 0, 0
+        return tuple(int((self.status == kind)[:, self.mine].sum()) for kind in (OPEN, STICK, SLIP))

@@ -1,0 +1,1 @@
+"""What is measured while iterating, and when that is enough."""

@@ -1,0 +1,195 @@
+"""Stopping criteria: each has a name, a formula and a value it waits for.
+
+- ``error_bound``   (perfect interfaces) the Prager–Synge bound of ``bound``
+- ``law_residual``  (other laws) the largest measure of ``law_residuals``
+- ``indicator``     the paper's η, for its studies only
+
+With ``error: auto`` the value follows an estimate of the discretisation error:
+
+    ε ≤ fraction · η_h,   η_h estimated anew whenever ε has fallen to the level that the last estimate asked for.
+
+On perfect interfaces ε is the bound. By Galerkin orthogonality both errors are the legs of a right-angled triangle,
+so that a fraction of 0.1 makes the whole error half a per cent larger. With contact ε is the largest law residual or
+the energy residual, whichever is larger:
+
+    ε_K = max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K.
+
+It is in the units of the error because the laws are monotone (frictionless ones; Coulomb's where the statuses are
+right): (f̂ − f*)·(ŵ − w*) ≤ 0 against the solution *, and ‖u − u*‖²_K = (f − f*)·(w − w*). With f − f̂ = k(w − ŵ)
+
+    ‖u − u*‖²_K ≤ ‖f − f̂‖_k⁻¹ (‖w − w*‖_k + ‖f − f*‖_k⁻¹) ≤ c ‖f − f̂‖_k⁻¹ ‖u − u*‖_K,
+
+c of order one for soles as stiff as the bodies behind them, which the defaults are. It is no guarantee.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.local.state import LocalState
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.stopping.indicator import Measures, energy_residual
+from orchestrator.method.stopping.law_residuals import LawResiduals, law_residuals
+from orchestrator.method.linear.stage import Admissible
+
+# What ``error: auto`` begins with, before there is an estimate, and what it never goes below: the fixed default.
+FIRST, LEAST = 0.1, 1e-6
+BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells no bound
+# (fields, bound) → estimated discretisation error, relative, energy norm
+Estimate = Callable[[Admissible, Bound], float]
+CLEAR = 0.1  # fraction of the tolerance below which the bound's first part promises the whole
+
+
+UNKNOWN = Bound(math.nan, math.nan, np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))  # not asked for yet
+
+
+@dataclass
+class Verdict:
+    """What a criterion says of one iteration.
+
+    Parameters
+    ----------
+    met : whether it holds
+    measure : what has been compared with the tolerance
+    bound : for the delivered fields; its ``relative`` is nan where it is not known, UNKNOWN where nothing is
+    laws : the measures of the interface laws, where there are such
+    sweeps : back-substitutions per subdomain and load step
+    """
+
+    met: bool
+    measure: float
+    bound: Bound
+    laws: LawResiduals | None = None
+    sweeps: float = 0.0
+
+
+class ErrorCriterion:
+    """Perfect interfaces: the error bound, or η.
+
+    The bound's second part costs back-substitutions. It is evaluated once the first part is below
+    the tolerance, and again when the force imbalance has fallen enough to make a difference.
+
+    Parameters
+    ----------
+    spare : False evaluates both parts after every stage
+
+    Attributes
+    ----------
+    done : (T,) bool, load steps that seem accurate enough: by their own bound, or while only its first part is
+        known by that being far below the tolerance. The run ends on the bound of all steps.
+    """
+
+    def __init__(self, d: Decomposition, tolerance, spare: bool = True):
+        self.d, self.by_error, self.value = d, *_asked(tolerance)
+        self.spare = spare
+        self.name = "error_bound" if self.by_error else "indicator"
+        self.ratio = 0.0
+        self.done = np.zeros(d.steps, dtype=bool)
+
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
+        bound = self.d.bound(fields, complete=False)
+        if not self.by_error:
+            eta = measures().indicator
+            return Verdict(eta <= self.value, eta, bound)
+        imbalance = measures().force_imbalance
+        due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value)
+        if due or not self.spare:
+            bound = self.d.bound(fields)
+            self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
+            self.done[:] = bound.errors <= self.value
+        elif self.ratio == 0:
+            self.done[:] = bound.errors <= CLEAR * self.value
+        return Verdict(bool(bound.relative <= self.value), bound.relative, bound, sweeps=bound.sweeps)
+
+    def final(self, fields: Admissible, bound: Bound) -> Bound:
+        """The bound of the delivered fields, evaluated now if it has not been."""
+        return bound if np.isfinite(bound.relative) else self.d.bound(fields)
+
+
+class LawCriterion:
+    """Contact: equilibrium and every law below the tolerance, or η."""
+
+    def __init__(self, d: Decomposition, tolerance):
+        self.d, self.by_error, self.value = d, *_asked(tolerance)
+        self.auto = tolerance.error == "auto"
+        self.name = "law_residual" if self.by_error else "indicator"
+        self.done = np.zeros(d.steps, dtype=bool)  # history joins the steps: none is done before the others
+        # bodies move by their loads even where their interfaces do not
+        self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
+
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
+        laws, bound = self.laws(fields, local), UNKNOWN
+        measure = laws.largest if self.by_error else measures().indicator
+        if self.auto:
+            bound = self._delivered(fields)
+            measure = max(measure, energy_residual(self.d.stage, fields, local, bound.energy))
+        return Verdict(bool(measure <= self.value), measure, bound, laws)
+
+    def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
+        """How well the laws and equilibrium hold on the interfaces."""
+        stage, space = self.d.local, self.d.space
+        w, f = space.extended(fields.w, fields.f)
+        moved, = space.team.max(np.abs(fields.u).max(initial=0.0))
+        return law_residuals(stage.pairs, w, f, local, max(moved, self.scale), stage.previous, space.team)
+
+    def _delivered(self, fields: Admissible) -> Bound:
+        """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
+        space, d = self.d.space, self.d
+        delta = (space.class_sums(fields.u) / space.class_sums(np.ones((len(fields.u), 1))))[space.label] - fields.u
+        energy, = space.team.sum(d.loading.energy_of(
+            space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u, space.scatter @ fields.f))
+        modes = sum(m.shape[1] for m in d.modes)
+        return Bound(math.nan, math.nan, energy, np.zeros((modes, fields.u.shape[1])), delta)
+
+    def final(self, fields: Admissible, bound: Bound) -> Bound:
+        """What belongs to the delivered fields, evaluated now if it has not been."""
+        return self._delivered(fields) if bound is UNKNOWN else bound
+
+
+class AutoCriterion:
+    """Another criterion, whose tolerance follows the estimated discretisation error.
+
+    Parameters
+    ----------
+    inner : the criterion
+    fraction : tolerance over estimate
+    estimate : costs one back-substitution per subdomain and load step
+    """
+
+    def __init__(self, inner: "ErrorCriterion | LawCriterion", fraction: float, estimate: Estimate):
+        self.inner, self.fraction, self.estimate = inner, fraction, estimate
+        self.name, self.final, self.done = inner.name, inner.final, inner.done
+        self.discretisation_error = math.nan
+
+    @property
+    def value(self) -> float:
+        """The tolerance as it is now."""
+        return self.inner.value
+
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
+        verdict = self.inner(fields, local, measures)
+        if not verdict.met:
+            return verdict
+        self.discretisation_error = self.estimate(fields, verdict.bound)
+        self.inner.value = max(self.fraction * self.discretisation_error, LEAST)
+        self.done[:] = False
+        return replace(verdict, met=bool(verdict.measure <= self.inner.value), sweeps=verdict.sweeps + 1)
+
+
+def _asked(tolerance) -> tuple[bool, float]:
+    """Whether the error decides, and below what."""
+    if tolerance.error == "auto":
+        return True, FIRST
+    return (False, tolerance.indicator) if tolerance.error is None else (True, tolerance.error)
+
+
+def make_criterion(d: Decomposition, tolerance, estimate: Estimate | None = None,
+                   spare: bool = True) -> ErrorCriterion | LawCriterion | AutoCriterion:
+    """The criterion for a decomposition and ``method.tolerance``; ``estimate`` is needed for ``error: auto``."""
+    criterion = ErrorCriterion(d, tolerance, spare) if d.all_perfect else LawCriterion(d, tolerance)
+    return AutoCriterion(criterion, tolerance.fraction, estimate) if tolerance.error == "auto" else criterion

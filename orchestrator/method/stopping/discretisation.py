@@ -1,0 +1,164 @@
+"""Estimate of the discretisation error from recovered stresses (Zienkiewicz and Zhu).
+
+A nodal stress σ* is the mean of the surrounding cells' stresses there weighted by their volumes, interpolated like the
+displacement. It is closer to the exact stress than the finite element stress σ itself, so that their distance
+estimates the error:
+
+    η²_cell = ∫_cell (σ* − σ) : C⁻¹ (σ* − σ),     η² = Σ η²_cell
+
+Means are taken within one matter and over perfect interfaces only: true jumps of the stress, from one material to
+the next and across interfaces that open or slip, are not smoothed away and so not taken for errors.
+
+O. C. Zienkiewicz, J. Z. Zhu, A simple error estimator and adaptive procedure for practical engineering analysis,
+Int. J. Numer. Meth. Engng 24, 1987, 337–357.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import factorial, prod
+
+import numpy as np
+
+from orchestrator.results.fields.stress import CENTRE, shape_gradients, strain, stress
+from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.model import Scene
+from orchestrator.scene.mesh.quadratic import TET_EDGES
+
+_WEIGHT = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)  # shear stresses stand twice in the tensor
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The estimated discretisation error, all load steps together.
+
+    Parameters
+    ----------
+    relative : max_t η_t / max_t √(‖u_t‖² + η_t²), in the energy norm
+    cells : (T, m) share of each cell; the largest root of a step's sum of squares is ``relative``
+    """
+
+    relative: float
+    cells: np.ndarray
+
+
+class Estimator:
+    """The estimate for one scene.
+
+    Parameters
+    ----------
+    scene : of four-node or ten-node tets
+
+    Attributes
+    ----------
+    cells : (m, p) int, nodes of the cells, subdomain after subdomain, each with its own nodes; order : (m,) int, the
+        mesh's index of each
+    gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
+    node : (K,) int, see ``recovered``; corner : (p, m) int, the index into it of each cell's nodes
+    """
+
+    def __init__(self, scene: Scene):
+        sizes = [len(s.nodes) for s in scene.subdomains]
+        offsets = np.cumsum([0, *sizes])
+        self.order = np.concatenate([s.cells for s in scene.subdomains])
+        self.cells = np.concatenate([s.connectivity + a for s, a in zip(scene.subdomains, offsets)])
+        nodes = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
+        self.gradients, self.volumes = shape_gradients(nodes, self.cells)
+        lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[self.order]
+        self.lame = lame[material]
+
+        bonded = [i for i in scene.interfaces if i.law == "perfect"]
+        one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
+                    for side in (0, 1))
+        joined = components(one, two, len(nodes))[1]
+        # what counts is whether the moduli differ, not whether the configuration lists them apart
+        matters, matter = np.unique(lame, axis=0, return_inverse=True)
+        keys = joined[self.cells.T] * len(matters) + matter.ravel()[material]
+        occurs = np.zeros(int(keys.max()) + 1, dtype=bool)
+        occurs[keys] = True
+        self.corner = (np.cumsum(occurs) - 1)[keys]
+        self.node = np.empty(self.corner.max() + 1, dtype=int)
+        self.node[self.corner] = np.concatenate([s.nodes for s in scene.subdomains])[self.cells.T]
+        self.weight = self._sum(np.ones((1, len(self.cells))))
+        self.product = _mean_products(self.cells.shape[1])
+
+    def __call__(self, sides: Sequence[np.ndarray]) -> Estimate:
+        """Estimate the error of displacements.
+
+        Parameters
+        ----------
+        sides : per subdomain (T, n_E, 3), continuous over perfect interfaces
+        """
+        displacement = np.concatenate(sides, axis=1)
+        squares, energies = np.empty((2, len(displacement), len(self.cells)))
+        for t, u in enumerate(displacement):
+            squares[t, self.order], energies[t] = self._squares(self._stress(u))
+        errors, energy = squares.sum(axis=1), energies.sum(axis=1)
+        size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
+        return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
+
+    def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
+        """(T, K, 6) stresses σ* at the nodes ``node`` (K,) of the mesh, one for each matter and side there."""
+        return np.array([[self._mean(component) for component in self._stress(u)]
+                         for u in np.concatenate(sides, axis=1)]).transpose(0, 2, 1)
+
+    def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
+        """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
+        return np.array([self._squares(self._stress(u))[1].sum() for u in np.concatenate(sides, axis=1)])
+
+    def _stress(self, displacement: np.ndarray) -> np.ndarray:
+        """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all."""
+        ten = self.cells.shape[1] == 10
+        corners = np.stack([stress(strain(self.gradients, self.cells, displacement, at), self.lame).T
+                            for at in (np.eye(4) if ten else [CENTRE])], axis=1)
+        return np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1) if ten else corners
+
+    def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, p or 1, m).
+
+        C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ
+        """
+        first, second = self.lame.T
+        dilation = first / (3 * first + 2 * second)
+        error, energy = np.zeros((2, len(self.cells)))
+        trace, gap = np.zeros((2, *self.corner.shape))
+        for component, weight in zip(sigma, _WEIGHT):
+            self._mean(component).take(self.corner, out=gap, mode="clip")  # no index is beyond: that is fastest
+            gap -= component
+            error += weight * self._mean_square(gap)
+            energy += weight * self._mean_square(component)
+            if weight == 1:
+                trace += gap
+        error -= dilation * self._mean_square(trace)
+        energy -= dilation * self._mean_square(sigma[:3].sum(axis=0))
+        scale = self.volumes / (2 * second)
+        return np.maximum(error, 0.0) * scale, energy * scale
+
+    def _mean(self, component: np.ndarray) -> np.ndarray:
+        """(K,) nodal means of (p or 1, m)."""
+        return self._sum(component) / self.weight
+
+    def _sum(self, values: np.ndarray) -> np.ndarray:
+        """(K,) nodal sums of (p or 1, m), weighted by volume."""
+        shares = np.broadcast_to(self.volumes * values, self.corner.shape)
+        return sum(np.bincount(nodes, share, len(self.node)) for nodes, share in zip(self.corner, shares))
+
+    def _mean_square(self, values: np.ndarray) -> np.ndarray:
+        """(m,) mean over each cell of the square of the function with these nodal values (p or 1, m)."""
+        return values[0] ** 2 if len(values) == 1 else np.einsum("pm,pm->m", self.product @ values, values)
+
+
+def _mean_products(count: int) -> np.ndarray:
+    """(p, p) mean over a tet of the products of its p = 4 or 10 shape functions, polynomials of its coordinates λ.
+
+    λ₁ᵃλ₂ᵇλ₃ᶜλ₄ᵈ has the mean 3! a! b! c! d! / (3 + a + b + c + d)!.
+    """
+    one = np.eye(4, dtype=int)
+    functions = [[(1.0, e)] for e in one] if count == 4 else (
+        [[(2.0, 2 * e), (-1.0, e)] for e in one] + [[(4.0, one[i] + one[j])] for i, j in TET_EDGES])
+
+    def mean(powers: np.ndarray) -> float:
+        return 6 * prod(factorial(p) for p in powers) / factorial(3 + sum(powers))
+
+    return np.array([[sum(a * b * mean(p + q) for a, p in f for b, q in g) for g in functions] for f in functions])

@@ -1,0 +1,127 @@
+"""Quantities that watch the iterations: the paper's η and what it should not replace.
+
+All are relative and dimensionless. Norms sum over both sides of all interfaces and all load steps, and over
+all ranks: their parts are summed together, while the rank goes on with something else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.local.state import LocalState
+
+EXACT_LIMIT = 50_000
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What is known of one iteration before any criterion.
+
+    Parameters
+    ----------
+    indicator : the paper's η, see ``latin_parts``
+    displacement_jump : ‖B w‖ / ‖w‖, weighted by the diagonal of k⁻
+    force_imbalance : ‖A f‖ / ‖f‖, weighted by the inverse diagonal of k⁻
+    residual : ‖F(s) − s‖ / ‖F(s)‖, in the same norm
+    macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to rounding,
+        eq. (17); nan without macro problem
+    counts : pairs that are open, stick and slip, summed over the steps
+    """
+
+    indicator: float
+    displacement_jump: float
+    force_imbalance: float
+    residual: float
+    macro_imbalance: float
+    counts: tuple[int, int, int]
+
+
+def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalState, residual: np.ndarray,
+            exact: bool) -> Callable[[], Measures]:
+    """Begin to measure; calling what is returned waits for the other ranks' parts.
+
+    Parameters
+    ----------
+    stage : linear stage; fields : its result
+    local_stage : local stage; local : its result
+    residual : (D, T) F(s) − s
+    exact : η exactly, whatever it costs
+    """
+    direction, macro = stage.direction, stage.macro
+    k, space = direction.diagonal, direction.space
+    w, f = fields.w, fields.f
+    w_other, f_other = (x.take(space.partner, axis=0) for x in space.extended(w, f))
+    parts = [*latin_parts(stage, local_stage, fields, local, exact),
+             _square(w_other - w, k), _square(w, k), _square(f + f_other, 1 / k), _square(f, 1 / k),
+             _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(local.counts)]
+    if macro is not None:
+        parts += [macro.C.T @ f, np.abs(macro.C).T @ np.abs(f)]
+    sums = space.team.sum_later(*parts)
+
+    def result() -> Measures:
+        gap, total, jump, moved, imbalance, force, change, state, counts, *resultant = sums()
+        eta = float(gap / total) if total > 0 else 0.0
+        macro_imbalance = np.nan
+        if resultant:
+            unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
+            macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
+        return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
+                        tuple(int(c) for c in counts))
+
+    return result
+
+
+def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,
+                exact: bool = False) -> tuple[float, float]:
+    """This rank's part of numerator and denominator of the paper's η, eq. (16), transposes mended.
+
+    η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)
+
+    It is a *squared* distance between both solution sets, and depends on the search direction: small soles
+    make it small whatever the error is.
+
+    Parameters
+    ----------
+    exact : factorise k for the inverse norms even where that is dear; otherwise its diagonal
+        stands in for it beyond ``EXACT_LIMIT`` trace dofs
+    """
+    direction, w, f = stage.direction, fields.w, fields.f
+    exact = exact or direction.space.total <= EXACT_LIMIT
+    kw = stage.robin_force(fields.s, fields.alpha) - f  # known: no product with k
+    if local.force is not None:
+        w_hat, f_hat, kw_hat = local.hats
+    else:
+        w_hat, f_hat = local_stage.hats(w, f) if exact else local_stage.lumped_hats(w, f)
+        kw_hat = direction.k @ w_hat
+
+    def size(w: np.ndarray, kw: np.ndarray, f: np.ndarray) -> float:
+        return np.vdot(w, kw) + (np.vdot(f, direction.solve(f)) if exact else _square(f, 1 / direction.diagonal))
+
+    return size(w - w_hat, kw - kw_hat, f - f_hat), size(w, kw, f) + size(w_hat, kw_hat, f_hat)
+
+
+def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, energy: np.ndarray) -> float:
+    """max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K: the numerator of η in the units of the energy error.
+
+    Parameters
+    ----------
+    energy : (T,) ‖u‖²_K; the diagonal of k stands in for it in the inverse norm
+    """
+    w_hat, f_hat, kw_hat = local.hats
+    w, kw, f = fields.w - w_hat, stage.robin_force(fields.s, fields.alpha) - fields.f - kw_hat, fields.f - f_hat
+    gap, = stage.space.team.sum(np.sum(w * kw, axis=0) + (1 / stage.direction.diagonal) @ (f * f))
+    size = energy.max(initial=0.0)
+    return float(np.sqrt(gap.max(initial=0.0) / size)) if size > 0 else 0.0 if not gap.any() else np.inf
+
+
+def _square(x: np.ndarray, weight: np.ndarray) -> float:
+    """Weighted sum of squares of (D, T)."""
+    return float((weight @ (x * x)).sum())
+
+
+def _ratio(part: np.ndarray, whole: np.ndarray) -> float:
+    return float(np.sqrt(part / whole)) if whole > 0 else 0.0

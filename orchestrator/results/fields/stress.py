@@ -1,0 +1,128 @@
+"""Strain, stress and von Mises stress of four- and ten-node tetrahedra from nodal displacements.
+
+Six components are in VTK's order xx, yy, zz, xy, yz, xz; shear strains are tensor
+components ε_xy (half the engineering γ_xy). In memory each component of all cells lies together,
+whatever the order of the axes: long operations instead of many small products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from orchestrator.scene.mesh.quadratic import TET_EDGES
+
+CENTRE = np.full(4, 0.25)  # barycentric coordinates
+# rows and columns of the six components in the 3×3 tensor
+_ROW, _COLUMN = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
+
+
+def shape_gradients(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradients of the four linear shape functions, and volumes.
+
+    Parameters
+    ----------
+    nodes : (n, 3) float; cells : (m, 4 or 10) int, edges straight
+
+    Returns
+    -------
+    gradients : (m, 4, 3), 1/length; volumes : (m,), positive for positively oriented tets
+    """
+    corners = nodes.T.take(cells[:, :4].T, axis=1)
+    a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
+    gradients = np.empty((4, 3, len(cells)))
+    for one, (p, q) in zip(gradients[1:], ((b, c), (c, a), (a, b))):
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            np.subtract(p[y] * q[z], p[z] * q[y], out=one[x])
+    six_volumes = (a * gradients[1]).sum(axis=0)
+    gradients[1:] /= six_volumes
+    np.negative(gradients[1:].sum(axis=0), out=gradients[0])
+    return gradients.transpose(2, 0, 1), six_volumes / 6.0
+
+
+def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, at: np.ndarray = CENTRE) -> np.ndarray:
+    """ε = ½(∇u + ∇uᵀ): constant in a four-node tet, linear in a ten-node one, so that the centre has the mean.
+
+    Parameters
+    ----------
+    gradients : (m, 4, 3) of ``shape_gradients``; cells : (m, 4 or 10) int; displacement : (n, 3), length
+    at : (4,) barycentric coordinates of the point, a corner for instance
+
+    Returns
+    -------
+    (m, 6)
+    """
+    u = displacement.T.take(cells.T, axis=1)
+    if cells.shape[1] == 10:
+        u = _slopes(at).T @ u
+    slopes = gradients.transpose(1, 2, 0)
+
+    def slope(i: int, j: int) -> np.ndarray:  # ∂u_i/∂x_j
+        return np.einsum("km,km->m", u[i], slopes[:, j])
+
+    epsilon = np.empty((6, len(cells)))
+    for row, i, j in zip(epsilon, _ROW, _COLUMN):
+        row[:] = slope(i, j) if i == j else 0.5 * (slope(i, j) + slope(j, i))
+    return epsilon.T
+
+
+def _slopes(at: np.ndarray) -> np.ndarray:
+    """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric coordinates λ."""
+    i, j = TET_EDGES.T
+    slopes, edge = np.zeros((10, 4)), 4 + np.arange(6)
+    slopes[range(4), range(4)] = 4 * at - 1
+    slopes[edge, i], slopes[edge, j] = 4 * at[j], 4 * at[i]
+    return slopes
+
+
+def stress(epsilon: np.ndarray, lame: np.ndarray) -> np.ndarray:
+    """σ = λ tr(ε) I + 2μ ε.
+
+    Parameters
+    ----------
+    epsilon : (m, 6) strains; lame : (m, 2) λ and μ per cell, force/length²
+
+    Returns
+    -------
+    (m, 6), force/length²
+    """
+    sigma = 2.0 * lame[:, 1:] * epsilon
+    sigma[:, :3] += (lame[:, 0] * epsilon[:, :3].sum(axis=1))[:, None]
+    return sigma
+
+
+def von_mises(sigma: np.ndarray) -> np.ndarray:
+    """√(½[(σxx−σyy)² + (σyy−σzz)² + (σzz−σxx)²] + 3[σxy² + σyz² + σxz²]): (..., 6) → (...)."""
+    normal, shear = sigma[..., :3], sigma[..., 3:]
+    differences = normal - np.roll(normal, -1, axis=-1)
+    return np.sqrt(0.5 * (differences**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1))
+
+
+def nodal_average(cells: np.ndarray, values: Iterable[np.ndarray], volumes: np.ndarray,
+                  group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Volume-weighted average of the cells' values at their nodes, one value per node and group.
+
+    Stress jumps from one material to the next: averaging across would hide that.
+
+    Parameters
+    ----------
+    cells : (m, p) int; values : (m, p) each, of T load steps; volumes : (m,); group : (m,) int, e.g. the material
+
+    Returns
+    -------
+    average : (T, k), one per pair of node and group that occurs
+    node : (k,) int, the node of each
+    corner : (m, p) int, index into a row of ``average`` of every cell's nodes
+    """
+    count = int(cells.max()) + 1
+    key = group.astype(np.int64)[:, None] * count + cells
+    present = np.zeros(int(key.max()) + 1, dtype=bool)
+    present[key] = True
+    pairs = np.flatnonzero(present)
+    position = np.cumsum(present) - 1
+    corner = position[key]
+    weight = np.bincount(corner.ravel(), np.repeat(volumes, cells.shape[1]))
+    totals = [np.bincount(corner.ravel(), (volumes[:, None] * one).ravel()) for one in values]
+    return np.array(totals) / weight, pairs % count, corner

@@ -1,0 +1,90 @@
+"""Sentences on what a run has done outside the theory it rests on: small perturbations, moderate friction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.laws.points import OPEN
+from orchestrator.scene.model import Scene
+from orchestrator.scene.conditions.rigid import size_of
+
+ROTATION = 0.1  # radians: 1 − cos is half a per cent there
+DISPLACEMENT = 0.1  # of the body's size
+_SHOWN = 4
+
+
+def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields | None = None,
+             detached: Iterable[list[str]] = ()) -> list[str]:
+    """What a reader of the results must know.
+
+    Parameters
+    ----------
+    sides : per subdomain (steps, n_E, 3) displacement
+    detached : names per load step; where such bodies are means nothing, so that they are left out
+    """
+    lost = {name for step in detached for name in step}
+    kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost]
+    result = []
+    size: dict[str, float] = {}
+    for body in dict.fromkeys(s.body for s, _ in kept):
+        whole = np.unique(np.concatenate([s.nodes for s in scene.subdomains if s.body == body]))
+        size[body] = 2 * size_of(scene.mesh.nodes[whole])
+    far = list(dict.fromkeys(s.body for s, u in kept if np.abs(u).max(initial=0.0) > DISPLACEMENT * size[s.body]))
+    if far:
+        result.append(f"{_some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
+                      "outside small perturbations, which the results rest on")
+    angle: dict[str, float] = {}
+    for s, u in kept:
+        angle[s.body] = max(angle.get(s.body, 0.0), rotation(scene.mesh.nodes[s.nodes], u))
+    turned = [name for name, a in angle.items() if a > ROTATION]
+    if turned:
+        result.append(f"{_some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
+                      f"(up to about {ROTATION} rad), which the results rest on")
+    return result if interfaces is None else result + _of_contact(scene, interfaces)
+
+
+def _of_contact(scene: Scene, interfaces: InterfaceFields) -> list[str]:
+    result = []
+    contact = [i for i in scene.interfaces if i.law == "contact"]
+    rough = [i for i in contact if i.friction >= 1]
+    if rough:
+        result.append(f"{_some([i.name for i in rough])} with friction {max(i.friction for i in rough):g}: "
+                      "from 1 on, convergence is not assured")
+    slid = _slid_too_far(scene, interfaces)
+    if slid:
+        result.append(f"{_some(slid)} slid by more than an element: node pairs do not follow, "
+                      "large sliding is outside small perturbations")
+    volume = scene.mesh.volume
+    cut = [i for i in contact if (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
+    if cut:
+        parts = sorted({scene.mesh.volumes[v] for i in cut for v in volume[i.cells[:, 0]]})
+        result.append(f"contact on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({_some(parts)}): "
+                      "it can open and slip along cuts that the real part does not have")
+    return result
+
+
+def _slid_too_far(scene: Scene, interfaces: InterfaceFields) -> list[str]:
+    """Names of the interfaces where closed pairs slid farther than the mean edge."""
+    corners = scene.mesh.nodes[interfaces.nodes][interfaces.triangles]
+    edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    count = np.bincount(interfaces.owner)
+    size = np.bincount(interfaces.owner, weights=edge) / count
+    slip = np.where(interfaces.status != OPEN, np.linalg.norm(interfaces.slip, axis=2), 0.0).max(axis=0)
+    far = np.maximum.reduceat(slip, interfaces.offsets[:-1]) > size
+    return [str(name) for name in interfaces.names[far]]
+
+
+def rotation(points: np.ndarray, displacement: np.ndarray) -> float:
+    """Largest rotation, in radians, of the rigid motions that fit displacements (steps, n, 3) best."""
+    arm = points - points.mean(axis=0)
+    inertia = np.einsum("ni,ni->", arm, arm) * np.eye(3) - arm.T @ arm
+    moment = np.cross(arm, displacement - displacement.mean(axis=1, keepdims=True)).sum(axis=1)
+    return float(np.linalg.norm(moment @ np.linalg.pinv(inertia), axis=1).max(initial=0.0))
+
+
+def _some(names: list[str]) -> str:
+    shown = ", ".join(names[:_SHOWN])
+    return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"

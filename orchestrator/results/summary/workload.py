@@ -1,0 +1,129 @@
+"""Who did what, and who waited: stages of each rank and seconds of its workers, like the paper's tables 3 and 4.
+
+A record is plain data. Rows carry the rank they were measured on, so that those of several ranks are joined by
+putting their lists one after the other (``joined``).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from orchestrator.blackbox.pool.activity import Activity
+from orchestrator.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.protocol import BlackBox
+
+STAGE_HEAD = ("stage", "rank", "calls", "seconds", "share")
+WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
+               "waiting", "idle", "idle share")
+RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share")
+PERIODS = {"set_up": "set-up", "iterations": "iterations"}
+_TABLES = ("stages", "workers", "ranks")
+_LEAST = 5e-3  # share from which a stage is worth a row
+
+Record = dict[str, dict[str, object]]
+
+
+class Workload:
+    """Measures one period of a run after the other.
+
+    Parameters
+    ----------
+    blackbox, watch : what is observed
+    rank : of this process
+    waited : seconds it has waited for other ranks so far; they are part of its stages
+    """
+
+    def __init__(self, blackbox: BlackBox, watch: Stopwatch, rank: int = 0,
+                 waited: Callable[[], float] = lambda: 0.0):
+        self.blackbox, self.watch, self.rank, self.waited = blackbox, watch, rank, waited
+        self.record: Record = {}
+        self._note()
+
+    def end(self, period: str) -> None:
+        """Record what has happened since the last call under this name."""
+        begin, seconds, calls, before = self._begin, self._seconds, self._calls, self._activity
+        waited = -self._waited
+        self._note()
+        waited += self._waited
+        wall = self._begin - begin
+        stages = [{"rank": self.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
+                   "seconds": spent, "share": spent / wall}
+                  for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
+        workers = [_row(self.rank, now.since(then)) for now, then in zip(self._activity, before)]
+        ranks = [{"rank": self.rank, "seconds": wall, "waiting": waited, "share": waited / wall}]
+        self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
+
+    def _note(self) -> None:
+        self._begin = time.perf_counter()
+        self._seconds, self._calls = dict(self.watch.seconds), dict(self.watch.calls)
+        self._activity, self._waited = self.blackbox.activity(), self.waited()
+
+
+def _row(rank: int, spent: Activity) -> dict[str, object]:
+    return {"rank": rank, **asdict(spent), "seconds": spent.seconds,
+            "idle_share": (spent.waiting + spent.idle) / spent.seconds if spent.seconds else 0.0}
+
+
+def joined(records: Sequence[Record]) -> Record:
+    """The records of all ranks as one; a period lasts as long as on the slowest rank."""
+    return {period: {"seconds": max(r[period]["seconds"] for r in records),
+                     **{table: [row for r in records for row in r[period][table]] for table in _TABLES}}
+            for period in records[0]}
+
+
+def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
+    """One entry per code (as ``Pool.codes``, under the code's number) from those of every rank."""
+    result: dict[int, dict] = {}
+    for number, entry in sorted((item for codes in ranks for item in codes.items()), key=lambda item: item[0]):
+        known = result.setdefault(number, {**entry, "models": 0, "workers": 0, "compliances": [],
+                                           "seconds": dict.fromkeys(entry["seconds"], 0.0)})
+        for key in ("models", "workers", "compliances"):
+            known[key] = known[key] + entry[key]
+        known["seconds"] = {kind: known["seconds"][kind] + spent for kind, spent in entry["seconds"].items()}
+    return result
+
+
+def idle_share(period: Mapping[str, object]) -> float:
+    """Share of the workers' time in which they had nothing to do; 0 without workers."""
+    workers = period["workers"]
+    total = sum(row["seconds"] for row in workers)
+    return sum(row["waiting"] + row["idle"] for row in workers) / total if total else 0.0
+
+
+def idle_text(record: Mapping[str, object] | None) -> str | None:
+    """One line on the workers' idleness in the iterations, for the console."""
+    period = (record or {}).get("iterations")
+    if not period or not period["workers"]:
+        return None
+    workers, total = period["workers"], sum(row["seconds"] for row in period["workers"])
+    share = {name: 100 * sum(row[name] for row in workers) / total for name in ("waiting", "idle", "messages")}
+    return (f"idle for {100 * idle_share(period):.0f} % of the {period['seconds']:.2f} s of iterations (for the "
+            f"orchestrator {share['idle']:.0f} %, for each other {share['waiting']:.0f} %); "
+            f"messages {share['messages']:.0f} %")
+
+
+def stage_rows(period: Mapping[str, object], names: Mapping[str, str]) -> list[tuple[str, ...]]:
+    """As ``STAGE_HEAD``, the longest first within a rank; shares are of the period."""
+    rows = sorted(period["stages"], key=lambda row: (row["rank"], -row["seconds"]))
+    return [(names.get(row["stage"], row["stage"]), str(row["rank"]), str(row["calls"]), f"{row['seconds']:.2f}",
+             f"{100 * row['share']:.1f} %") for row in rows if row["share"] >= _LEAST]
+
+
+def worker_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
+    """As ``WORKER_HEAD``; times in seconds."""
+    return [(str(row["rank"]), str(row["worker"]), str(row["models"]), f"{row['dofs']:,}", str(row["calls"]),
+             f"{row['start'] + row['assemble'] + row['factorise']:.2f}",
+             *(f"{max(row[name], 0.0):.2f}" for name in ("solve", "messages", "waiting", "idle")),
+             f"{100 * row['idle_share']:.1f} %") for row in period["workers"]]
+
+
+def rank_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
+    """As ``RANK_HEAD``; none for a single rank."""
+    ranks = period.get("ranks") or ()
+    return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %")
+            for row in ranks] if len(ranks) > 1 else []

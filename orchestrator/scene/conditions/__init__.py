@@ -1,0 +1,1 @@
+"""Supports, loads, materials and codes, resolved to nodes and cells."""

@@ -1,0 +1,159 @@
+"""Rigid motions: which of them boundary conditions leave, and in plain words."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.errors import Problems
+from orchestrator.scene.mesh.faces import Faces, components, pieces
+from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.quality import place
+
+# Motions that move the prescribed components by less than this share of the body's size count as free.
+HELD = 1e-8
+# Nodes closer than this share of the mesh's size are said to coincide.
+TOUCHING = 1e-6
+
+
+def motions(nodes: np.ndarray) -> np.ndarray:
+    """The six rigid motions (3n, 6) of nodes (n, 3): translations x, y, z, rotations about the centre.
+
+    Rotations are divided by the body's size, so that all columns have entries of order one.
+    """
+    arm = (nodes - nodes.mean(axis=0)) / size_of(nodes)
+    columns = np.zeros((len(nodes), 3, 6))
+    columns[:, range(3), range(3)] = 1.0
+    for axis in range(3):
+        columns[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm)
+    return columns.reshape(-1, 6)
+
+
+def size_of(nodes: np.ndarray) -> float:
+    """Length scale of a body: the largest distance of a node (n, 3) from the centre, 1 for a point."""
+    return float(np.sqrt(((nodes - nodes.mean(axis=0)) ** 2).sum(axis=1).max())) or 1.0
+
+
+def left_over(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """Combinations (6, r) of the columns of ``motions`` that leave all fixed components at rest.
+
+    Parameters
+    ----------
+    nodes : (n, 3); fixed : (n, 3) bool
+    """
+    held = motions(nodes)[fixed.reshape(-1)]
+    if len(held) == 0:
+        return np.eye(6)
+    # The triangular factor has the singular values of the tall matrix.
+    _, values, rows = np.linalg.svd(np.linalg.qr(held, mode="r") if len(held) > 6 else held, full_matrices=True)
+    values = np.r_[values, np.zeros(6 - len(values))]
+    return rows[values <= HELD * np.sqrt(len(held))].T
+
+
+def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """Orthonormal rigid motions (3n, r) that vanish on the fixed components; r = 6 when nothing is fixed.
+
+    Parameters
+    ----------
+    nodes : (n, 3) coordinates; fixed : (n, 3) bool
+    """
+    modes = np.linalg.qr(motions(nodes) @ left_over(nodes, fixed))[0]
+    # Exact zeros where prescribed, whatever the rounding.
+    modes[fixed.reshape(-1)] = 0.0
+    return modes
+
+
+def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
+               links: np.ndarray | None = None) -> None:
+    """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
+
+    Parameters
+    ----------
+    links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
+    """
+    count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
+    if links is not None:
+        count, joined = components(*piece[links].T, count)
+        piece = joined[piece]
+    order = np.argsort(piece, kind="stable")
+    ranges = np.searchsorted(piece[order], np.arange(count + 1))
+    own = [np.unique(mesh.cells[order[a:b]]) for a, b in zip(ranges[:-1], ranges[1:])]
+    hint = _touching(mesh, own) if count > 1 else None
+    for i, nodes in enumerate(own):
+        points = mesh.nodes[nodes]
+        free = left_over(points, fixed[nodes])
+        if free.shape[1] == 0:
+            continue
+        parts = [mesh.volumes[v] for v in np.unique(mesh.volume[order[ranges[i]:ranges[i + 1]]])]
+        where = "" if count == 1 else f" (one of {count} separate bodies, centre {place(points.mean(axis=0))})"
+        shown = ", ".join(parts[:6]) + (f" and {len(parts) - 6} more" if len(parts) > 6 else "")
+        cure = "prescribe more displacement components, on faces that do not lie on one line"
+        if hint is not None and hint[i]:
+            cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "
+                    "faces do not match: if the parts are meant to touch, mesh both sides alike or merge them (gmsh: "
+                    "Coherence; Mesh.removeDuplicateNodes); otherwise " + cure)
+        elif hint is not None:
+            cure += "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
+        problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
+                     "boundary conditions that hold every body", cure)
+
+
+def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:
+    """Per body, how many of its nodes lie on a node of another body."""
+    from scipy.spatial import cKDTree  # for this complaint alone
+
+    nodes = np.concatenate(own)
+    body = np.repeat(np.arange(len(own)), [len(o) for o in own])
+    reach = TOUCHING * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    near = cKDTree(mesh.nodes[nodes]).query_pairs(reach, output_type="ndarray")
+    near = near[body[near[:, 0]] != body[near[:, 1]]]
+    return np.bincount(body[np.unique(near)], minlength=len(own)).tolist()
+
+
+def describe(free: np.ndarray, nodes: np.ndarray) -> str:
+    """Plain words for combinations (6, r) of the rigid motions of nodes (n, 3)."""
+    if free.shape[1] == 6:
+        return "every translation and every rotation (nothing holds it)"
+    centre, size = nodes.mean(axis=0), size_of(nodes)
+    # Rotations first: rows reduced to "one rotation each, then pure translations".
+    rows = _reduced(np.c_[free.T[:, 3:], free.T[:, :3]])
+    words = []
+    for row in rows:
+        turn, shift = row[:3], row[3:]
+        if np.linalg.norm(turn) < 1e-6:
+            words.append(f"translation along {_direction(shift)}")
+            continue
+        # turn/size is the angular velocity; the axis is where the motion vanishes across it.
+        through = centre + size * np.cross(turn, shift) / (turn @ turn)
+        words.append(f"rotation about the {_direction(turn)} axis through {place(_clean(through, size))}")
+    return ", ".join(reversed(words))
+
+
+def _reduced(rows: np.ndarray) -> np.ndarray:
+    """Reduced row echelon form, pivots by size within a column."""
+    rows, at = rows.copy(), 0
+    for column in range(rows.shape[1]):
+        if at == len(rows):
+            break
+        pivot = at + int(np.argmax(np.abs(rows[at:, column])))
+        if abs(rows[pivot, column]) < 1e-6:
+            rows[at:, column] = 0.0
+            continue
+        rows[[at, pivot]] = rows[[pivot, at]]
+        rows[at] /= rows[at, column]
+        others = np.arange(len(rows)) != at
+        rows[others] -= rows[others, column][:, None] * rows[at]
+        at += 1
+    return rows
+
+
+def _direction(vector: np.ndarray) -> str:
+    unit = vector / np.linalg.norm(vector)
+    axis = int(np.argmax(np.abs(unit)))
+    if abs(unit[axis]) > 1 - 1e-9:
+        return "xyz"[axis]
+    return place(_clean(np.round(unit, 4), 1.0))
+
+
+def _clean(point: np.ndarray, size: float) -> np.ndarray:
+    """Coordinates without the dust of rounding."""
+    return np.where(np.abs(point) < 1e-9 * size, 0.0, point)

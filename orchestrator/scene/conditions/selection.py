@@ -1,0 +1,90 @@
+"""Which faces an ``on`` of the YAML means: a named surface, a plane or a box."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import KeyPath, Problems
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.model import Mesh
+from orchestrator.scene.names import matching, suggestion
+from orchestrator.scene.mesh.quality import place
+
+# Planes and boxes are met within this share of the mesh's diagonal.
+TOLERANCE = 1e-6
+
+
+def select(mesh: Mesh, faces: Faces, on: Any, path: KeyPath, problems: Problems) -> np.ndarray:
+    """Indices of the faces selected; empty, with a problem, when there are none.
+
+    A plane or a box takes the faces of the outer boundary that have all three nodes in it. A named surface
+    may also lie inside the mesh.
+    """
+    if isinstance(on, str):
+        return _named(mesh, faces, on, path, problems)
+    reach = TOLERANCE * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    outer = faces.outer
+    corners = mesh.nodes[faces.triangles[outer]]
+    if getattr(on, "plane", None) is not None:
+        return _plane(on, outer, corners, reach, path, problems)
+    return _box(on, outer, corners, reach, path, problems)
+
+
+def _named(mesh: Mesh, faces: Faces, on: str, path: KeyPath, problems: Problems) -> np.ndarray:
+    names = matching(on, mesh.surfaces)
+    if not names:
+        problems.add(path, f"no surface is called {on!r}", "the name of a surface of the mesh, shell wildcards "
+                     "allowed, or {plane: x, at: 0}, or {box: [[0, 0, 0], [1, 1, 1]]}",
+                     suggestion(on, mesh.surfaces, "surface; select a plane or a box instead")
+                     if not mesh.surfaces else suggestion(on, mesh.surfaces, "surface"))
+        return np.empty(0, dtype=int)
+    triangles = np.concatenate([mesh.surfaces[name] for name in names])
+    found = faces.find(triangles)
+    if (found < 0).any():
+        bad = triangles[np.flatnonzero(found < 0)[0]]
+        problems.add(path, f"{np.sum(found < 0)} of {len(triangles)} triangles of {on!r} are no faces of tets, "
+                     f"the first at {place(mesh.nodes[bad].mean(axis=0))}", "triangles that are faces of tets",
+                     "mesh the surface and the volume together")
+    return np.unique(found[found >= 0])
+
+
+def _plane(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: KeyPath,
+           problems: Problems) -> np.ndarray:
+    along = corners[:, :, "xyz".index(on.plane)]
+    distance = np.abs(along - on.at)
+    hit = (distance <= reach).all(axis=1)
+    if not hit.any():
+        nearest = along.reshape(-1)[np.argmin(distance)]
+        problems.add(path, f"no boundary face lies on the plane {on.plane} = {on.at:g}; the nearest boundary node is "
+                     f"{distance.min():.6g} away, at {on.plane} = {nearest:.6g}",
+                     f"a plane that holds faces of the boundary; the mesh spans {on.plane} from {along.min():.6g} "
+                     f"to {along.max():.6g}",
+                     f"set at: to the {on.plane} of a flat side of the mesh" + (
+                         "; if the unit of length differs, set scale: under mesh:"
+                         if not along.min() <= on.at <= along.max() else ""))
+    return outer[hit]
+
+
+def _box(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: KeyPath,
+         problems: Problems) -> np.ndarray:
+    low, high = np.asarray(on.box, dtype=float)
+    if np.any(low > high):
+        problems.add(path, f"the box's first corner {place(low)} is above its second {place(high)}",
+                     "the lower corner first", "swap the coordinates")
+        return np.empty(0, dtype=int)
+    outside = np.maximum(np.maximum(low - corners, corners - high), 0).max(axis=2)
+    hit = (outside <= reach).all(axis=1)
+    if not hit.any():
+        distance = np.linalg.norm(np.maximum(np.maximum(low - corners, corners - high), 0), axis=2)
+        flat = int(np.argmin(distance))
+        within = int(np.sum((outside <= reach).any(axis=1)))
+        problems.add(path, f"no boundary face has its three nodes in the box {place(low)} … {place(high)}; " + (
+                         f"{within} faces reach into it" if within else
+                         f"the nearest boundary node is {distance.min():.6g} away, "
+                         f"at {place(corners.reshape(-1, 3)[flat])}"),
+                     f"a box that holds faces of the boundary; the mesh spans {place(corners.min(axis=(0, 1)))} … "
+                     f"{place(corners.max(axis=(0, 1)))}",
+                     "enlarge the box" if within else "move or enlarge the box")
+    return outer[hit]

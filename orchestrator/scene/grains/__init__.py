@@ -1,0 +1,1 @@
+"""Polycrystals: Voronoi cells and their surfaces."""

@@ -1,0 +1,139 @@
+"""Polygons cut into triangles, and what can be told of the bodies such triangles enclose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.scene.grains.voronoi import area_vector
+
+# From some point of a body all planes of its surface are this far at least, per cube root of its volume; and
+# for how long to look for the point.
+SEEN, LOOKS = 0.02, 50
+
+
+def cut(points: np.ndarray, loop: list[int]) -> list[tuple[int, int, int]] | None:
+    """Cuts a polygon, not necessarily plane, into triangles whose smallest angle is as large as possible.
+
+    Parameters
+    ----------
+    points : (v, 3) coordinates
+    loop : indices of the corners, in order
+
+    Returns
+    -------
+    triangles turning like the loop, or None when the polygon is so bent that there are none
+    """
+    k, corners = len(loop), points[loop]
+    table = _smallest_angles(corners)
+    # best[i, j]: the largest smallest angle over all ways to cut the corners i … j; split: their third corner.
+    best, split = {(i, i + 1): np.inf for i in range(k - 1)}, {}
+    for span in range(2, k):
+        for i in range(k - span):
+            j = i + span
+            choices = [(min(best[i, m], best[m, j], table[i][m][j]), m) for m in range(i + 1, j)]
+            best[i, j], split[i, j] = max(choices, key=lambda choice: choice[0])
+    if best[0, k - 1] <= 0:
+        return None
+    triangles, todo = [], [(0, k - 1)]
+    while todo:
+        i, j = todo.pop()
+        if j > i + 1:
+            m = split[i, j]
+            triangles.append((loop[i], loop[m], loop[j]))
+            todo += [(i, m), (m, j)]
+    return triangles
+
+
+def _smallest_angles(corners: np.ndarray) -> list:
+    """Nested lists [i][m][j] of each triangle's smallest angle (radians); negative when it turns the other way."""
+    k = len(corners)
+    i, m, j = (a.reshape(-1) for a in np.meshgrid(*[np.arange(k)] * 3, indexing="ij"))
+    triangles = corners[np.stack([i, m, j], axis=1)]
+    angle = corner_angles(triangles).min(axis=1)
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return np.where(normal @ area_vector(corners) > 0, angle, -1.0).reshape(k, k, k).tolist()
+
+
+def corner_angles(triangles: np.ndarray) -> np.ndarray:
+    """(k, 3) angles in radians of triangles (k, 3, 3); zero in triangles without area."""
+    to_next = np.roll(triangles, -1, axis=1) - triangles
+    to_last = np.roll(triangles, 1, axis=1) - triangles
+    sine = np.linalg.norm(np.cross(to_next, to_last), axis=-1)
+    return np.arctan2(sine, np.einsum("kij,kij->ki", to_next, to_last))
+
+
+def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> float:
+    """How good the worst of some bodies is, from the triangles that bound them.
+
+    Parameters
+    ----------
+    points : (v, 3) coordinates
+    triangles : (t, 3) int, indices into the points, turning outward
+    body : (t,) int, ascending, the body each triangle bounds
+
+    Returns
+    -------
+    the smallest angle in radians, in a triangle or between two neighbours through the body; or -1 when a
+    body is no ball or cannot be seen as a whole from a point inside. Bodies that can, share faces and fill a
+    space cannot overlap.
+    """
+    body = np.unique(body, return_inverse=True)[1]
+    mate = _mates(triangles, body, len(points))
+    if mate is None:
+        return -1.0
+    shape = points[triangles]
+    p, q, r = np.moveaxis(shape, 1, 0)
+    normal = np.cross(q - p, r - p)
+    volume = np.einsum("ij,ij->i", normal, p) / 6
+    total = np.bincount(body, volume)
+    if np.any(total <= 0):
+        return -1.0
+    moment = volume[:, None] * (p + q + r) / 4
+    centre = np.stack([np.bincount(body, m) for m in moment.T], axis=1) / total[:, None]
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre, SEEN * np.cbrt(total)):
+        return -1.0
+    along = (np.roll(shape, -1, axis=1) - shape).reshape(-1, 3)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    one, other = np.repeat(normal, 3, axis=0), normal[mate // 3]
+    turn = np.arctan2(np.einsum("ij,ij->i", np.cross(one, other), along), np.einsum("ij,ij->i", one, other))
+    return float(min((np.pi - turn).min(), corner_angles(shape).min()))
+
+
+def _mates(triangles: np.ndarray, body: np.ndarray, points: int) -> np.ndarray | None:
+    """Per side of a triangle (3 t) the same side of the neighbour; None unless every body's surface is a ball's."""
+    start, end, label = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1), np.repeat(body, 3)
+    key, opposite = (label * points + start) * points + end, (label * points + end) * points + start
+    order, back = np.argsort(key), np.argsort(opposite)
+    if np.any(key[order] != opposite[back]) or np.any(np.diff(key[order]) == 0):
+        return None
+    # Closed; then Euler's number, 2 for a ball, counts 3/2 edges per triangle.
+    corners = np.bincount(np.unique(label * points + start) // points)
+    if np.any(2 * corners - np.bincount(body) != 4):
+        return None
+    mate = np.empty(len(key), dtype=int)
+    mate[order] = back
+    return mate
+
+
+def _seen_whole(normal: np.ndarray, offset: np.ndarray, body: np.ndarray, point: np.ndarray, margin: np.ndarray) -> bool:
+    """Whether in every body there is a point with all planes of the surface a margin before it.
+
+    Parameters
+    ----------
+    normal, offset : (t, 3) and (t,), the planes normal · x = offset
+    body : (t,) int, ascending
+    point : (b, 3), where to begin looking
+    margin : (b,) lengths
+    """
+    point, start = point.copy(), np.flatnonzero(np.r_[True, body[1:] != body[:-1]])
+    for _ in range(LOOKS):
+        lacking = margin[body] - offset + np.einsum("ij,ij->i", normal, point[body])
+        most = np.maximum.reduceat(lacking, start)
+        if np.all(most <= 0):
+            return True
+        # Away from the plane that is worst (Agmon's relaxation).
+        worst = np.flatnonzero(lacking == most[body])
+        worst = worst[np.unique(body[worst], return_index=True)[1]]
+        point -= np.maximum(most * 1.01, 0)[:, None] * normal[worst]
+    return False

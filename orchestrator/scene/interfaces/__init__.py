@@ -1,0 +1,1 @@
+"""Where subdomains meet, and which law holds there."""

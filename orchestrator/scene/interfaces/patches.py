@@ -1,0 +1,213 @@
+"""Interfaces: the faces two subdomains share, or that lie opposite each other; one per connected patch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import Problems
+from orchestrator.scene.mesh.faces import Faces, components
+from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.names import matching
+from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
+from orchestrator.scene.partition.partition import Partition
+from orchestrator.scene.mesh.quality import place
+from orchestrator.scene.interfaces.shared_normals import share_normals
+from orchestrator.scene.soles.layers import local_size, node_normals
+
+# Pairs of parts beyond which it is not said how far apart the nearest ones are.
+MOST = 50
+
+
+def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+                    entries: list[Any], problems: Problems) -> list[Interface]:
+    """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
+
+    Pairs that touch along an edge or in a node are none. Patches on which everything is prescribed are
+    left out: nothing is to be found there.
+
+    Parameters
+    ----------
+    fixed : (n, 3) bool, prescribed components
+    entries : of ``interfaces:`` in the YAML
+    """
+    shared, sides, bounds = patches(faces, partition.subdomain)
+    triangles, cells = _outward_of_first(faces, partition.subdomain, shared)
+    laws = Laws(entries)
+    found: list[Interface] = []
+    pairs: list[tuple[str, str]] = []
+    cuts: list[tuple[str, str]] = []  # names of the two sides, between bodies and within one
+    kept: list[int] = []  # entry behind each patch that stays, and that is left out
+    lost: list[int] = []
+    for first, last in zip(bounds[:-1], bounds[1:]):
+        one, other = (int(i) for i in sides[first])
+        names = partition.names[one], partition.names[other]
+        known = _known_as(mesh, faces, partition, shared[first:last], names)
+        whole = partition.body(one) == partition.body(other)  # cuts through a body are perfect, whatever the laws
+        (cuts if whole else pairs).append(names)
+        entry = -1 if whole else laws.between(*known)
+        nodes, local = np.unique(triangles[first:last], return_inverse=True)
+        free = ~fixed[nodes]
+        if not free.any():
+            lost.append(entry)
+            continue
+        kept.append(entry)
+        own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
+        found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own,
+                               local.reshape(-1, triangles.shape[1]), cells[first:last], free))
+        laws.apply(entry, found[-1], known[0])
+    for entry in sorted(set(lost) - set(kept)):
+        if entry >= 0 and entries[entry].law != "perfect":
+            problems.add(("interfaces", entry, "law"),
+                         f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
+                         "interfaces with nodes that are free to open or slip",
+                         "hold the parts elsewhere, or leave the law out")
+    bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
+    for interface, names in _opposite(mesh, bodies, partition, numbering, fixed, laws, problems):
+        interface.index = len(found)
+        found.append(interface)
+        pairs.append(names)
+    laws.refuse_within(cuts, problems)
+    laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems,
+                       lambda entry: _how_far(mesh, bodies, partition, entry))
+    _number_patches(found)
+    if cuts:
+        share_normals(mesh, numbering, found, [partition.body(i) for i in range(len(partition.names))])
+    return found
+
+
+def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shared faces grouped in patches connected through edges.
+
+    Returns
+    -------
+    shared : (k,) int, indices of faces, patch after patch
+    sides : (k, 2) int, the two subdomains, ascending
+    bounds : (p + 1,) int, where each patch starts in ``shared``
+    """
+    inner = faces.inner
+    sides = np.sort(np.c_[subdomain[faces.owner[inner]], subdomain[faces.neighbour[inner]]], axis=1)
+    cut = sides[:, 0] != sides[:, 1]
+    shared, sides = inner[cut], sides[cut]
+    size = len(shared)
+    if size == 0:
+        return shared, sides, np.zeros(1, dtype=int)
+    pair = np.unique(sides[:, 0] * (subdomain.max() + np.int64(1)) + sides[:, 1], return_inverse=True)[1]
+    corners = np.sort(faces.triangles[shared, :3], axis=1)
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])
+    keys = np.unique(edges[:, 0] * np.int64(faces.nodes) + edges[:, 1], return_inverse=True)[1]
+    # Two pairs may meet at an edge: it must not join their patches.
+    edge = np.unique(np.tile(pair, 3) * (keys.max() + np.int64(1)) + keys, return_inverse=True)[1]
+    # Facets and edges are the two kinds of vertices of one graph.
+    patch = components(np.tile(np.arange(size), 3), size + edge, size + int(edge.max()) + 1)[1][:size]
+    lowest = np.full(patch.max() + 1, size)
+    np.minimum.at(lowest, patch, np.arange(size))
+    order = np.lexsort((np.arange(size), lowest[patch], pair))
+    bounds = np.flatnonzero(np.r_[True, np.diff(patch[order]) != 0, True])
+    return shared[order], sides[order], bounds
+
+
+def _outward_of_first(faces: Faces, subdomain: np.ndarray, shared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (k, 3 or 6) of faces, seen from outside the lower subdomain, and cells (k, 2), its own first."""
+    triangles = faces.triangles[shared]
+    turned = [0, 2, 1, 5, 4, 3][: triangles.shape[1]]
+    cells = np.c_[faces.owner[shared], faces.neighbour[shared]]
+    swapped = subdomain[cells[:, 0]] > subdomain[cells[:, 1]]
+    return (np.where(swapped[:, None], triangles[:, turned], triangles),
+            np.where(swapped[:, None], cells[:, ::-1], cells))
+
+
+def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray,
+              names: tuple[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names each side of a patch goes by.
+
+    Inside one volume only the subdomains' names count: a law for a part against all others is not meant for
+    the cuts within that part.
+    """
+    beside = np.stack([faces.owner[shared], faces.neighbour[shared]])
+    lower = partition.subdomain[beside].argmin(axis=0)
+    columns = np.arange(len(shared))
+    volumes = [np.unique(mesh.volume[beside[side, columns]]) for side in (lower, 1 - lower)]
+    if len(np.intersect1d(*volumes)):
+        return (names[0],), (names[1],)
+    return tuple((name, *(mesh.volumes[v] for v in own)) for name, own in zip(names, volumes))
+
+
+def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+              laws: Laws, problems: Problems) -> Iterator[tuple[Interface, tuple[str, str]]]:
+    """Interfaces of parts that share no faces there, and the names of their subdomains."""
+    within = max((getattr(e, "within", None) or 0.0 for e in laws.entries), default=0.0)
+    for pair in close_bodies(bodies, within):
+        names = tuple(partition.names[b.subdomain] for b in pair)
+        known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))
+        index = laws.foreseen(*known)
+        measured, reach = laws.measures(index), getattr(laws.entries[index], "within", None) if index >= 0 else None
+        patches, mismatch = match(*pair, measured, reach)
+        if mismatch:
+            problems.add(("interfaces", index, "gap"), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
+                         f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
+                         f"{place(mismatch.place)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
+                         "mesh both sides alike, or lower within: to what is meant to touch")
+        for patch in patches:
+            laws.between(*known)
+            nodes, at, local = np.unique(patch.triangles, return_index=True, return_inverse=True)
+            others = patch.opposite.ravel()[at]
+            own = tuple(numbering.find(np.int64(b.subdomain), ids) - numbering.offsets[b.subdomain]
+                        for b, ids in zip(pair, (nodes, others)))
+            uneven = (fixed[nodes] != fixed[others]).any(axis=1)
+            if uneven.any():
+                problems.add(("interfaces", max(index, 0)), f"{uneven.sum()} node pairs of {' | '.join(names)} are prescribed "
+                             f"on one side only, the first at {place(mesh.nodes[nodes[uneven][0]])}",
+                             "the same components prescribed on both sides of a pair",
+                             "select boundary faces by a plane or box that holds both sides, or neither")
+            interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
+                                  local.reshape(patch.triangles.shape), patch.cells, ~(fixed[nodes] | fixed[others]))
+            if not interface.free.any():
+                continue
+            laws.apply(index, interface, known[0])
+            if measured:
+                interface.gap = _measured(mesh, interface, others, index, problems)
+            yield interface, names
+
+
+def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, index: int, problems: Problems) -> np.ndarray:
+    """(n,) distance of the sides along the normal; zero where they coincide."""
+    one, two = mesh.nodes[interface.global_nodes], mesh.nodes[others]
+    middle = (one + two) / 2
+    gap = np.einsum("ij,ij->i", node_normals(middle, interface.triangles), two - one)
+    rounding = COINCIDE * local_size(middle, interface.triangles)
+    deep = gap < -rounding
+    if deep.any():
+        worst = int(gap.argmin())
+        problems.add(("interfaces", index, "gap"), f"{interface.name} penetrate each other in the initial geometry, at "
+                     f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {place(middle[worst])}", "sides that touch or are apart",
+                     "move the parts, or ask for a press fit by a number: gap: -0.01")
+    return np.where(np.abs(gap) <= rounding * 1e-3, 0.0, np.maximum(gap, 0.0))
+
+
+def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -> str:
+    """How far apart the nearest nodes are of the parts that an entry names."""
+    sides = [[b for b in bodies if matching(pattern, [partition.names[b.subdomain], mesh.volumes[b.volume]])]
+             for pattern in entry.between]
+    found = [nearest(a, b) for a in sides[0] for b in sides[1] if a is not b and a.volume != b.volume]
+    if not found or len(found) > MOST:
+        return ""
+    distance, where, size = min(found, key=lambda f: f[0])
+    allowed = (f"faces are sought within {getattr(entry, 'within', None) or REACH * size:.3g} along the normal"
+               if getattr(entry, "gap", None) == "geometry" else f"nodes coincide within {COINCIDE * size:.3g}")
+    return f"; their nearest nodes are {distance:.3g} apart, at {place(where)}, and {allowed}"
+
+
+def _number_patches(found: list[Interface]) -> None:
+    """Adds "(patch 1)", "(patch 2)" … to the names of pairs that touch in several places."""
+    by_pair: dict[tuple[int, int], list[Interface]] = {}
+    for interface in found:
+        by_pair.setdefault(interface.subdomains, []).append(interface)
+    for group in by_pair.values():
+        if len(group) > 1:
+            for number, interface in enumerate(group, start=1):
+                interface.name += f" (patch {number})"

@@ -1,0 +1,1 @@
+"""Meshes: sources, quality, faces, ten-node tets."""

@@ -1,0 +1,140 @@
+"""STEP and BREP models, meshed by gmsh so that touching parts share their interfaces."""
+
+from __future__ import annotations
+
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.model import Mesh
+from orchestrator.scene.names import unique_names
+
+DELAUNAY = 1
+# 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
+# on coarse curved surfaces; there finer circles help, where Delaunay does not.
+ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
+
+
+def step(mesh: Any) -> Mesh:
+    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
+
+    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it.
+    """
+    return load(locate(str(mesh.step)), None if mesh.h is None else float(mesh.h), str(mesh.step))
+
+
+def locate(name: str) -> Path:
+    """The file of a name; ``gmsh:part.stp`` is one of the examples that come with gmsh.
+
+    Raises
+    ------
+    InputError : there is no such file
+    """
+    if name.startswith("gmsh:"):
+        wanted = name.removeprefix("gmsh:")
+        examples = [f for f in metadata.files("gmsh") or [] if "examples" in f.parts and f.suffix in (".stp", ".step")]
+        for found in examples:
+            if found.name == wanted and (path := Path(found.locate())).is_file():
+                return path.resolve()
+        raise InputError(Problem(("mesh", "step"), f"{name}: no such example of gmsh",
+                                 "one of " + ", ".join(sorted({f"gmsh:{f.name}" for f in examples}))))
+    if not Path(name).is_file():
+        raise InputError(Problem(("mesh", "step"), f"{name}: no such file", "an existing STEP or BREP file",
+                                 "check the path"))
+    return Path(name)
+
+
+def load(path: Path, h: float | None, source: str) -> Mesh:
+    """Imports, joins and meshes a model.
+
+    Volumes carry the solids' product names (bolt_1, bolt_2, … where a name recurs); each geometric surface
+    on the outer boundary is a named surface ``<solid>:<k>``, k from 1.
+
+    Parameters
+    ----------
+    source : what the user calls the file, for messages
+
+    Raises
+    ------
+    InputError : unreadable, no solids, or gmsh cannot mesh it
+    """
+    complaint = ""
+    for algorithm, per_circle in ATTEMPTS:
+        with session():
+            names, owner = _import(path, source)
+            if h is not None:
+                gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
+            gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
+            try:
+                gmsh.model.mesh.generate(3)
+            except Exception as error:
+                complaint = last_complaint(error)
+                continue
+            # gmsh passes over solids it cannot fill without raising an error.
+            empty = {names[solid] for tag, solid in owner.items()
+                     if not len(gmsh.model.mesh.getElementsByType(TET, tag)[0])}
+            if not empty:
+                return _arrays(source, names, owner)
+            complaint = "no tetrahedra in " + ", ".join(sorted(empty))
+    raise InputError(Problem(("mesh", "step"), f"{source}: gmsh cannot mesh it with h = {h}: {complaint}",
+                             "solids that can be meshed", "try a smaller h, or repair the model"))
+
+
+def _import(path: Path, source: str) -> tuple[list[str], dict[int, int]]:
+    """Names of the solids; and the tag of each piece of the joined model → the solid it comes from."""
+    try:
+        solids = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
+    except Exception as error:
+        raise InputError(Problem(("mesh", "step"), f"{source}: cannot be read: {last_complaint(error)}",
+                                 "a STEP or BREP file", "export the model again")) from None
+    solids = [s for s in solids if s[0] == 3]
+    if not solids:
+        raise InputError(Problem(("mesh", "step"), f"{source}: no solids", "a model with at least one solid",
+                                 "export closed solids, not surfaces"))
+    gmsh.model.occ.synchronize()
+    return unique_names([_product(*s) or "solid" for s in solids]), _join(solids)
+
+
+def _product(dimension: int, tag: int) -> str:
+    """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``."""
+    return gmsh.model.getEntityName(dimension, tag).split("/")[-1].split(" & ")[0].strip()
+
+
+def _join(solids: list[tuple[int, int]]) -> dict[int, int]:
+    """Makes touching solids share faces; the tag of each piece → the solid it comes from."""
+    if len(solids) == 1:
+        return {solids[0][1]: 0}
+    _, children = gmsh.model.occ.fragment(solids, [])
+    gmsh.model.occ.synchronize()
+    owner: dict[int, int] = {}
+    for i, pieces in enumerate(children):
+        for dimension, tag in pieces:
+            if dimension == 3:
+                # Where solids overlap, the piece goes to the first.
+                owner.setdefault(tag, i)
+    return owner
+
+
+def _arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
+    """The mesh that gmsh holds; parameters as ``_import`` returns them."""
+    pieces = [tag for _, tag in gmsh.model.getEntities(3)]
+    cells, piece = elements(TET, pieces)
+    used, inverse = np.unique(cells, return_inverse=True)
+    surfaces: dict[str, np.ndarray] = {}
+    counts = dict.fromkeys(names, 0)
+    for _, tag in gmsh.model.getEntities(2):
+        beside = gmsh.model.getAdjacencies(2, tag)[0]
+        if len(beside) != 1:
+            continue
+        name = names[owner[int(beside[0])]]
+        counts[name] += 1
+        surfaces[f"{name}:{counts[name]}"] = np.searchsorted(used, elements(TRIANGLE, [tag])[0])
+    kept, volume_index = np.unique(np.array([owner[tag] for tag in pieces])[piece], return_inverse=True)
+    return Mesh(points(used), inverse.reshape(-1, 4), volume_index,
+                [names[i] for i in kept], surfaces, source)

@@ -1,0 +1,79 @@
+"""Ten-node tets: one node in the middle of every edge of a mesh of four-node tets.
+
+Edges stay straight, so that the geometry, volumes, areas and normals are those of the corners, which
+keep their numbers and come first: in a tet's ten nodes, in a face's six, and in the mesh. The order
+within an element is VTK's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.model import Mesh
+
+# Ends of the edges behind nodes 4 … 9 of a tet, and behind nodes 3 … 5 of a triangle.
+TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+
+# Integrals of the shape functions over an element, as shares of its volume or area, by number of nodes.
+TET_SHARES = {4: np.full(4, 1 / 4), 10: np.r_[np.full(4, -1 / 20), np.full(6, 1 / 5)]}
+TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)]}
+
+
+def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:
+    """The same mesh with ten-node tets (m, 10), and its faces with six nodes (f, 6)."""
+    n = len(mesh.nodes)
+    ends, edge = edges_of(mesh.cells, TET_EDGES)
+    nodes = np.vstack([mesh.nodes, mesh.nodes[ends].mean(axis=1)])
+    triangles = np.hstack([faces.triangles, n + find(ends, faces.triangles[:, TRIANGLE_EDGES])])
+    return (replace(mesh, nodes=nodes, cells=np.hstack([mesh.cells, n + edge])), replace(faces, triangles=triangles))
+
+
+def edges_of(elements: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The edges of elements (m, p), each once.
+
+    Parameters
+    ----------
+    local : (q, 2) int, ends of an element's edges in its own numbering
+
+    Returns
+    -------
+    ends : (e, 2) int, ascending within and among rows
+    edge : (m, q) int, index into ``ends``
+    """
+    pairs = np.sort(elements[:, local], axis=2).reshape(-1, 2).astype(np.int64)
+    size = int(pairs.max(initial=0)) + 1
+    keys, edge = np.unique(pairs[:, 0] * size + pairs[:, 1], return_inverse=True)
+    return np.stack([keys // size, keys % size], axis=1), edge.reshape(-1, len(local))
+
+
+def find(ends: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Indices (…) into ``ends``, as ``edges_of`` gives them, of pairs (…, 2) of nodes that are edges."""
+    size = int(ends.max(initial=0)) + 1
+    low, high = pairs.min(axis=-1), pairs.max(axis=-1)
+    return np.searchsorted(ends[:, 0] * size + ends[:, 1], low * size + high)
+
+
+def with_middles(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray,
+                 cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A sole's points and cells (q, 10) with a node in the middle of every edge.
+
+    Parameters
+    ----------
+    inner : (n, 3) nodes of the interface
+    triangles : (k, 6) int, its faces, whose edges have their middles among ``inner``
+    points : (p, 3) the sole's other corners; cells : (q, 4) int, values from n on mean ``points``
+    """
+    n = len(inner)
+    ends, edge = edges_of(cells, TET_EDGES)
+    known, own = edges_of(triangles, TRIANGLE_EDGES)
+    middle_of = np.empty(len(known), dtype=int)
+    middle_of[own] = triangles[:, 3:]
+    on = ends[:, 1] < n
+    middle = np.empty(len(ends), dtype=int)
+    middle[on] = middle_of[find(known, ends[on])]
+    middle[~on] = n + len(points) + np.arange(np.count_nonzero(~on))
+    return (np.vstack([points, np.vstack([inner, points])[ends[~on]].mean(axis=1)]), np.hstack([cells, middle[edge]]))

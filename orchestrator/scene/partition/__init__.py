@@ -1,0 +1,1 @@
+"""Cutting a mesh into subdomains, and numbering them."""

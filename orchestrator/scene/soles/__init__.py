@@ -1,0 +1,1 @@
+"""Soles: matter added to interfaces."""

@@ -1,0 +1,96 @@
+"""Soles made of the neighbours' own elements: for matter or meshes that a layer of prisms imitates badly.
+
+The first row of elements of both sides is copied, half the modulus each, and clamped behind. What the
+sole feels at a node is then a share of what the elements there feel, whatever their matter, their
+shape and their order along the interface: with stiff and soft cells side by side (contrast 1:1000)
+a sole that follows the facets alone misses the stiff cells that touch the interface by an edge.
+The Schur complement of a subdomain never exceeds its own first row clamped behind, so that with modulus
+ratio r and at most n interfaces meeting in an element S ≤ (2 n / r) k, whatever the contrast: there is
+nothing that the sole is too soft for.
+
+With ten-node tets an element may join two nodes of the interface by an edge that is on none of its faces,
+whose middle is not a trace. In the copy, one end of such an edge is a node of its own, clamped.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.partition.numbering import place_rank
+from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find, with_middles
+
+
+def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[np.ndarray, ...]:
+    """The sole of both sides of an interface whose sides share their nodes.
+
+    Parameters
+    ----------
+    ratio : ``method.sole.modulus_ratio``; each side's copy has half of it times its own modulus
+
+    Returns
+    -------
+    points, cells, young, poisson : of a ``Sole``
+    """
+    count = len(interface.global_nodes)
+    number = np.full(len(scene.mesh.nodes), -1)
+    number[interface.global_nodes] = np.arange(count)
+    matter = np.array([[m.young, m.poisson] for m in scene.materials])
+    points, cells, sides, copied = [], [], [], []
+    for e in interface.subdomains:
+        row = first_row(scene, interface, e)
+        corners = scene.mesh.cells[row, :4]
+        behind = np.setdiff1d(corners, interface.global_nodes)
+        own = number.copy()
+        own[behind] = count + np.arange(len(behind))
+        count += len(behind)
+        points.append(scene.mesh.nodes[behind])
+        cells.append(own[corners])
+        sides.append(np.full(len(row), e))
+        copied.append(matter[scene.cell_material[row]])
+    young, poisson = np.vstack(copied).T
+    points, cells, triangles = np.vstack(points), np.vstack(cells), interface.triangles
+    if triangles.shape[1] == 6:
+        inner = scene.side_points(interface, 0)
+        points, cells = _without_chords(inner, triangles, points, cells, np.concatenate(sides))
+        points, cells = with_middles(inner, triangles, points, cells)
+    return points, cells, 0.5 * ratio * young, poisson
+
+
+def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray, cells: np.ndarray,
+                    sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells (q, 4) in which every edge between nodes of the interface is an edge of its faces.
+
+    Of a chord, the end with more of them in the element becomes another node, the same in all elements of a side.
+
+    Parameters
+    ----------
+    inner : (n, 3) nodes of the interface; the others are ``points``
+    sides : (q,) int, whose element each cell is
+    """
+    n, total, rank = len(inner), len(inner) + len(points), place_rank(inner)
+    known, _ = edges_of(triangles, TRIANGLE_EDGES)
+    cells = cells.copy()
+    while True:
+        pairs = np.sort(cells[:, TET_EDGES], axis=2)
+        on = pairs[..., 1] < n
+        at = np.minimum(find(known, pairs), len(known) - 1)
+        chord = on & (known[at] != pairs).any(axis=2)
+        bad = np.flatnonzero(chord.any(axis=1))
+        if not len(bad):
+            break
+        count = np.stack([chord[bad][:, (TET_EDGES == corner).any(axis=1)].sum(axis=1) for corner in range(4)], axis=1)
+        own = np.minimum(cells[bad], n - 1)  # what is not on the interface has no chords
+        worst = np.where(count > 0, count * n + rank[own], -1).argmax(axis=1)
+        cells[bad, worst] = total + n * sides[bad] + cells[bad, worst]
+    copies, number = np.unique(cells[cells >= total], return_inverse=True)
+    cells[cells >= total] = total + number
+    return np.vstack([points, inner[(copies - total) % n]]), cells
+
+
+def first_row(scene: Scene, interface: Interface, subdomain: int) -> np.ndarray:
+    """(r,) global cells of a subdomain that touch an interface, be it in a single node."""
+    on = np.zeros(len(scene.mesh.nodes), dtype=bool)
+    on[interface.global_nodes] = True
+    cells = scene.subdomains[subdomain].cells
+    return cells[on[scene.mesh.cells[cells]].any(axis=1)]

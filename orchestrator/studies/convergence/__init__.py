@@ -1,0 +1,1 @@
+"""Iterations, bounds and true errors."""

@@ -1,0 +1,110 @@
+"""The same scenes through several codes and transports, alone and mixed: do they agree, and what does each cost?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.blackbox.pool.diagnosis import difference
+from orchestrator.config import config_from, load_config
+from orchestrator.results.summary.codes import PALETTE, label
+from orchestrator.results.figures.plotting import new_figure, png, tidy
+from orchestrator.run import Solved, solve
+from orchestrator.studies.problems.cases import cube
+from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.timing import Stopwatch
+
+ROOT = Path(__file__).resolve().parents[3]
+OWN = str(ROOT / "orchestrator" / "blackbox" / "template.py")
+SAME, RESULTANTS = 1e-8, 1e-6
+ALONE: dict[str, Any] = {
+    "FreeFEM, pipe": {"code": "freefem"}, "FreeFEM, file": {"code": "freefem", "transport": "file"},
+    "CalculiX, file": {"code": "calculix"}, "scikit-fem, pipe": {"code": "scikit-fem"},
+    "scikit-fem, file": {"code": "scikit-fem", "transport": "file"}, "the template, pipe": {"code": OWN},
+}
+MIXED = [{"code": "freefem"}, {"code": "freefem", "transport": "file", "on": "block 0-0-1"},
+         {"code": "calculix", "on": ["block 1-0-*"]}, {"code": "scikit-fem", "on": "block 0-1-*"},
+         {"code": OWN, "on": "block 1-1-1"}]
+PUNCH = {"FreeFEM on FreeFEM": {"code": "freefem"},
+         "FreeFEM on CalculiX": [{"code": "freefem"}, {"code": "calculix", "on": "block"}],
+         "CalculiX on FreeFEM": [{"code": "calculix"}, {"code": "freefem", "on": "block"}]}
+
+
+Spent = list[tuple[str, dict[str, float]]]  # case, seconds by code
+
+
+def run(study: Study, elements: int = 5) -> None:
+    """Eight cubes bonded, bent and pulled; a punch pressed and sheared on a block with friction.
+
+    Parameters
+    ----------
+    elements : along the edge of a cube
+    """
+    study.columns = ("scene", "codes", "iterations", "difference", "resultants", "statuses", "code_seconds",
+                     "orchestrator_seconds", "unit_loads", "stop_reason", "seconds")
+    spent: Spent = []
+    first: Solved | None = None
+    for name, blackbox in {**ALONE, "mixed": MIXED}.items():
+        solved = _solve(study, "eight cubes", name, {**cube(2, elements), "blackbox": blackbox}, first, spent)
+        if first is not None:
+            apart = study.rows[-1]["difference"]
+            study.target(f"eight cubes, {name}", f"displacements of FreeFEM through pipes to {SAME:g}", f"{apart:.1e}",
+                         apart <= SAME)
+        first = first or solved
+    first, punch = None, load_config(ROOT / "configs" / "punch.yaml").config.complete()
+    for name, blackbox in PUNCH.items():
+        solved = _solve(study, "punch", name, {**punch, "blackbox": blackbox}, first, spent)
+        if first is not None:
+            row = study.rows[-1]
+            study.target(f"punch, {name}", f"the same statuses, resultants to {RESULTANTS:g}",
+                         f"{row['statuses']} of other status, {row['resultants']:.1e}",
+                         row["statuses"] == 0 and row["resultants"] <= RESULTANTS)
+        first = first or solved
+    study.figure(_picture(spent))
+
+
+def _solve(study: Study, scene: str, name: str, data: Mapping[str, Any], first: Solved | None,
+           spent: Spent) -> Solved:
+    """Solve, and compare with the first case of the scene."""
+    watch, config = Stopwatch(), config_from(dict(data))
+    with study.console.status(name):
+        solved = solve(config, study.scene(data), watch=watch)
+    summary, base = solved.summary, first or solved
+    row = {"iterations": solved.outcome.iterations, "stop_reason": solved.outcome.stop_reason,
+           "difference": difference(solved.displacement, base.displacement),
+           "resultants": difference(np.array(summary["reactions"]), np.array(base.summary["reactions"])),
+           "statuses": solved.interfaces and int((solved.interfaces.status != base.interfaces.status).sum()),
+           "code_seconds": ", ".join(f"{label(c)} {c['seconds']['total']:.2f}" for c in summary["codes"]),
+           "orchestrator_seconds": round(watch.total - summary["asking_seconds"], 2),
+           "unit_loads": sum(note["unit_loads"] for c in summary["codes"] for note in c["compliances"]),
+           "seconds": round(watch.total, 2)}
+    study.add(Case(data, {"scene": scene, "codes": name}), row, solved.outcome.history,
+              f"{row['difference']:.1e} from the first")
+    spent.append((f"{scene}: {name}", {**{label(c): c["seconds"]["total"] for c in summary["codes"]},
+                                       "orchestrator": row["orchestrator_seconds"]}))
+    return solved
+
+
+def _picture(spent: Spent) -> bytes:
+    """CPU seconds of each code and wall-clock seconds of the orchestrator, case by case."""
+    names = list(dict.fromkeys(n for _, parts in spent for n in parts if n != "orchestrator"))
+    colours = {n: PALETTE[i % len(PALETTE)] for i, n in enumerate(names)} | {"orchestrator": (0.55, 0.55, 0.55)}
+    figure = new_figure(8.4, 0.34 * len(spent) + 1.6)
+    axes = figure.subplots()
+    for place, (_, parts) in enumerate(spent):
+        left = 0.0
+        for name, seconds in parts.items():
+            axes.barh(place, seconds, left=left, color=colours[name])
+            left += seconds
+    axes.set_yticks(range(len(spent)), [name for name, _ in spent], fontsize=8.5)
+    axes.invert_yaxis()
+    for name, colour in colours.items():
+        axes.barh(0, 0, color=colour, label=name)
+    axes.set_xlabel("seconds: of CPU in each code, of wall clock in the orchestrator")
+    tidy(axes)
+    axes.legend(fontsize=8, frameon=False)
+    figure.tight_layout()
+    return png(figure)

@@ -1,0 +1,64 @@
+"""Whole runs from the command line, as a user makes them, with their wall time."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Container
+from pathlib import Path
+from typing import Any
+
+from orchestrator.errors import BlackBoxError, CONVERGED, NOT_CONVERGED
+from orchestrator.studies.kit.framework import Study
+
+_MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",  # more ranks than cores, in a container:
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+
+
+def launcher() -> Path:
+    """The mpiexec that belongs to this Python's mpi4py."""
+    return Path(sys.executable).with_name("mpiexec")
+
+
+def without_ranks() -> str | None:
+    """Why runs over several ranks cannot be made here; None where they can."""
+    if importlib.util.find_spec("mpi4py") is None:
+        return "mpi4py is not installed"
+    return None if launcher().is_file() else f"no {launcher()}"
+
+
+def whole_command(study: Study, name: str, config: dict[str, Any], ranks: int = 1, *, output: str = "",
+                  accepted: Container[int] = (CONVERGED, NOT_CONVERGED)) -> tuple[dict[str, Any], float]:
+    """Run a configuration from the command line, in the study's folder.
+
+    Parameters
+    ----------
+    name : of the file that the configuration is written to
+    output : the folder of its results, ``name`` if not given
+    accepted : exit codes
+
+    Returns
+    -------
+    its summary and its wall seconds
+
+    Raises
+    ------
+    BlackBoxError : the command ended with another exit code
+    """
+    path = study.folder.write(f"{name}.yaml", json.dumps(config, indent=1))  # JSON is YAML
+    folder = study.folder / (output or name)
+    command = [sys.executable, "-m", "orchestrator", "run", str(path), "--output", str(folder), "--quiet"]
+    environment = None
+    if ranks > 1:
+        command, environment = [str(launcher()), "-n", str(ranks), *command], {**os.environ, **_MPI}
+    begin = time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    seconds = time.perf_counter() - begin
+    if done.returncode not in accepted:
+        told = done.stderr.strip() or done.stdout.strip() or f"the run ended with code {done.returncode}"
+        raise BlackBoxError(f"{name}: {told}")
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8")), seconds

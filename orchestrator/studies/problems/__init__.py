@@ -1,0 +1,1 @@
+"""Problems that studies share."""
