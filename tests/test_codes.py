@@ -17,7 +17,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
 ROOT = Path(__file__).parents[1]
-TEMPLATE = str(ROOT / "orchestrator" / "blackbox" / "template.py")
+TEMPLATE = str(ROOT / "orchestrator" / "blackbox" / "codes" / "template.py")
 CODES = {"calculix": {"code": "calculix", "transport": "file"}, "scikit-fem": {"code": "scikit-fem"},
          "template": {"code": TEMPLATE}}
 

@@ -16,7 +16,7 @@ from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
 
 ROOT = Path(__file__).parents[1]
-TEMPLATE = ROOT / "orchestrator" / "blackbox" / "template.py"
+TEMPLATE = ROOT / "orchestrator" / "blackbox" / "codes" / "template.py"
 
 
 def verdicts(**changes) -> dict[str, str]:

@@ -18,7 +18,7 @@ from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.timing import Stopwatch
 
 ROOT = Path(__file__).resolve().parents[3]
-OWN = str(ROOT / "orchestrator" / "blackbox" / "template.py")
+OWN = str(ROOT / "orchestrator" / "blackbox" / "codes" / "template.py")
 SAME, RESULTANTS = 1e-8, 1e-6
 ALONE: dict[str, Any] = {
     "FreeFEM, pipe": {"code": "freefem"}, "FreeFEM, file": {"code": "freefem", "transport": "file"},
