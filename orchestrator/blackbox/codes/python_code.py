@@ -7,6 +7,7 @@ import os
 import sys
 from importlib import metadata
 from importlib.machinery import PathFinder
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from orchestrator.blackbox.transport.pipe import PipeWorker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.errors import InputError, Problem
 
-ROOT = Path(__file__).resolve().parents[3]
+TEMPLATE = Path(__file__).with_name("template.py")
+_ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
 _MEANINGS = {1: "an exception in the solver's Python code"}
 
 
@@ -45,7 +47,7 @@ class PythonCode:
         if where.endswith(".py"):
             if not Path(where).is_file():
                 raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class",
-                              f"start from {ROOT / 'orchestrator/blackbox/codes/template.py'}")
+                              f"start from {TEMPLATE}")
             self.code = str(Path(where).resolve()) + code[len(where):]
         elif not _importable(where):
             raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",
@@ -58,7 +60,7 @@ class PythonCode:
     @staticmethod
     def environment() -> dict[str, str]:
         """Environment of the child process: one thread, since parallelism is over subdomains."""
-        path = os.pathsep.join([str(ROOT), *filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")])])
+        path = os.pathsep.join([str(_ROOT), *filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")])])
         return {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
     @staticmethod
@@ -86,7 +88,7 @@ class PythonCode:
 def scikit_fem() -> PythonCode:
     """scikit-fem, the worked example."""
     return PythonCode("scikit-fem", "orchestrator.blackbox.codes.scikit_fem:ScikitFem", "scikit-fem",
-                      f"{sys.executable} -m pip install 'orchestrator[scikit-fem]', or pip install scikit-fem")
+                      f"{sys.executable} -m pip install scikit-fem")
 
 
 def _importable(module: str) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.blackbox.codes.python_code import TEMPLATE
 from orchestrator.blackbox.pool.diagnosis import difference
 from orchestrator.config import config_from, load_config
 from orchestrator.results.summary.codes import PALETTE, label

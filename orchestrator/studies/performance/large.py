@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.blackbox.codes.freefem import FreeFem
+from orchestrator.blackbox.codes.freefem_scripts import UNDECOMPOSED, script
 from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import Reference, solve_reference
@@ -37,7 +38,6 @@ from orchestrator.studies.kit.commands import whole_command
 from orchestrator.studies.kit.drawing import plain_ticks
 from orchestrator.studies.kit.framework import ACCURATE, Study
 
-SCRIPT = Path(__file__).resolve().parents[3] / "freefem_scripts" / "undecomposed.edp"
 SOLVERS = ("CHOLMOD", "MUMPS", "UMFPACK")
 COMPARED, SMALLER = 24, (30,)  # bricks along the side, for the choice of the solver and for the growth of its memory
 BLOCKS, ELEMENTS = 4, 10  # subdomains along the side, bricks along each: 206,763 dofs
@@ -101,7 +101,7 @@ def _memory() -> int:
 
 def _direct(study: Study, code: FreeFem, cells: int, solver: str, limit: int) -> Direct:
     """A cube in one piece, as a row; a failure is one of the results."""
-    command = [code.executable, "-ne", "-nw", "-v", "0", str(SCRIPT), "1", str(cells), solver]
+    command = [code.executable, "-ne", "-nw", "-v", "0", str(script(UNDECOMPOSED)), "1", str(cells), solver]
     begin = time.perf_counter()
     process = subprocess.Popen(command, env=code.environment(), text=True,
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
