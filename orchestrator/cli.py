@@ -31,7 +31,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
     """Solve a problem and write its results."""
     def action() -> int:
-        from orchestrator.parallel.team import join
+        from orchestrator.parallel.join import join
 
         team = join()
         try:
@@ -51,7 +51,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
             raise team.cause(error)
 
     def lead(team) -> int:
-        from orchestrator.config import load_config, place
+        from orchestrator.config import load_config, located
         from orchestrator.parallel.team import Elsewhere
 
         loaded = load_config(config, overrides or [])
@@ -61,7 +61,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
             return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team)
         except (InputError, Elsewhere) as error:
             cause = team.cause(error)
-            raise place(cause, loaded) if isinstance(cause, InputError) else error
+            raise located(cause, loaded) if isinstance(cause, InputError) else error
 
     _guarded(action)
 
@@ -71,7 +71,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
           syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False) -> None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
     def action() -> int:
-        from orchestrator.config import load_config, place
+        from orchestrator.config import load_config, located
 
         loaded = load_config(config, overrides or [])
         if syntax_only:
@@ -87,7 +87,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
                 check_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             print(f"OK: {scene!r}")
         except InputError as error:
-            raise place(error, loaded) from error
+            raise located(error, loaded) from error
         return CONVERGED
 
     _guarded(action)

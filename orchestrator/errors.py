@@ -33,9 +33,9 @@ class Problem:
     line: int | None = None
 
     def __str__(self) -> str:
-        place = self.file + (f":{self.line}" if self.line is not None else "")
+        where = self.file + (f":{self.line}" if self.line is not None else "")
         key = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in self.path).lstrip(".")
-        head = ": ".join(part for part in (place, key) if part)
+        head = ": ".join(part for part in (where, key) if part)
         lines = [head] if head else []
         lines += [f"  found:    {self.found}", f"  expected: {self.expected}"]
         if self.cure:

@@ -5,7 +5,8 @@ import sys
 import numpy as np
 
 from orchestrator.config import config_from
-from orchestrator.parallel.team import ALONE, Team, join
+from orchestrator.parallel.join import join
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 

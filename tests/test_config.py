@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.config import Loaded, config_from, load_config, place, steps, vectors_per_step
+from orchestrator.config import Loaded, config_from, load_config, located, steps, vectors_per_step
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
 # Each block is one line of the file, so that tests can name the line by the key.
@@ -294,7 +294,7 @@ def test_place_fills_in_lines_of_later_problems(write):
     loaded = load_config(write(), ["materials.0.young=3"])
     late = InputError([Problem(("boundary", 1, "on"), "nothing there", "faces"),
                        Problem(("materials", 0, "young"), "odd", "even"), Problem((), "x", "y", file="kept")])
-    places = {(p.file, p.line) for p in place(late, loaded).problems}
+    places = {(p.file, p.line) for p in located(late, loaded).problems}
     assert places == {(loaded.source.file, LINE["boundary"]), ("--set materials.0.young=3", None), ("kept", None)}
     assert loaded.locate(("method", "tolerance", "error")) == (loaded.source.file, LINE["method"])
     assert Loaded(loaded.config).locate(("mesh",)) == ("", None)

@@ -178,7 +178,8 @@ def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
 SWALLOWED = """
 import time
 from orchestrator.errors import InputError, Problem
-from orchestrator.parallel.team import Elsewhere, join
+from orchestrator.parallel.join import join
+from orchestrator.parallel.team import Elsewhere
 team = join()
 try:
     with team.together():

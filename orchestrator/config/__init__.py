@@ -3,8 +3,8 @@
 Knows neither numpy nor any finite element code, so that checking a file is immediate.
 """
 
-from orchestrator.config.load import Loaded, config_from, load_config, place
+from orchestrator.config.load import Loaded, config_from, load_config, located
 from orchestrator.config.model import Config
 from orchestrator.config.steps import steps, vectors_per_step
 
-__all__ = ["Config", "Loaded", "config_from", "load_config", "place", "steps", "vectors_per_step"]
+__all__ = ["Config", "Loaded", "config_from", "load_config", "located", "steps", "vectors_per_step"]

@@ -52,15 +52,15 @@ class Source:
                     return f"--set {text}", None
         return self.file, 1 if self.file else None
 
-    def place(self, problems: Sequence[Problem]) -> list[Problem]:
+    def located(self, problems: Sequence[Problem]) -> list[Problem]:
         """The problems with file and line filled in where they are unknown, in the file's order."""
-        placed = []
+        found = []
         for problem in problems:
             if not problem.file:
                 file, line = self.locate(problem.path)
                 problem = replace(problem, file=file, line=line)
-            placed.append(problem)
-        return sorted(placed, key=lambda problem: problem.line or 0)
+            found.append(problem)
+        return sorted(found, key=lambda problem: problem.line or 0)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     except InputError as error:
         problems += error.problems + missing
     if problems:
-        raise InputError(source.place(problems))
+        raise InputError(source.located(problems))
     return Loaded(config, source)
 
 
@@ -136,9 +136,9 @@ def config_from(data: Any) -> Config:
     return config
 
 
-def place(error: InputError, loaded: Loaded) -> InputError:
+def located(error: InputError, loaded: Loaded) -> InputError:
     """The same error with file and line filled in, for problems found after loading."""
-    return InputError(loaded.source.place(error.problems))
+    return InputError(loaded.source.located(error.problems))
 
 
 def _read(path: Path) -> str:

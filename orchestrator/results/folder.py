@@ -108,9 +108,9 @@ def _problem(directory: Path, what: str, error: OSError) -> Problem:
 
 def free_bytes(directory: Path) -> int | None:
     """Free space of the disk that holds ``directory`` or its nearest existing parent; None if unknown."""
-    for place in (directory, *directory.absolute().parents):
+    for folder in (directory, *directory.absolute().parents):
         with suppress(OSError):
-            return shutil.disk_usage(place).free
+            return shutil.disk_usage(folder).free
     return None
 
 
