@@ -42,7 +42,7 @@ from orchestrator.results.summary.workload import Workload, codes_of_all, joined
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Stopwatch, seconds_since_launch
 
 OFTEN = 2.0  # seconds between checkpoints with several ranks: a launcher that ends them leaves little time for one

@@ -11,7 +11,7 @@ from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh, Scene
-from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.timing import Stopwatch
 

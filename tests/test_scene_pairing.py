@@ -10,6 +10,8 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.soles.difficulty import difficulty
+from orchestrator.scene.soles.make import make_soles
 
 HELD = {"on": "lower zmin", "displacement": [0, 0, 0]}
 PATH = [[0.0, 0.0, -0.005], [0.01, 0.0, -0.005], [0.0, 0.002, -0.004]]
@@ -64,6 +66,16 @@ def test_coincident_nodes_are_as_good_as_shared_ones(name, kind, tmp_path):
         assert np.abs(u - v[:, same]).max() <= 1e-8 * 0.01
     force = np.array(one.summary["reactions"])
     assert np.abs(np.array(apart.summary["reactions"]) - force).max() <= 1e-8 * np.abs(force).max()
+
+
+def test_parts_of_very_different_matter_are_judged_on_their_own_sides(tmp_path):
+    """Soft below, stiff above, nodes numbered separately: each first row of cells is of one matter."""
+    matter = [{"young": 1.0, "poisson": 0.3}, {"young": 200.0, "poisson": 0.3, "on": "upper"}]
+    config = made(tmp_path, two_parts(), LAWS["perfect"], materials=matter, method={})
+    scene = build_scene(config)
+    assert not difficulty(scene).mixed_moduli.any()
+    (one, other), = make_soles(scene, config.method.sole)
+    assert one is other and set(one.young) == {50.0}  # half the ratio ½ of the larger modulus on each side
 
 
 def test_rough_coincidence_does_not_spoil_the_solution(tmp_path):

@@ -14,7 +14,7 @@ from orchestrator.method.decomposition import prepare
 from orchestrator.method.solver import iterate, stable_relaxation
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.soles.make import make_soles
 from orchestrator.timing import Stopwatch
 
 BAR = {

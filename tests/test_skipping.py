@@ -16,6 +16,8 @@ from orchestrator.blackbox.models.congruence import representatives
 from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.blackbox.layers.shared import SharedModels
 from orchestrator.savings import Savings
+from orchestrator.scene import congruence
+from orchestrator.scene.congruence import same_shape
 
 ROOT = Path(__file__).parents[1]
 NOTHING = {"congruent": False, "repeated": False, "compliance": False}
@@ -63,6 +65,16 @@ def test_models_are_congruent_up_to_a_translation_only():
     assert representatives([model, *others]).tolist() == [0, 0, 2, 3, 4, 5, 6, 7, 8, 9, 0]
     metres = [replace(m, nodes=m.nodes / 1000) for m in [model, *others]]
     assert representatives(metres).tolist() == [0, 0, 2, 3, 4, 5, 6, 7, 8, 9, 0]
+
+
+def test_things_that_are_all_different_are_hardly_compared(monkeypatch):
+    """Shapes of equal keys, no two of them alike, then the same again elsewhere: comparisons grow with their number."""
+    random, compared = np.random.default_rng(0), []
+    monkeypatch.setattr(congruence, "same_shape", lambda *pair: compared.append(pair) or same_shape(*pair))
+    clouds = [random.standard_normal((7, 3)) for _ in range(300)]
+    clouds += [cloud + random.standard_normal(3) for cloud in clouds]
+    assert np.array_equal(congruence.first_congruent([0] * 600, clouds), np.tile(np.arange(300), 2))
+    assert 300 <= len(compared) <= 310
 
 
 @pytest.mark.parametrize("case, factorised", [(LONG, 3), (CUBES, 12), (METIS, 7)], ids=["slices", "cubes", "metis"])

@@ -7,8 +7,8 @@ from method_case import box_of, config, method, prepared, saved, solved
 
 from orchestrator.method.linear.soft_modes import SOFT, soft_modes
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.soles.difficulty import hardness
-from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.soles.difficulty import difficulty
+from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.mesh.structured import bricks
 
 SOFT_AND_STIFF = [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}]
@@ -73,12 +73,12 @@ def test_soft_modes_are_those_of_the_dense_problem():
 
 
 def test_what_is_hard(tmp_path):
-    assert not hardness(build_scene(config())).stubborn.any()
-    even = hardness(build_scene(config(**mixed(tmp_path / "mixed.mesh", materials=[{"young": 1.0, "poisson": 0.3}]))))
-    uneven = hardness(build_scene(config(**mixed(tmp_path / "mixed.mesh"))))
-    assert not even.uneven.any() and uneven.uneven.all() and not uneven.stubborn.any()
-    assert hardness(build_scene(config(**flat()))).stubborn.all()
-    assert hardness(build_scene(config(materials=[{"young": 1.0, "poisson": 0.499}]))).stubborn.all()
+    assert not difficulty(build_scene(config())).incompressible_or_slender.any()
+    even = difficulty(build_scene(config(**mixed(tmp_path / "mixed.mesh", materials=[{"young": 1.0, "poisson": 0.3}]))))
+    mixed_up = difficulty(build_scene(config(**mixed(tmp_path / "mixed.mesh"))))
+    assert not even.mixed_moduli.any() and mixed_up.mixed_moduli.all() and not mixed_up.incompressible_or_slender.any()
+    assert difficulty(build_scene(config(**flat()))).incompressible_or_slender.all()
+    assert difficulty(build_scene(config(materials=[{"young": 1.0, "poisson": 0.499}]))).incompressible_or_slender.all()
 
 
 @pytest.mark.parametrize("case", ["mixed", "flat"])

@@ -11,7 +11,10 @@ from orchestrator.blackbox.models.extended import extended_model, rim_model, sid
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.faces import tet_volumes
-from orchestrator.scene.soles.layers import Facets, facets_of, make_soles, merge, prisms, soles_of
+from orchestrator.scene.soles.facets import Facets, facets_of
+from orchestrator.scene.soles.make import make_soles, soles_of
+from orchestrator.scene.soles.prisms import prisms
+from orchestrator.scene.soles.sole import merge
 
 YOUNG, POISSON = 200e3, 0.3
 OEDOMETRIC = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))

@@ -25,11 +25,11 @@ from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.savings import Savings
-from orchestrator.scene.congruence import first_alike, same_shape
-from orchestrator.scene.soles.difficulty import hardness
+from orchestrator.scene.congruence import first_congruent
+from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.conditions.rigid import rigid_modes
-from orchestrator.scene.soles.layers import Sole
+from orchestrator.scene.soles.sole import Sole
 from orchestrator.timing import Stopwatch
 
 
@@ -179,7 +179,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     points = [scene.points(i) for i in scene.interfaces]
     first = range(len(points))
     if method.skip.congruent:
-        first = first_alike([i.free.tobytes() for i in scene.interfaces], lambda i, j: same_shape(points[i], points[j]))
+        first = first_congruent([i.free.tobytes() for i in scene.interfaces], points)
     bases: list[np.ndarray] = []
     for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
         if taken and wanted[first[index]] and first[index] < index:
@@ -189,8 +189,8 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
         bases.append(basis if taken else basis[:, :0])
     spent = 0.0
     if kind in ("auto", "modes"):
-        stubborn = hardness(scene).stubborn if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
-        modes, spent = soft_modes(direction, blackbox, stubborn)
+        chosen = difficulty(scene).incompressible_or_slender if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
+        modes, spent = soft_modes(direction, blackbox, chosen)
         bases = enriched(space, direction.whole, bases, modes)
     macro = Macro(space, direction, bases, method.macro.strategy, blackbox)
     macro.sweeps += spent

@@ -2,29 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Hashable, Iterable, Sequence
 
 import numpy as np
 
-# Relative difference of places and moduli that counts as none: the rounding of coordinates a hundred times
+# Relative difference of coordinates and moduli that counts as none: the rounding of coordinates a hundred times
 # larger than the part is less, what anyone would notice in a result is more.
 SAME = 1e-12
+# Clouds of points that are the same differ by less than this, relatively, in their distances from their first point.
+NEAR = 1e-8
 
 
-def first_alike(keys: Iterable[Hashable], same: Callable[[int, int], bool]) -> np.ndarray:
-    """(n,) int, for each thing the first one that equals it: itself if there is none before.
+def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
+                    same: Callable[[int, int], bool] = lambda i, j: True) -> np.ndarray:
+    """(things,) int, for each thing the first one that it equals but for a translation: itself if there is none before.
+
+    Only things whose points lie equally far apart, on the whole, are compared point by point: the work grows with
+    the number of things, whether all of them are alike or none.
 
     Parameters
     ----------
     keys : what must be identical
-    same : (i, j) → whether things of equal keys are equal
+    points : per thing (n, 3), see ``same_shape``
+    same : (i, j) → whether things of equal keys and shapes are equal in all else
     """
-    result, alike = [], {}
+    result: list[int] = []
+    alike: dict[Hashable, tuple[list[float], list[int]]] = {}  # per key the sizes of the first ones, ascending, and who
     for index, key in enumerate(keys):
-        candidates = alike.setdefault(key, [])
-        first = next((other for other in candidates if same(index, other)), index)
+        sizes, firsts = alike.setdefault(key, ([], []))
+        size = float(np.linalg.norm(points[index] - points[index][:1]))
+        near = slice(bisect_left(sizes, size * (1 - NEAR)), bisect_right(sizes, size * (1 + NEAR)))
+        first = next((other for other in sorted(firsts[near])
+                      if same_shape(points[other], points[index]) and same(other, index)), index)
         if first == index:
-            candidates.append(index)
+            at = bisect_left(sizes, size)
+            sizes.insert(at, size)
+            firsts.insert(at, index)
         result.append(first)
     return np.array(result, dtype=int)
 

@@ -10,6 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.scene.mesh.faces import tet_volumes
+
 
 @dataclass
 class Mesh:
@@ -195,8 +197,7 @@ class Scene:
     @cached_property
     def sizes(self) -> np.ndarray:
         """(subdomains,) cube root of each subdomain's volume, a length."""
-        a, b, c, d = np.moveaxis(self.mesh.nodes[self.mesh.cells[:, :4]], 1, 0)
-        volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)) / 6
+        volume = np.abs(tet_volumes(self.mesh.nodes, self.mesh.cells))
         return np.cbrt(np.bincount(self.cell_subdomain, weights=volume, minlength=len(self.subdomains)))
 
     def __repr__(self) -> str:

@@ -12,7 +12,7 @@ from dataclasses import fields
 import numpy as np
 
 from orchestrator.blackbox.protocol import Model
-from orchestrator.scene.congruence import equal, first_alike, same_shape
+from orchestrator.scene.congruence import equal, first_congruent
 
 _COMPARED = ("name", "nodes", "region", "materials")  # by value or not at all; all else must be identical
 
@@ -22,8 +22,8 @@ def representatives(models: Sequence[Model]) -> np.ndarray:
 
     Numberings must agree: a model whose nodes or tets come in another order counts as different.
     """
-    return first_alike(map(_key, models), lambda i, j: same_shape(models[i].nodes, models[j].nodes)
-                       and _same_matter(models[i], models[j]))
+    return first_congruent(map(_key, models), [model.nodes for model in models],
+                           lambda i, j: _same_matter(models[i], models[j]))
 
 
 def _key(model: Model) -> Hashable:

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.scene.soles.layers import Sole
+from orchestrator.scene.soles.sole import Sole
 
 # Nodes of one packet at the same place. FreeFEM's search tree gives up on more than eight; half of them, as
 # nodes that differ by rounding may be taken for two places.

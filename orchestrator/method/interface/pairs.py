@@ -16,7 +16,7 @@ from orchestrator.laws import LAWS
 from orchestrator.laws.points import OPEN, Answer, Points
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.soles.layers import node_normals
+from orchestrator.scene.mesh.patch import node_normals
 
 # Prescribed components are taken out of a normal that keeps this much of its length.
 UPRIGHT = 1e-6

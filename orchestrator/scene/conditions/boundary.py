@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.model import BoundaryEntry, Mesh
-from orchestrator.scene.mesh.quality import place
+from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.conditions.selection import select
 
 KINDS = ("displacement", "traction", "pressure")
@@ -32,7 +32,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
         if kind != "displacement":
             inside = chosen[faces.neighbour[chosen] >= 0]
             if len(inside):
-                where = place(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
+                where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
                 problems.add(("boundary", i, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the "
                              f"first at {where}: a {kind} there has no side to act on", "faces of the outer boundary",
                              "select outer faces; for forces inside the body use loads:")
@@ -73,7 +73,7 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], steps: int,
                 step = int(np.flatnonzero(differs[:, at])[0])
                 problems.add(("boundary", entry.index, "displacement"),
                              f"boundary[{earlier[at]}] and boundary[{entry.index}] contradict each other on "
-                             f"{clash.sum()} nodes, the first at {place(mesh.nodes[entry.nodes[at]])}: u{'xyz'[c]} = "
+                             f"{clash.sum()} nodes, the first at {format_point(mesh.nodes[entry.nodes[at]])}: u{'xyz'[c]} = "
                              f"{there[step, at]:g} and {entry.values[step, c]:g} at load step {step + 1}",
                              "one value per node and component",
                              f"put null for u{'xyz'[c]} in one of the two, or select faces that do not meet")

@@ -7,7 +7,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, components, pieces
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.mesh.quality import place
+from orchestrator.scene.mesh.quality import format_point
 
 # Motions that move the prescribed components by less than this share of the body's size count as free.
 HELD = 1e-8
@@ -84,7 +84,7 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
         if free.shape[1] == 0:
             continue
         parts = [mesh.volumes[v] for v in np.unique(mesh.volume[order[ranges[i]:ranges[i + 1]]])]
-        where = "" if count == 1 else f" (one of {count} separate bodies, centre {place(points.mean(axis=0))})"
+        where = "" if count == 1 else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})"
         shown = ", ".join(parts[:6]) + (f" and {len(parts) - 6} more" if len(parts) > 6 else "")
         cure = "prescribe more displacement components, on faces that do not lie on one line"
         if hint is not None and hint[i]:
@@ -124,7 +124,7 @@ def describe(free: np.ndarray, nodes: np.ndarray) -> str:
             continue
         # turn/size is the angular velocity; the axis is where the motion vanishes across it.
         through = centre + size * np.cross(turn, shift) / (turn @ turn)
-        words.append(f"rotation about the {_direction(turn)} axis through {place(_clean(through, size))}")
+        words.append(f"rotation about the {_direction(turn)} axis through {format_point(_clean(through, size))}")
     return ", ".join(reversed(words))
 
 
@@ -151,7 +151,7 @@ def _direction(vector: np.ndarray) -> str:
     axis = int(np.argmax(np.abs(unit)))
     if abs(unit[axis]) > 1 - 1e-9:
         return "xyz"[axis]
-    return place(_clean(np.round(unit, 4), 1.0))
+    return format_point(_clean(np.round(unit, 4), 1.0))
 
 
 def _clean(point: np.ndarray, size: float) -> np.ndarray:

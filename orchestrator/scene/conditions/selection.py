@@ -10,7 +10,7 @@ from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import matching, suggestion
-from orchestrator.scene.mesh.quality import place
+from orchestrator.scene.mesh.quality import format_point
 
 # Planes and boxes are met within this share of the mesh's diagonal.
 TOLERANCE = 1e-6
@@ -45,7 +45,7 @@ def _named(mesh: Mesh, faces: Faces, on: str, path: KeyPath, problems: Problems)
     if (found < 0).any():
         bad = triangles[np.flatnonzero(found < 0)[0]]
         problems.add(path, f"{np.sum(found < 0)} of {len(triangles)} triangles of {on!r} are no faces of tets, "
-                     f"the first at {place(mesh.nodes[bad].mean(axis=0))}", "triangles that are faces of tets",
+                     f"the first at {format_point(mesh.nodes[bad].mean(axis=0))}", "triangles that are faces of tets",
                      "mesh the surface and the volume together")
     return np.unique(found[found >= 0])
 
@@ -71,7 +71,7 @@ def _box(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: Ke
          problems: Problems) -> np.ndarray:
     low, high = np.asarray(on.box, dtype=float)
     if np.any(low > high):
-        problems.add(path, f"the box's first corner {place(low)} is above its second {place(high)}",
+        problems.add(path, f"the box's first corner {format_point(low)} is above its second {format_point(high)}",
                      "the lower corner first", "swap the coordinates")
         return np.empty(0, dtype=int)
     outside = np.maximum(np.maximum(low - corners, corners - high), 0).max(axis=2)
@@ -80,11 +80,11 @@ def _box(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: Ke
         distance = np.linalg.norm(np.maximum(np.maximum(low - corners, corners - high), 0), axis=2)
         flat = int(np.argmin(distance))
         within = int(np.sum((outside <= reach).any(axis=1)))
-        problems.add(path, f"no boundary face has its three nodes in the box {place(low)} … {place(high)}; " + (
+        problems.add(path, f"no boundary face has its three nodes in the box {format_point(low)} … {format_point(high)}; " + (
                          f"{within} faces reach into it" if within else
                          f"the nearest boundary node is {distance.min():.6g} away, "
-                         f"at {place(corners.reshape(-1, 3)[flat])}"),
-                     f"a box that holds faces of the boundary; the mesh spans {place(corners.min(axis=(0, 1)))} … "
-                     f"{place(corners.max(axis=(0, 1)))}",
+                         f"at {format_point(corners.reshape(-1, 3)[flat])}"),
+                     f"a box that holds faces of the boundary; the mesh spans {format_point(corners.min(axis=(0, 1)))} … "
+                     f"{format_point(corners.max(axis=(0, 1)))}",
                      "enlarge the box" if within else "move or enlarge the box")
     return outer[hit]

@@ -72,7 +72,7 @@ class Mismatch:
     """Faces that lie opposite each other without matching: how many, where the first is, and how far nodes miss."""
 
     count: int
-    place: np.ndarray
+    point: np.ndarray
     distance: float
     tolerance: float
 

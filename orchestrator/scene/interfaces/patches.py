@@ -15,9 +15,9 @@ from orchestrator.scene.names import matching
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.partition.partition import Partition
-from orchestrator.scene.mesh.quality import place
+from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.interfaces.shared_normals import share_normals
-from orchestrator.scene.soles.layers import local_size, node_normals
+from orchestrator.scene.mesh.patch import local_size, node_normals
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
 MOST = 50
@@ -150,7 +150,7 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
         if mismatch:
             problems.add(("interfaces", index, "gap"), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
                          f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
-                         f"{place(mismatch.place)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
+                         f"{format_point(mismatch.point)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
                          "mesh both sides alike, or lower within: to what is meant to touch")
         for patch in patches:
             laws.between(*known)
@@ -158,10 +158,10 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
             others = patch.opposite.ravel()[at]
             own = tuple(numbering.find(np.int64(b.subdomain), ids) - numbering.offsets[b.subdomain]
                         for b, ids in zip(pair, (nodes, others)))
-            uneven = (fixed[nodes] != fixed[others]).any(axis=1)
-            if uneven.any():
-                problems.add(("interfaces", max(index, 0)), f"{uneven.sum()} node pairs of {' | '.join(names)} are prescribed "
-                             f"on one side only, the first at {place(mesh.nodes[nodes[uneven][0]])}",
+            one_sided = (fixed[nodes] != fixed[others]).any(axis=1)
+            if one_sided.any():
+                problems.add(("interfaces", max(index, 0)), f"{one_sided.sum()} node pairs of {' | '.join(names)} are prescribed "
+                             f"on one side only, the first at {format_point(mesh.nodes[nodes[one_sided][0]])}",
                              "the same components prescribed on both sides of a pair",
                              "select boundary faces by a plane or box that holds both sides, or neither")
             interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
@@ -184,7 +184,7 @@ def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, index: int, 
     if deep.any():
         worst = int(gap.argmin())
         problems.add(("interfaces", index, "gap"), f"{interface.name} penetrate each other in the initial geometry, at "
-                     f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {place(middle[worst])}", "sides that touch or are apart",
+                     f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {format_point(middle[worst])}", "sides that touch or are apart",
                      "move the parts, or ask for a press fit by a number: gap: -0.01")
     return np.where(np.abs(gap) <= rounding * 1e-3, 0.0, np.maximum(gap, 0.0))
 
@@ -199,7 +199,7 @@ def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -
     distance, where, size = min(found, key=lambda f: f[0])
     allowed = (f"faces are sought within {getattr(entry, 'within', None) or REACH * size:.3g} along the normal"
                if getattr(entry, "gap", None) == "geometry" else f"nodes coincide within {COINCIDE * size:.3g}")
-    return f"; their nearest nodes are {distance:.3g} apart, at {place(where)}, and {allowed}"
+    return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"
 
 
 def _number_patches(found: list[Interface]) -> None:

@@ -41,7 +41,7 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
             ("faces with both tets on the same side", np.setdiff1d(faces.folded, faces.crowded),
              "remove duplicated or overlapping tets")):
         if len(index):
-            where = place(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))
+            where = format_point(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))
             problems.add(("mesh",), f"{mesh.source}: {len(index)} {what}, the first at {where}",
                          "each face between at most two tets, one on either side", cure)
     problems.raise_if_any()
@@ -67,11 +67,11 @@ def _oriented(mesh: Mesh, problems: Problems) -> Mesh:
         if bad.any():
             first = int(np.flatnonzero(bad)[0])
             problems.add(("mesh",), f"{mesh.source}: {bad.sum()} {what} of {len(bad)} tets; the first is cell {first} "
-                         f"at {place(mesh.nodes[mesh.cells[first]].mean(axis=0))}",
+                         f"at {format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}",
                          "tets of positive volume, all oriented the same way", cure)
     return mesh
 
 
-def place(point: np.ndarray) -> str:
+def format_point(point: np.ndarray) -> str:
     """Coordinates for a message: (1, 2.5, 0)."""
     return "(" + ", ".join(f"{float(x) + 0.0:.6g}" for x in point) + ")"

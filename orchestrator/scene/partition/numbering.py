@@ -1,4 +1,4 @@
-"""The nodes of all subdomains, numbered one subdomain after another (shared nodes once per side); order by place."""
+"""The nodes of all subdomains, numbered one subdomain after another (shared nodes once per side); order by position."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 # Coordinates that differ by less than this fraction of the points' extent count as equal.
-SAME_PLACE = 1e-9
+SAME_POSITION = 1e-9
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -
     return SplitNumbering(total, keys % total, offsets, keys, corners.reshape(cells.shape))
 
 
-def place_rank(points: np.ndarray) -> np.ndarray:
-    """(n,) position of each point in the order of x, then y, then z, blind to rounding and to units."""
+def position_rank(points: np.ndarray) -> np.ndarray:
+    """(n,) int, rank of each point in the order of x, then y, then z, blind to rounding and to units."""
     low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
-    z, y, x = np.rint((points - low).T[::-1] / extent / SAME_PLACE)
+    z, y, x = np.rint((points - low).T[::-1] / extent / SAME_POSITION)
     rank = np.empty(len(points), dtype=int)
     rank[np.lexsort((z, y, x))] = np.arange(len(points))
     return rank

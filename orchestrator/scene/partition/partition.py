@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.mesh.quality import place
+from orchestrator.scene.mesh.quality import format_point
 
 PATH = ("subdomains",)
 AXES = "xyz"
@@ -128,7 +128,7 @@ def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) 
     for i in broken[:5]:
         own = np.flatnonzero(partition.subdomain[first_cell] == i)
         smallest = own[np.argmin(sizes[own])]
-        where = place(mesh.nodes[mesh.cells[first_cell[smallest]]].mean(axis=0))
+        where = format_point(mesh.nodes[mesh.cells[first_cell[smallest]]].mean(axis=0))
         shown.append(f"{partition.names[i]} is in {per_part[i]} pieces (the smallest has {sizes[smallest]} tets, "
                      f"at {where})")
     more = f"; and {len(broken) - 5} more" if len(broken) > 5 else ""

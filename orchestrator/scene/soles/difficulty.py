@@ -21,31 +21,31 @@ SLACK = 1e-6
 
 
 @dataclass(frozen=True)
-class Hardness:
-    """What is hard about a scene.
+class Difficulty:
+    """What is difficult about a scene.
 
     Parameters
     ----------
-    uneven : (interfaces,) bool, stiff and soft cells side by side
-    stubborn : (subdomains,) bool, nearly incompressible, or slender or flat
+    mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
+    incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
     """
 
-    uneven: np.ndarray
-    stubborn: np.ndarray
+    mixed_moduli: np.ndarray
+    incompressible_or_slender: np.ndarray
 
 
-def hardness(scene: Scene) -> Hardness:
+def difficulty(scene: Scene) -> Difficulty:
     """Judge every interface and every subdomain."""
     young, poisson = np.array([[m.young, m.poisson] for m in scene.materials]).T
-    uneven = np.zeros(len(scene.interfaces), dtype=bool)
+    mixed = np.zeros(len(scene.interfaces), dtype=bool)
     if young.max() > CONTRAST * young.min():
         for i in scene.interfaces:
-            rows = [young[scene.cell_material[first_row(scene, i, e)]] for e in i.subdomains]
-            uneven[i.index] = any(row.max() > CONTRAST * row.min() for row in rows)
-    stubborn = np.array([poisson[s.material].max() > INCOMPRESSIBLE
-                         or slenderness(scene.mesh.nodes[s.nodes]) >= SLENDER * (1 - SLACK)
-                         for s in scene.subdomains], dtype=bool)
-    return Hardness(uneven, stubborn)
+            rows = [young[scene.subdomains[e].material[first_row(scene, i, side)]] for side, e in enumerate(i.subdomains)]
+            mixed[i.index] = any(row.max() > CONTRAST * row.min() for row in rows)
+    soft = np.array([poisson[s.material].max() > INCOMPRESSIBLE
+                     or slenderness(scene.mesh.nodes[s.nodes]) >= SLENDER * (1 - SLACK)
+                     for s in scene.subdomains], dtype=bool)
+    return Difficulty(mixed, soft)
 
 
 def slenderness(points: np.ndarray) -> float:

@@ -16,45 +16,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.partition.numbering import place_rank
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find, with_middles
+from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.partition.numbering import position_rank
+from orchestrator.scene.soles.sole import Sole
 
 
-def overlap(scene: Scene, interface: Interface, ratio: float) -> tuple[np.ndarray, ...]:
+def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
     """The sole of both sides of an interface whose sides share their nodes.
 
     Parameters
     ----------
     ratio : ``method.sole.modulus_ratio``; each side's copy has half of it times its own modulus
-
-    Returns
-    -------
-    points, cells, young, poisson : of a ``Sole``
     """
-    count = len(interface.global_nodes)
-    number = np.full(len(scene.mesh.nodes), -1)
-    number[interface.global_nodes] = np.arange(count)
+    inner, triangles = scene.side_points(interface, 0), interface.triangles
+    count = len(inner)
     matter = np.array([[m.young, m.poisson] for m in scene.materials])
     points, cells, sides, copied = [], [], [], []
-    for e in interface.subdomains:
-        row = first_row(scene, interface, e)
-        corners = scene.mesh.cells[row, :4]
-        behind = np.setdiff1d(corners, interface.global_nodes)
-        own = number.copy()
-        own[behind] = count + np.arange(len(behind))
+    for side, e in enumerate(interface.subdomains):
+        subdomain, row = scene.subdomains[e], first_row(scene, interface, side)
+        corners = subdomain.connectivity[row, :4]
+        behind = np.setdiff1d(corners, interface.nodes[side])
+        number = np.full(len(subdomain.nodes), -1)
+        number[interface.nodes[side]] = np.arange(len(inner))
+        number[behind] = count + np.arange(len(behind))
         count += len(behind)
-        points.append(scene.mesh.nodes[behind])
-        cells.append(own[corners])
-        sides.append(np.full(len(row), e))
-        copied.append(matter[scene.cell_material[row]])
+        points.append(scene.mesh.nodes[subdomain.nodes[behind]])
+        cells.append(number[corners])
+        sides.append(np.full(len(row), side))
+        copied.append(matter[subdomain.material[row]])
     young, poisson = np.vstack(copied).T
-    points, cells, triangles = np.vstack(points), np.vstack(cells), interface.triangles
+    points, cells = np.vstack(points), np.vstack(cells)
     if triangles.shape[1] == 6:
-        inner = scene.side_points(interface, 0)
         points, cells = _without_chords(inner, triangles, points, cells, np.concatenate(sides))
         points, cells = with_middles(inner, triangles, points, cells)
-    return points, cells, 0.5 * ratio * young, poisson
+    return Sole(points, cells, 0.5 * ratio * young, poisson)
 
 
 def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray, cells: np.ndarray,
@@ -66,9 +62,9 @@ def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray
     Parameters
     ----------
     inner : (n, 3) nodes of the interface; the others are ``points``
-    sides : (q,) int, whose element each cell is
+    sides : (q,) int, 0 or 1, whose element each cell is
     """
-    n, total, rank = len(inner), len(inner) + len(points), place_rank(inner)
+    n, total, rank = len(inner), len(inner) + len(points), position_rank(inner)
     known, _ = edges_of(triangles, TRIANGLE_EDGES)
     cells = cells.copy()
     while True:
@@ -88,9 +84,9 @@ def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray
     return np.vstack([points, inner[(copies - total) % n]]), cells
 
 
-def first_row(scene: Scene, interface: Interface, subdomain: int) -> np.ndarray:
-    """(r,) global cells of a subdomain that touch an interface, be it in a single node."""
-    on = np.zeros(len(scene.mesh.nodes), dtype=bool)
-    on[interface.global_nodes] = True
-    cells = scene.subdomains[subdomain].cells
-    return cells[on[scene.mesh.cells[cells]].any(axis=1)]
+def first_row(scene: Scene, interface: Interface, side: int) -> np.ndarray:
+    """(r,) int, which of the cells of a side's subdomain touch an interface, be it in a single node."""
+    subdomain = scene.subdomains[interface.subdomains[side]]
+    on = np.zeros(len(subdomain.nodes), dtype=bool)
+    on[interface.nodes[side]] = True
+    return np.flatnonzero(on[subdomain.connectivity].any(axis=1))

@@ -35,7 +35,7 @@ from orchestrator.results.fields.files import Fields
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import motions
-from orchestrator.scene.soles.layers import make_soles
+from orchestrator.scene.soles.make import make_soles
 from orchestrator.studies.kit.framework import Case, Study, first
 from orchestrator.timing import Stopwatch
 

@@ -1,0 +1,47 @@
+"""What a patch of facets is like at its nodes: local mesh size, normals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.scene.mesh.faces import area_vectors
+
+
+def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) local mesh size at the nodes of a patch: √(2 × mean area of the adjacent facets).
+
+    On a structured patch of right triangles this is the length of their legs.
+
+    Parameters
+    ----------
+    points : (n, 3); triangles : (k, 3 or 6) int, indices of points
+    """
+    area = np.linalg.norm(area_vectors(points, triangles), axis=1)
+    count = np.bincount(triangles.ravel(), minlength=len(points))
+    total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
+    return np.sqrt(2 * total / count)
+
+
+def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n, 3) unit normals at the nodes: mean of the facets' normals weighted by their angle there.
+
+    In the middle of an edge all angles are the same.
+
+    Parameters
+    ----------
+    points : (n, 3); triangles : (k, 3 or 6) int, indices of points
+    """
+    corners = points[triangles[:, :3]]
+    normal = area_vectors(points, triangles)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    result = np.zeros_like(points)
+    for i in range(3):
+        u = corners[:, (i + 1) % 3] - corners[:, i]
+        v = corners[:, (i + 2) % 3] - corners[:, i]
+        cosine = np.einsum("ij,ij->i", u, v) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
+        angle = np.arccos(np.clip(cosine, -1, 1))
+        np.add.at(result, triangles[:, i], angle[:, None] * normal)
+    for middle in triangles[:, 3:].T:
+        np.add.at(result, middle, np.pi * normal)
+    length = np.linalg.norm(result, axis=1, keepdims=True)
+    return result / np.where(length > 0, length, 1.0)

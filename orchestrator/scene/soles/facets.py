@@ -1,0 +1,103 @@
+"""The facets of an interface, with the moduli and the thickness that their sole should have (paper, eq. 15).
+
+With ten-node tets the nodes in the middle of the layer are clamped as well. Left free they would have
+to be condensed, and k⁻ would be dense; clamped, the sole is still nothing but matter held at some of
+its nodes, and k⁻ is still a restriction: what the black box factorises and what the method multiplies
+by agree to rounding. Through the thickness t a displacement then fades as (1 − z/t)(1 − 2z/t) instead of
+1 − z/t. Across the layer that is 7/3 times as stiff and along it 2/5 times; a layer √(35/6) times as thick
+(``STRETCH``) with 3/7 · √(35/6) times the modulus is what the linear one is in both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from orchestrator.scene.congruence import equal
+from orchestrator.scene.mesh.faces import area_vectors
+from orchestrator.scene.mesh.patch import local_size, node_normals
+from orchestrator.scene.model import Interface, Scene
+
+# Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
+THIN = 0.01
+# Thickness and modulus of a layer of ten-node tets over those of the linear layer that it stands for.
+STRETCH = np.sqrt(35 / 6)
+STIFFEN = 3 / 7 * STRETCH
+
+
+@dataclass
+class Facets:
+    """Geometry and matter of an interface's facets, seen from its first side.
+
+    Parameters
+    ----------
+    points : (n, 3) float, nodes of the interface, ascending global id
+    triangles : (k, 3 or 6) int, outward of the first side
+    young, poisson : (k,) float, moduli wanted for the sole behind each facet
+    thickness : (n,) float, thickness wanted at each node
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    young: np.ndarray
+    poisson: np.ndarray
+    thickness: np.ndarray
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """(n, 3) unit normals at the corners of the facets, zero at nodes in the middle of edges."""
+        return node_normals(self.points, self.triangles[:, :3])
+
+    @cached_property
+    def area_vectors(self) -> np.ndarray:
+        """(k, 3) float, area × unit normal."""
+        return area_vectors(self.points, self.triangles)
+
+    def same_matter(self, other: Facets) -> bool:
+        """Whether the matter is that of other facets, whose triangles are the same."""
+        return all(equal(getattr(self, name), getattr(other, name)) for name in ("young", "poisson", "thickness"))
+
+
+def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int = 0) -> Facets:
+    """The facets of an interface with the moduli and the thickness their sole should have.
+
+    Parameters
+    ----------
+    settings : ``method.sole`` of the configuration: modulus_ratio or contact_ratio, thickness, poisson
+    kind : of the sole
+    side : 0 or 1, where the points are taken from; the triangles are outward of the first side anyway
+
+    Notes
+    -----
+    E_S = ratio × the larger modulus E of the two sides: with a contrast across the interface it is
+    the one simple choice that converges well from both sides. Under other laws than the perfect one
+    the coarse contact problem moves whole bodies only, and the sole has to serve all waves between the mesh
+    size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
+    Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
+    0.3: a nearly incompressible sole is stiff in the wrong direction. With ten-node tets the mesh size is
+    half the facets', which is the distance of nodes, unless mid-edge nodes are tied to the corners.
+    """
+    young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
+    poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
+    points = scene.side_points(interface, side)
+    quadratic = interface.triangles.shape[1] == 6
+    h = local_size(points, interface.triangles) / (2 if quadratic and interface.law == "perfect" else 1)
+    if settings.thickness == "auto":
+        thickness = h
+    else:
+        thickness = np.full(len(points), float(settings.thickness))
+    if settings.poisson == "auto":
+        nu = np.minimum(poisson.min(axis=1), 0.3)
+    else:
+        nu = np.full(len(young), float(settings.poisson))
+    if interface.law == "perfect":
+        ratio = settings.modulus_ratio
+    else:
+        reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())
+        ratio = settings.contact_ratio * (thickness / reach)[interface.triangles].mean(axis=1)
+    thin = THIN if kind == "springs" else 1.0
+    stiffen, stretch = (STIFFEN, STRETCH) if quadratic else (1.0, 1.0)
+    return Facets(points, interface.triangles, thin * stiffen * ratio * young.max(axis=1), nu,
+                  thin * stretch * thickness)

@@ -1,0 +1,93 @@
+"""Layers of matter on facets: prisms, each split in three tets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.scene.mesh.faces import tet_volumes
+from orchestrator.scene.mesh.quadratic import with_middles
+from orchestrator.scene.partition.numbering import position_rank
+from orchestrator.scene.soles.facets import Facets
+from orchestrator.scene.soles.sole import Sole
+
+# Thickness is halved this often where prisms would invert; facets that stay bad get outer
+# nodes of their own, along their own normal, where inversion is impossible.
+HALVINGS = 3
+# A tet thinner than this fraction of its prism's regular share (area × thickness / 3) is bad.
+FLATNESS = 0.1
+
+
+def prisms(facets: Facets, direction: int) -> Sole:
+    """One layer of prisms, each split in three tets along diagonals fixed by the node order.
+
+    Parameters
+    ----------
+    facets : the interface
+    direction : +1 outward of the first side, −1 outward of the second
+
+    Notes
+    -----
+    Neighbouring prisms agree on the diagonal of their common face because both sort its nodes, by
+    position rather than by number: renumbering the mesh then changes nothing. Where the thickness must
+    shrink, the modulus shrinks with it: E/thickness is what counts.
+    """
+    n = len(facets.points)
+    corners = facets.triangles[:, :3]
+    order = np.argsort(position_rank(facets.points)[corners], axis=1)
+    triangles = np.take_along_axis(corners, order, axis=1)
+    # sorting may have turned a facet over: an odd permutation has an inversion count of 1 or 3
+    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
+    turn = direction * np.where(odd == 1, -1.0, 1.0)
+
+    normals = direction * facets.normals
+    vectors = facets.area_vectors
+    area = np.linalg.norm(vectors, axis=1)
+    thickness = facets.thickness.copy()
+    for attempt in range(HALVINGS + 1):
+        outer = facets.points + thickness[:, None] * normals
+        bad = _thinnest(facets.points, outer, triangles, turn) < FLATNESS * area * thickness[triangles].mean(1) / 3
+        if not bad.any() or attempt == HALVINGS:
+            break
+        thickness[np.unique(triangles[bad])] *= 0.5
+
+    outer_of = triangles + n  # outer vertex behind each corner
+    wanted = facets.thickness[triangles].mean(axis=1)
+    achieved = thickness[triangles].mean(axis=1)
+    points = outer
+    if bad.any():  # own outer nodes along the facet's normal
+        lone = np.flatnonzero(bad)
+        step = direction * wanted[lone, None] * vectors[lone] / area[lone, None]
+        own = facets.points[triangles[lone]] + step[:, None, :]
+        outer_of[lone] = 2 * n + np.arange(3 * len(lone)).reshape(-1, 3)
+        points = np.vstack([outer, own.reshape(-1, 3)])
+        achieved[lone] = wanted[lone]
+
+    tets = _three_tets(triangles, outer_of)
+    flipped = turn < 0
+    tets[flipped] = tets[flipped][:, :, [1, 0, 2, 3]]
+    cells = tets.reshape(-1, 4)
+
+    used, inverse = np.unique(cells[cells >= n], return_inverse=True)
+    cells[cells >= n] = n + inverse
+    points = points[used - n]
+    if facets.triangles.shape[1] == 6:
+        points, cells = with_middles(facets.points, facets.triangles, points, cells)
+    return Sole(
+        points=points,
+        cells=cells,
+        young=np.repeat(facets.young * achieved / wanted, 3),
+        poisson=np.repeat(facets.poisson, 3),
+    )
+
+
+def _three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+    """(k, 3, 4) tets of prisms between triangles (k, 3) and those behind them, in the order of the corners."""
+    (a, b, c), (a1, b1, c1) = inner.T, outer.T
+    return np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1), np.stack([a, a1, b1, c1], 1)], 1)
+
+
+def _thinnest(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """(k,) smallest signed tet volume of each prism."""
+    tets = _three_tets(triangles, triangles + len(points))
+    volume = tet_volumes(np.vstack([points, outer]), tets.reshape(-1, 4)).reshape(-1, 3)
+    return turn * np.where(turn > 0, volume.min(axis=1), volume.max(axis=1))
