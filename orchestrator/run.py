@@ -32,7 +32,8 @@ from orchestrator.results.figures.artist import Artist
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.subscribers.checkpoint import Checkpoint, SavedState, fingerprint, load_checkpoint
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
-from orchestrator.results.fields.files import Fields, write_fields
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.files import write_fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.results.subscribers.progress import Progress
@@ -332,9 +333,8 @@ def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Conf
     """Fields, figures and summary of a finished run."""
     scene, summary = solved.scene, solved.summary
     with watch("output"):
-        lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
-        fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement,
-                        solved.sides, solved.interfaces, solved.discretisation and solved.discretisation.cells)
+        fields = Fields.of(scene, solved.displacement, solved.sides, solved.interfaces,
+                           solved.discretisation and solved.discretisation.cells)
         if artist:
             _time(summary, watch)
             artist.begin(folder, summary, read_history(folder / "history.csv"), fields)

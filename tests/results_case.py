@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from orchestrator.method.events import HISTORY_COLUMNS, Iteration
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 from orchestrator.scene.model import Material, Mesh
 
 STEEL = Material(200e3, 0.3)

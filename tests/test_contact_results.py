@@ -1,5 +1,6 @@
 """What a run with contact leaves behind: both sides, statuses, resultants, bodies that come loose, warnings."""
 
+import dataclasses
 import json
 import sys
 import xml.etree.ElementTree as ET
@@ -13,7 +14,9 @@ from orchestrator.config import load_config
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.points import BONDED, OPEN, SLIP, STICK
 from orchestrator.results.summary.cautions import cautions, rotation
-from orchestrator.results.fields.files import Fields, write_fields
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.figures.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import read_history
@@ -52,10 +55,7 @@ def loose():
 
 
 def fields_of(solved) -> Fields:
-    scene = solved.scene
-    lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
-    return Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, solved.displacement, solved.sides,
-                  solved.interfaces)
+    return Fields.of(solved.scene, solved.displacement, solved.sides, solved.interfaces)
 
 
 def test_statuses_agree_with_gaps_pressures_and_friction(pressed):
@@ -139,14 +139,15 @@ def test_files_hold_bodies_that_separate(pressed, tmp_path):
     np.testing.assert_allclose(jump, i.slip[1] + (i.gap - i.initial_gap)[1][:, None] * i.normal, atol=1e-15)
     assert set(patch.cell_data["interface"][0]) == {0}
 
-    read = Fields.read(tmp_path)
+    read = read_npz(tmp_path)
     for e, u in enumerate(mine.sides):
         np.testing.assert_array_equal(read.sides[e], u)
         np.testing.assert_array_equal(np.load(tmp_path / "fields.npz")[f"displacement_sides_{e}"], u)
-    for name, array in i.arrays().items():
-        np.testing.assert_array_equal(read.interfaces.arrays()[name], array)
-    assert {"interface_nodes", "interface_offsets", "gap", "slip", "pressure", "friction_traction", "status"} \
-        <= set(i.arrays())
+    for field in dataclasses.fields(i):
+        np.testing.assert_array_equal(getattr(read.interfaces, field.name), getattr(i, field.name))
+    with np.load(tmp_path / "fields.npz") as data:
+        assert {"interface_nodes", "interface_offsets", "gap", "slip", "pressure", "friction_traction", "status"} \
+            <= set(data)
 
 
 def test_detached_body_is_named(loose):
@@ -195,7 +196,7 @@ def test_perfect_runs_have_none_of_it(tmp_path):
     assert not {"status_counts", "detached", "interface_resultants"} & set(found.summary)
     write_fields(ResultsFolder(tmp_path), fields_of(found))
     assert sorted(p.name for p in (tmp_path / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu"]
-    read = Fields.read(tmp_path)
+    read = read_npz(tmp_path)
     assert read.sides is None and read.interfaces is None and read.opened is read
 
 

@@ -11,7 +11,7 @@ from orchestrator.config import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.stopping.criteria import LEAST
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -175,7 +175,7 @@ def test_files(tmp_path):
     with open(output / "history.csv") as file:
         last = list(csv.DictReader(file))[-1]
     assert float(last["tolerance"]) == summary["tolerance"]
-    fields = Fields.read(output)
+    fields = read_npz(output)
     assert np.sqrt((fields.discretisation_error**2).sum()) == pytest.approx(summary["discretisation_error"])
     cells = meshio.read(output / "fields" / "step_0001.vtu").cell_data["discretisation_error"][0]
     assert np.array_equal(cells, fields.discretisation_error[0])

@@ -16,7 +16,9 @@ from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.deformed import view
-from orchestrator.results.fields.files import Fields, write_fields
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -248,9 +250,7 @@ def test_reactions_and_several_steps():
 
 
 def fields_of(found) -> Fields:
-    scene = found.scene
-    lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
-    return Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, found.displacement)
+    return Fields.of(found.scene, found.displacement)
 
 
 def test_field_files(tmp_path):
@@ -258,7 +258,7 @@ def test_field_files(tmp_path):
     found = solved(reference=False, **P2)
     fields = fields_of(found)
     write_fields(ResultsFolder(tmp_path), fields)
-    again = Fields.read(tmp_path)
+    again = read_npz(tmp_path)
     assert again.cells.shape[1] == 10 and np.array_equal(again.displacement, found.displacement)
     grid = pyvista.read(tmp_path / "fields" / "step_0001.vtu")
     assert set(grid.celltypes) == {pyvista.CellType.QUADRATIC_TETRA}

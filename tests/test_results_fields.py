@@ -8,8 +8,10 @@ import pytest
 import results_case as case
 
 from orchestrator.errors import InputError
-from orchestrator.results.fields import stress as recovery
-from orchestrator.results.fields.files import Fields, write_fields
+from orchestrator.method.stopping import stress as recovery
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 
 
@@ -94,7 +96,7 @@ def test_field_files_round_trip(tmp_path):
         np.testing.assert_allclose(grid.cell_data["stress"][0], stress_of(mesh, u[step]), rtol=1e-13)
         np.testing.assert_allclose(grid.cell_data["von_mises"][0], written.von_mises(step), rtol=1e-13)
 
-    read = Fields.read(tmp_path)
+    read = read_npz(tmp_path)
     for name in ("nodes", "cells", "subdomain", "lame", "displacement"):
         np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
 
@@ -112,7 +114,7 @@ def test_vtk_reads_the_vtu(tmp_path):
 
 
 def test_no_fields_and_damaged_fields(tmp_path):
-    assert Fields.read(tmp_path) is None
+    assert read_npz(tmp_path) is None
     (tmp_path / "fields.npz").write_bytes(b"PK\x03\x04 half")
     with pytest.raises(InputError, match="fields.npz"):
-        Fields.read(tmp_path)
+        read_npz(tmp_path)

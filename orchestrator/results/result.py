@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.results.fields.files import Fields, write_npz
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.npz import read_npz, write_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import read_history, write_history
 from orchestrator.results.summary.summary import read_summary, write_summary
@@ -45,7 +46,7 @@ class Result:
         InputError : missing folder, or not one that a run has written
         """
         summary = read_summary(directory)  # first: its message says best what is wrong with a foreign folder
-        return cls(summary, read_history(directory), Fields.read(directory), Path(directory))
+        return cls(summary, read_history(directory), read_npz(directory), Path(directory))
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
         """Writes summary.json, history.csv and fields.npz; ``read`` gives the same object back."""

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.faces import tet_volumes
 
 
@@ -125,8 +126,7 @@ class Material:
     @property
     def lame(self) -> tuple[float, float]:
         """Lamé's λ and μ."""
-        e, nu = self.young, self.poisson
-        return e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+        return lame(self.young, self.poisson)
 
 
 @dataclass
@@ -193,6 +193,11 @@ class Scene:
     def points(self, interface: Interface) -> np.ndarray:
         """(n, 3) where an interface is: halfway between its sides, which gives normals and areas without a favourite."""
         return 0.5 * (self.side_points(interface, 0) + self.side_points(interface, 1))
+
+    @cached_property
+    def lame(self) -> np.ndarray:
+        """(m, 2) float, Lamé's λ and μ of each cell."""
+        return np.array([material.lame for material in self.materials])[self.cell_material]
 
     @cached_property
     def sizes(self) -> np.ndarray:

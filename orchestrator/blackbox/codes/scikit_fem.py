@@ -11,8 +11,8 @@ import scipy.sparse.linalg as spla
 from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementVector, MeshTet
 from skfem.helpers import ddot, eye, sym_grad, trace
 
-from orchestrator.blackbox.transport.messages import lame
 from orchestrator.blackbox.protocol import Model
+from orchestrator.scene.elasticity import lame
 
 
 @BilinearForm
@@ -31,7 +31,7 @@ class ScikitFem:
         mesh = MeshTet(np.ascontiguousarray(model.nodes.T), np.ascontiguousarray(model.cells.T))
         basis = Basis(mesh, ElementVector(ElementTetP1()), intorder=1)
         constant = basis.with_element(ElementTetP0())
-        lam, mu = (constant.interpolate(values[model.region]) for values in lame(model.materials))
+        lam, mu = (constant.interpolate(values[model.region]) for values in lame(*model.materials.T))
         matrix = elasticity.assemble(basis, lam=lam, mu=mu)
         dofs = basis.nodal_dofs.T.ravel()  # scikit-fem's numbers, in the protocol's order
         return sp.csr_array(matrix[dofs][:, dofs])

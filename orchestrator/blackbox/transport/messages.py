@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.transport.meshb import FREEFEM_ORDER
 from orchestrator.blackbox.protocol import Model
+from orchestrator.scene.elasticity import lame
 
 LOAD, TRACES, FIELDS, STIFFNESS, QUIT = 1, 2, 3, 4, 5
 ELEMENTS = {"P1": 1, "P2": 2}
@@ -56,18 +57,12 @@ def _op(op: int) -> bytes:
     return np.int64(op).tobytes()
 
 
-def lame(materials: np.ndarray) -> list[np.ndarray]:
-    """Lamé's constants [λ (r,), μ (r,)] of (r, 2) Young's moduli and Poisson's ratios."""
-    young, poisson = np.asarray(materials, float).T
-    return [young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))]
-
-
 def load(index: int, element: str, model: Model) -> Buffers:
     """Assemble ``mesh-<index>.meshb``, clamp and factorise it."""
     fixed = np.flatnonzero(model.fixed)
     head = [index, ELEMENTS[element], model.fixed.size, len(model.trace), len(fixed)]
     return [_op(LOAD), _ints(np.concatenate([head, model.trace, fixed, _numbers(element, model)])),
-            *_reals(lame(model.materials))]
+            *_reals(lame(*model.materials.T))]
 
 
 def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
@@ -79,7 +74,7 @@ def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
 def stiffness(index: int, element: str, model: Model) -> Buffers:
     """Assemble ``mesh-<index>.meshb`` with nothing clamped and send the matrix."""
     head = [index, ELEMENTS[element], model.fixed.size]
-    return [_op(STIFFNESS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(model.materials))]
+    return [_op(STIFFNESS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(*model.materials.T))]
 
 
 def _numbers(element: str, model: Model) -> np.ndarray:

@@ -6,7 +6,7 @@ only the status (open, stick, slip) is the local stage's. T load steps, N interf
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -72,24 +72,6 @@ class InterfaceFields:
         """Nodes that are open, stick and slip, per load step."""
         return {name: (self.status == kind).sum(axis=1).tolist()
                 for name, kind in (("open", OPEN), ("stick", STICK), ("slip", SLIP))}
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Name → array as fields.npz holds them: ``gap`` and the like as they are, the rest as interface_…"""
-        return {_key(f.name): getattr(self, f.name) for f in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays) -> InterfaceFields | None:
-        """Inverse of ``arrays``, from any mapping that holds them; None if there are none."""
-        if "interface_nodes" not in arrays:
-            return None
-        return cls(**{f.name: arrays[_key(f.name)] for f in fields(cls)})
-
-
-_OWN_NAME = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}
-
-
-def _key(name: str) -> str:
-    return name if name in _OWN_NAME else f"interface_{name}"
 
 
 def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | None:

@@ -21,7 +21,7 @@ from math import factorial, prod
 
 import numpy as np
 
-from orchestrator.results.fields.stress import CENTRE, shape_gradients, strain, stress
+from orchestrator.method.stopping.stress import CENTRE, shape_gradients, strain, stress
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene
 from orchestrator.scene.mesh.quadratic import TET_EDGES

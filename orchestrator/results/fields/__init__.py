@@ -1,1 +1,1 @@
-"""Fields on disk, and the stresses in them."""
+"""Fields on disk: what is in the files, under which names, written and read back."""

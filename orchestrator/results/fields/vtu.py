@@ -1,31 +1,46 @@
-"""VTK's files for unstructured grids (.vtu)."""
+"""VTK's files: unstructured grids (.vtu) and collections of them over the load steps (.pvd)."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+
+from orchestrator.results.folder import ResultsFolder
 
 _TYPES = {3: "triangle", 4: "tetra", 10: "tetra10"}  # by nodes of a cell
 
 
-def write_vtu(path: str | os.PathLike[str], points: np.ndarray, cells: np.ndarray, point_data: Mapping[str, np.ndarray],
-              cell_data: Mapping[str, np.ndarray]) -> None:
+def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.ndarray,
+              point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray]) -> None:
     """Writes one grid.
 
     Parameters
     ----------
+    name : of the file in the folder
     points : (n, 3) float
     cells : (m, 3, 4 or 10) int: triangles, tets or ten-node tets
     point_data, cell_data : name → (n,) or (n, components), (m,) or (m, components)
 
     Raises
     ------
-    OSError
+    InputError : disk full or folder not writable
     """
     import meshio  # not before there is something to write
 
     grid = meshio.Mesh(points, [(_TYPES[cells.shape[1]], cells)], point_data=dict(point_data),
                        cell_data={name: [values] for name, values in cell_data.items()})
-    meshio.vtu.write(path, grid, binary=True, compression=None)
+    with folder.replacing(name) as temporary:
+        meshio.vtu.write(temporary, grid, binary=True, compression=None)
+
+
+def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str]) -> None:
+    """Writes a ParaView collection of one file per load step beside it, time = step from 1.
+
+    Raises
+    ------
+    InputError : disk full or folder not writable
+    """
+    rows = [f'    <DataSet timestep="{step}" group="" part="0" file="{file}"/>' for step, file in enumerate(steps, 1)]
+    folder.write(name, "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>",
+                                  *rows, "  </Collection>", "</VTKFile>", ""]))

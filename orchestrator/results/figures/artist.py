@@ -21,7 +21,7 @@ import numpy as np
 from orchestrator.errors import InputError
 from orchestrator.parallel.launcher import without_launcher
 from orchestrator.results.figures.drawing import Drawing
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.figures.plotting import warm_up

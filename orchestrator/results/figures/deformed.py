@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from orchestrator.results.fields import stress as recovery
+from orchestrator.method.stopping import stress as recovery
 from orchestrator.results.figures import surface
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 
 _LARGEST = 0.1  # largest drawn displacement over the structure's size
 _OPENING, _FARTHEST = 0.03, 0.25  # the same for the largest opening, and the limit to which it may raise the other

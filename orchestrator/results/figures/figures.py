@@ -12,7 +12,7 @@ from orchestrator.results.summary import codes
 
 from orchestrator.results.figures import deformed, panels
 from orchestrator.results.figures.drawing import Drawing
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.figures.plotting import (
     BLUE,

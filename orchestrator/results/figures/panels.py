@@ -12,7 +12,7 @@ import numpy as np
 
 from orchestrator.results.figures import deformed, surface
 from orchestrator.results.figures.deformed import DPI, WIDTH, View
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.plotting import BLUE, GREEN, ORANGE, new_figure, png
 
 _MOST = 6  # panels of load steps; of more steps, evenly many are shown

@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.deformed import DPI, WIDTH, View, show, shaped, views
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 
 # blue, orange, green, purple, sky, red: told apart by the colour-blind
 PALETTE = np.array([[0.35, 0.55, 0.75], [0.93, 0.62, 0.25], [0.35, 0.65, 0.45], [0.62, 0.45, 0.68],

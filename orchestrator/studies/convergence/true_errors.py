@@ -25,7 +25,7 @@ from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import undecomposed
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.results.fields.stress import shape_gradients, von_mises
+from orchestrator.method.stopping.stress import shape_gradients, von_mises
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene, Subdomain

@@ -31,7 +31,7 @@ from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.solver import Outcome, iterate
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.results.fields.files import Fields
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import motions
@@ -202,8 +202,7 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
         interfaces = interface_fields(d, outcome)
         if wants_fields:
             displacement, own = sides(d, outcome, parts)
-            lame = np.array([m.lame for m in scene.materials])[scene.cell_material]
-            fields = Fields(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, lame, displacement, own, interfaces)
+            fields = Fields.of(scene, displacement, own, interfaces)
         seconds, clock = watch.total, blackbox.clock()
         memory = memory_peak_mb() + blackbox.memory_peak_mb()
         if towards is not None:

@@ -1,0 +1,114 @@
+"""Displacements of every load step on the whole mesh, and the stresses that follow from them.
+
+Stress has six components per cell, in VTK's order XX, YY, ZZ, XY, YZ, XZ. On ten-node tets it is the cell's mean; the
+largest von Mises stress at the cell's nodes is beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orchestrator.method.stopping import stress as recovery
+from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
+
+if TYPE_CHECKING:
+    from orchestrator.method.delivery.interface_fields import InterfaceFields
+    from orchestrator.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Displacements of every load step on the undecomposed mesh, and what follows from them.
+
+    Parameters
+    ----------
+    nodes : (n, 3) float, in the order of the input mesh, mid-edge nodes last; cells : (m, 4 or 10) int, VTK's order
+    subdomain : (m,) int
+    lame : (m, 2), Lamé's λ and μ per cell
+    displacement : (steps, n, 3); where interfaces open, the mean over the subdomains that have the node
+    sides : per subdomain (steps, n_E, 3) on its own nodes (``numbering``); None where nothing opens
+    interfaces : fields of the interfaces that are not perfect, if there are any
+    discretisation_error : (steps, m) estimate of it per cell, relative, energy norm; None where not estimated
+    """
+
+    nodes: np.ndarray
+    cells: np.ndarray
+    subdomain: np.ndarray
+    lame: np.ndarray
+    displacement: np.ndarray
+    sides: list[np.ndarray] | None = None
+    interfaces: InterfaceFields | None = None
+    discretisation_error: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, scene: Scene, displacement: np.ndarray, *others: object) -> Fields:
+        """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
+        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, scene.lame, displacement, *others)
+
+    @property
+    def steps(self) -> int:
+        return len(self.displacement)
+
+    @cached_property
+    def numbering(self) -> SplitNumbering:
+        """The nodes of all subdomains, one subdomain after another."""
+        return split_numbering(self.cells, self.subdomain, len(self.nodes))
+
+    @cached_property
+    def opened(self) -> Fields:
+        """The same on a mesh whose subdomains share no nodes; these fields themselves where nothing opens."""
+        if self.sides is None:
+            return self
+        split = self.numbering
+        return Fields(self.nodes[split.nodes], split.corners, self.subdomain, self.lame,
+                      np.concatenate(self.sides, axis=1), interfaces=self.interfaces,
+                      discretisation_error=self.discretisation_error)
+
+    def interface_displacement(self, side: int) -> np.ndarray:
+        """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
+        i = self.interfaces
+        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side],
+                                                                  (i.nodes, i.others)[side])]
+
+    @cached_property
+    def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
+        return recovery.shape_gradients(self.nodes, self.cells)
+
+    @property
+    def volumes(self) -> np.ndarray:
+        """(m,) volumes of the cells."""
+        return self._geometry[1]
+
+    @cached_property
+    def material(self) -> np.ndarray:
+        """(m,) int: cells of equal λ and μ share a number."""
+        pairs = np.ascontiguousarray(self.lame).view(np.complex128).ravel()
+        return np.unique(pairs, return_inverse=True)[1].ravel()
+
+    def stress(self, step: int) -> np.ndarray:
+        """(m, 6) mean stress of the cells at one load step."""
+        epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step])
+        return recovery.stress(epsilon, self.lame)
+
+    def von_mises(self, step: int) -> np.ndarray:
+        """(m,) von Mises stress of the mean stress at one load step."""
+        return recovery.von_mises(self.stress(step))
+
+    def corner_stress(self, step: int) -> np.ndarray:
+        """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a ten-node tet is there."""
+        if self.cells.shape[1] == 4:
+            return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
+        strains = (recovery.strain(self._geometry[0], self.cells, self.displacement[step], at) for at in np.eye(4))
+        return np.stack([recovery.stress(epsilon, self.lame) for epsilon in strains], axis=1)
+
+    def nodal_von_mises(self, step: int) -> np.ndarray:
+        """(m, 4 or 10) von Mises stress at the cells' nodes, each cell by itself."""
+        if self.cells.shape[1] == 4:
+            return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
+        corners = self.corner_stress(step)
+        return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1))

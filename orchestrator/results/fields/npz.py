@@ -1,0 +1,78 @@
+"""fields.npz: all fields of a run for programs, written and read back.
+
+| name | array |
+|---|---|
+| `nodes`, `cells`, `subdomain`, `lame`, `displacement` | as in ``Fields`` |
+| `discretisation_error` | as there, where it was estimated |
+| `displacement_sides_0`, `…_1`, … | (steps, n_E, 3) per subdomain, where interfaces open |
+| `gap`, `initial_gap`, `slip`, `pressure`, `friction_traction`, `status` | as in ``InterfaceFields``, where interfaces open |
+| `interface_…` | its other arrays, so `interface_nodes` for `nodes` |
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+
+NAME = "fields.npz"
+_ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
+_ERROR = "discretisation_error"
+_SIDES = "displacement_sides_"  # + index of the subdomain
+_ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
+_INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)}
+
+
+def write_npz(folder: ResultsFolder, written: Fields) -> Path:
+    """Writes fields.npz, uncompressed (compression would take longer than the solution).
+
+    Raises
+    ------
+    InputError : disk full or folder not writable
+    """
+    arrays = {name: getattr(written, name) for name in _ALWAYS}
+    arrays |= {f"{_SIDES}{e}": u for e, u in enumerate(written.sides or ())}
+    if written.interfaces is not None:
+        arrays |= {key: getattr(written.interfaces, name) for name, key in _INTERFACE.items()}
+    if written.discretisation_error is not None:
+        arrays[_ERROR] = written.discretisation_error
+    with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
+        np.savez(file, **arrays)
+    return folder / NAME
+
+
+def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
+    """Fields of a results folder; None if the run was asked for none.
+
+    Raises
+    ------
+    InputError : fields.npz is there but cannot be read
+    """
+    path = Path(directory) / NAME
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            count = sum(name.startswith(_SIDES) for name in data)
+            return Fields(*(data[name] for name in _ALWAYS), [data[f"{_SIDES}{e}"] for e in range(count)] or None,
+                          _interfaces(data), data[_ERROR] if _ERROR in data else None)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}",
+                                 f"arrays {', '.join(_ALWAYS)}, as a run writes them",
+                                 "run the configuration again")) from error
+
+
+def _interfaces(data: Mapping[str, np.ndarray]) -> InterfaceFields | None:
+    """None where all interfaces are perfect."""
+    if _INTERFACE["nodes"] not in data:
+        return None
+    return InterfaceFields(**{name: data[key] for name, key in _INTERFACE.items()})
