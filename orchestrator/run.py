@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -17,14 +16,15 @@ from orchestrator.config import Config, Loaded
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
 from orchestrator.method.stopping.criteria import LawCriterion
-from orchestrator.method.events import Iteration
+from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.delivery.recovery import delivered, reactions, recover
 from orchestrator.method.load_cases import expanded, load_cases
 from orchestrator.method.delivery.reference import Reference, solve_reference
 from orchestrator.method.decomposition import Decomposition, prepare
-from orchestrator.method.solver import Outcome, iterate
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.solver import Start, iterate
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.parallel.placement import owners
 from orchestrator.parallel.team import ALONE, Elsewhere, Team
@@ -68,7 +68,7 @@ class Solved:
     """
 
     scene: Scene
-    outcome: Outcome
+    outcome: Iterated
     displacement: np.ndarray
     parts: list[np.ndarray]
     summary: dict
@@ -78,7 +78,7 @@ class Solved:
     discretisation: Estimate | None = None
 
 
-def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *, reference: bool = False,
+def solve(config: Config, scene: Scene, subscribers: Sequence[Subscriber] = (), *, reference: bool = False,
           start: SavedState | None = None, watch: Stopwatch | None = None,
           stage: Callable[[str], None] = lambda name: None, team: Team = ALONE) -> Solved | None:
     """Solve a scene; nothing is written.
@@ -132,11 +132,10 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
 
         def true_error(fields, bound) -> float:
             nonlocal asked_for_reference
-            before, asked = watch.seconds["reference"], blackbox.asked
+            asked = blackbox.asked
             with watch("reference"):
                 found = cases.all_steps(recover(solved, fields, bound)[0])
                 error = team.share(exact.relative_error(found) if exact else None)
-            watch.seconds["bound"] -= watch.seconds["reference"] - before  # the loop measures it there too
             asked_for_reference += blackbox.asked - asked
             return error
 
@@ -148,17 +147,12 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Callable] = (), *,
             return team.share(estimator()([cases.all_steps(u) for u in own] if view.all_perfect else own).relative)
 
         space = decomposition.space
-        earlier = ()
+        earlier = Start()
         if start:
-            earlier = start.state[space.number], start.iteration, start.sweeps - decomposition.setup_sweeps
-        outcome = iterate(solved, config.method, whole_states(subscribers, space), watch, *earlier,
-                          true_error=true_error if reference else None, estimate=estimate)
+            earlier = Start(start.state[space.number], start.iteration, start.sweeps - decomposition.setup_sweeps)
+        outcome = iterate(solved, config.method, whole_states(subscribers, space), watch, earlier,
+                          true_error=true_error if reference else None, estimate=estimate, savings=savings)
         workload.end("iterations")
-        if team.rank == 0:
-            savings.add("frozen", "load steps of a linear stage", outcome.frozen)
-            if decomposition.all_perfect:
-                savings.add("bound", "evaluations of the bound's second part",
-                            sum(math.isnan(event.error_bound) for event in outcome.history))
         with watch("linear_stage"):
             displacement, parts = recover(solved, outcome.fields, outcome.bound)
             displacement = cases.all_steps(displacement)
@@ -220,7 +214,7 @@ def everybodys(spent: list[dict], scene: Scene) -> dict:
     }
 
 
-def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome: Outcome,
+def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome: Iterated,
              interfaces: InterfaceFields | None) -> dict:
     """The part of the summary that speaks of interfaces that are not perfect; empty where all are."""
     if decomposition.all_perfect:
@@ -318,15 +312,14 @@ def owners_of(scene: Scene, ranks: int) -> np.ndarray:
     return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks)
 
 
-class LastEvent:
-    """Subscriber that remembers the last iteration, for the summary of a run that dies."""
+class LastEvent(Subscriber):
+    """Remembers the last iteration, for the summary of a run that dies."""
 
     def __init__(self) -> None:
-        self.iteration: Iteration | None = None
+        self.last: Iteration | None = None
 
-    def __call__(self, event) -> None:
-        if isinstance(event, Iteration):
-            self.iteration = event
+    def iteration(self, event: Iteration) -> None:
+        self.last = event
 
 
 def _write(folder: ResultsFolder, solved: Solved, watch: Stopwatch, config: Config, artist: Artist | None) -> None:
@@ -356,7 +349,7 @@ def _write_remains(folder: ResultsFolder, config: Config, scene: Scene, watch: S
                    last: LastEvent, error: BaseException) -> None:
     """What a run that dies leaves behind: a checkpoint, and a summary that says where it stood."""
     checkpoint.write()
-    event = last.iteration
+    event = last.last
     reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"failed: {str(error).splitlines()[0]}"
     write_summary(folder, {
         "name": config.name, "converged": False, "stop_reason": reason,

@@ -10,7 +10,8 @@ from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
-from orchestrator.method.solver import iterate
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.solver import Start, iterate
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -177,7 +178,7 @@ def test_the_fixed_point_is_the_undecomposed_solution(strategy, kplus, kind):
         s = f + d.stage.direction.k @ w
         fields = d.stage(s)
         image = d.local(fields.w, fields.f).s
-        outcome = iterate(d, made.method, (), Stopwatch(), start=s)
+        outcome = iterate(d, made.method, (), Stopwatch(), Start(s))
     assert np.abs(fields.w - w).max() <= 1e-9 * np.abs(w).max()
     assert np.abs(fields.f - f).max() <= 1e-9 * np.abs(f).max()
     assert np.abs(image - s).max() <= 1e-9 * np.abs(s).max()
@@ -229,13 +230,18 @@ def test_gmres_solves_a_linear_problem_in_its_dimension():
     rng = np.random.default_rng(0)
     matrix, shift = rng.standard_normal((6, 6)), rng.standard_normal((6, 3))
     solution = np.linalg.solve(np.eye(6) - matrix, shift)
-    gmres = ResidualMinimisation(rng.uniform(0.5, 2, 6), None, 1.0)
+
+    def fields(s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
+        return Admissible(s, u, alpha, u, s)
+
+    gmres = ResidualMinimisation(fields, rng.uniform(0.5, 2, 6), None, 1.0)
     s = np.zeros((6, 3))
     for _ in range(7):
-        _, best, (image,) = gmres.best(s, matrix @ s + shift, [matrix @ s + shift])
+        image = matrix @ s + shift
+        _, best = gmres.take(fields(s, image, np.zeros((0, 3))), image)
         s = gmres.next()
-    assert np.abs(best - solution).max() < 1e-9 * np.abs(solution).max()
-    assert np.abs(image - solution).max() < 1e-9 * np.abs(solution).max(), "extra quantities are combined alike"
+    assert np.abs(best.s - solution).max() < 1e-9 * np.abs(solution).max()
+    assert np.abs(best.u - solution).max() < 1e-9 * np.abs(solution).max(), "affine functions of s are combined alike"
 
 
 def test_residuals_of_gmres_never_grow():

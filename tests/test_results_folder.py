@@ -91,9 +91,9 @@ def test_full_disk(tiny_disk, what):
     mesh = case.box_mesh((12, 6, 6))
     state = np.zeros((5000, 4))
     checkpoint = Checkpoint(folder, "f")
-    checkpoint(case.iteration(1, state=state))
+    checkpoint.iteration(case.iteration(1, state=state))
     writer = HistoryWriter(folder)
-    writer(case.iteration(1))
+    writer.iteration(case.iteration(1))
     (folder / "figures").mkdir()
     folder.write("summary.json", "{}")
     before = {p: p.read_bytes() for p in (folder / "summary.json", folder / "history.csv")}
@@ -112,7 +112,7 @@ def test_full_disk(tiny_disk, what):
         else:
             for i in range(2, 200):
                 before[folder / "history.csv"] = (folder / "history.csv").read_bytes()
-                writer(case.iteration(i))
+                writer.iteration(case.iteration(i))
     writer.close()
     problem = the_problem(caught)
     assert "disk full" in problem.found and "free" in problem.found and "--output" in problem.cure
@@ -125,9 +125,9 @@ def test_history_round_trip_and_every_line_at_once(tmp_path):
     folder = ResultsFolder(tmp_path)
     with HistoryWriter(folder) as writer:
         for i in range(1, 8):
-            writer(case.iteration(i))
+            writer.iteration(case.iteration(i))
             assert len(read_history(tmp_path)["iteration"]) == i
-        writer(Finished(True, "converged", 7))
+        writer.finished(Finished(True, "converged", 7))
     read = read_history(tmp_path / "history.csv")
     assert list(read) == HISTORY_COLUMNS
     for name, column in case.history().items():
@@ -146,7 +146,7 @@ def test_history_resumes_after_the_checkpoint(tmp_path):
     with open(tmp_path / "history.csv", "a") as file:
         file.write("6,11.0,0.")  # a killed run's last line
     with HistoryWriter(folder, resume_after=3) as writer:
-        writer(case.iteration(4, sweeps=99.0))
+        writer.iteration(case.iteration(4, sweeps=99.0))
     read = read_history(tmp_path)
     assert list(read["iteration"]) == [1, 2, 3, 4] and read["sweeps"][-1] == 99.0
 
@@ -165,11 +165,11 @@ def test_checkpoint_round_trip_in_its_rhythm(tmp_path):
     folder = ResultsFolder(tmp_path)
     checkpoint = Checkpoint(folder, "abc", every=30.0, clock=lambda: now[0])
     assert checkpoint.write() is None
-    checkpoint(case.iteration(1))
+    checkpoint.iteration(case.iteration(1))
     assert not (tmp_path / "checkpoint.npz").exists()
     now[0] = 31.0
-    checkpoint(case.iteration(2))
-    checkpoint(case.iteration(3))
+    checkpoint.iteration(case.iteration(2))
+    checkpoint.iteration(case.iteration(3))
     assert load_checkpoint(folder, "abc").iteration == 2
     checkpoint.write()
     saved = load_checkpoint(tmp_path, "abc")
@@ -179,10 +179,10 @@ def test_checkpoint_round_trip_in_its_rhythm(tmp_path):
 
 def test_checkpoint_after_the_end(tmp_path):
     checkpoint = Checkpoint(ResultsFolder(tmp_path), "abc")
-    checkpoint(case.iteration(4))
-    checkpoint(Finished(False, "max_iterations", 4))
+    checkpoint.iteration(case.iteration(4))
+    checkpoint.finished(Finished(False, "max_iterations", 4))
     assert load_checkpoint(tmp_path, "abc").iteration == 4
-    checkpoint(Finished(True, "converged", 4))
+    checkpoint.finished(Finished(True, "converged", 4))
     assert not (tmp_path / "checkpoint.npz").exists()
 
 
@@ -191,7 +191,7 @@ def test_checkpoint_missing_foreign_damaged(tmp_path):
         load_checkpoint(tmp_path, "abc")
     assert "--resume" in the_problem(caught).cure
     checkpoint = Checkpoint(ResultsFolder(tmp_path), "abc")
-    checkpoint(case.iteration(1))
+    checkpoint.iteration(case.iteration(1))
     path = checkpoint.write()
     with pytest.raises(InputError) as caught:
         load_checkpoint(tmp_path, "other")

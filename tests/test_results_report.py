@@ -184,8 +184,8 @@ def run(progress):
     with progress:
         progress.stage("factorising")
         for i in range(1, 6):
-            progress(case.iteration(i))
-        progress(Finished(True, "converged", 5))
+            progress.iteration(case.iteration(i))
+        progress.finished(Finished(True, "converged", 5))
 
 
 def test_progress_on_a_terminal():

@@ -11,7 +11,8 @@ from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.decomposition import prepare
-from orchestrator.method.solver import iterate, stable_relaxation
+from orchestrator.method.acceleration.choice import stable_relaxation
+from orchestrator.method.solver import iterate
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles

@@ -176,9 +176,9 @@ def test_a_run_is_continued_to_where_it_tends(tmp_path):
     ours = follow(study, Case(with_method(few_grains(), contact_defaults()), {"settings": "defaults"}))
     paper = follow(study, Case(with_method(few_grains(), paper_contact(kind="springs", iterations=6)),
                                {"settings": "paper"}), ours)
-    assert ours.outcome.converged and ours.history[-1].true_error == 0
+    assert ours.iterated.converged and ours.history[-1].true_error == 0
     assert sweeps_to(ours, "true_error", 1e-3) % 4 == 0
-    assert not paper.outcome.converged and paper.outcome.iterations == 6
+    assert not paper.iterated.converged and paper.iterated.iterations == 6
     assert paper.accuracy < 1e-8 and paper.history[-1].true_error > 1e-3 > paper.accuracy
     assert paper.history[0].true_error > paper.history[-1].true_error
     rows = rows_of(tmp_path / "table.csv")

@@ -1,11 +1,9 @@
-"""What the solve loop tells its subscribers: history, progress, checkpoint.
-
-A subscriber is any callable taking one event; it must not change the event's arrays.
-"""
+"""What a run tells those who listen: history, progress and checkpoint, and whoever else wants to know."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,8 +70,70 @@ HISTORY_COLUMNS = [
 
 @dataclass(frozen=True)
 class Finished:
-    """The loop has ended: ``stop_reason`` is "converged", "max_iterations", "stagnated", "interrupted" …"""
+    """The iterations have ended: ``stop_reason`` is "converged", "max_iterations", "diverged", "stagnated …"."""
 
     converged: bool
     stop_reason: str
     iterations: int
+
+
+class Subscriber:
+    """Hears what goes on in a run. All methods are optional: override those of use.
+
+    They are called in the thread of the run, which waits for them; an exception ends it. Events are shared by
+    all who listen: their arrays must not be changed, and are to be copied if they are kept. Of several ranks,
+    only rank 0 has subscribers.
+
+    Attributes
+    ----------
+    wants_states : whether ``Iteration.state`` is needed. With several ranks, whole states are brought together for
+        those alone who want them, and they hear of an iteration while the next one is under way
+
+    Examples
+    --------
+    >>> class Printer(Subscriber):
+    ...     def iteration(self, event):
+    ...         print(event.iteration, f"{event.residual:.0e}")
+    ...     def finished(self, event):
+    ...         print(event.stop_reason, "after", event.iterations)
+    >>> Printer().finished(Finished(converged=True, stop_reason="converged", iterations=7))
+    converged after 7
+    >>> Printer().stage("assembling and factorising")    # not overridden: nothing happens
+    """
+
+    wants_states = False
+
+    def stage(self, name: str) -> None:
+        """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""
+
+    def iteration(self, event: Iteration) -> None:
+        """An iteration is done."""
+
+    def finished(self, event: Finished) -> None:
+        """The iterations have ended, converged or not; what is delivered is computed next."""
+
+    def failed(self, error: BaseException) -> None:
+        """The run has been interrupted or has failed, at whatever stage; ``error`` ends it after this."""
+
+
+class Subscribers(Subscriber):
+    """Several as one: each is told in turn."""
+
+    def __init__(self, subscribers: Iterable[Subscriber] = ()):
+        self.all = list(subscribers)
+
+    def stage(self, name: str) -> None:
+        for subscriber in self.all:
+            subscriber.stage(name)
+
+    def iteration(self, event: Iteration) -> None:
+        for subscriber in self.all:
+            subscriber.iteration(event)
+
+    def finished(self, event: Finished) -> None:
+        for subscriber in self.all:
+            subscriber.finished(event)
+
+    def failed(self, error: BaseException) -> None:
+        for subscriber in self.all:
+            subscriber.failed(error)

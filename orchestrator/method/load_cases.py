@@ -16,9 +16,8 @@ import scipy.linalg as la
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.laws.points import BONDED, OPEN
-from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.iterated import Iterated
 from orchestrator.method.local.state import LocalState
-from orchestrator.method.solver import Outcome
 from orchestrator.scene.model import Scene
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it
@@ -120,8 +119,8 @@ def _on_rays(loads: np.ndarray, homogeneous: bool) -> LoadCases:
     return LoadCases(np.array(chosen), weights[chosen], "proportional")
 
 
-def expanded(d: Decomposition, outcome: Outcome, cases: LoadCases) -> Outcome:
-    """The outcome of all steps from that of the solved ones.
+def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated:
+    """What the iterations ended with for all load steps, from that for the solved ones.
 
     Parameters
     ----------
@@ -133,11 +132,9 @@ def expanded(d: Decomposition, outcome: Outcome, cases: LoadCases) -> Outcome:
     the correction to u_D are evaluated again.
     """
     if not cases.left_out:
-        return outcome
-    weights = cases.weights
-    f, local, bound = outcome.fields, outcome.local, outcome.bound
-    fields = Admissible(*(getattr(f, name) @ weights for name in ("s", "u", "alpha", "w", "f")))
-    everything = LocalState(local.s @ weights)
+        return iterated
+    weights, local, bound = cases.weights, iterated.local, iterated.bound
+    fields, everything = iterated.fields.combined(weights), LocalState(local.s @ weights)
     if d.all_perfect:
         bound = replace(d.bound(fields, complete=False), relative=bound.relative)
     else:
@@ -147,4 +144,4 @@ def expanded(d: Decomposition, outcome: Outcome, cases: LoadCases) -> Outcome:
                                 cases.all_steps(local.force), cases.all_steps(local.jump), status, local.mine)
         bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, bound.repositioned @ weights,
                       bound.correction @ weights)
-    return replace(outcome, fields=fields, local=everything, bound=bound)
+    return replace(iterated, fields=fields, local=everything, bound=bound)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.blas import daxpy
 
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
 
 REGULARISATION = 1e-10
@@ -36,9 +37,9 @@ class Anderson:
         self.s = self.r = None
         self.smallest = np.inf
 
-    def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
+    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation; the best known point is the evaluation itself."""
-        residual = s_new - s
+        s, residual = evaluated.s, image - evaluated.s
         r = self.root * residual
         size = float(np.sqrt(self.team.sum(np.vdot(r, r))[0]))
         if size > FORGET * self.smallest:
@@ -48,7 +49,7 @@ class Anderson:
             self._remember(s, r)
         self.smallest = min(self.smallest, size)
         self.s, self.r = s, r
-        return residual, s, extra
+        return residual, evaluated
 
     def _remember(self, s: np.ndarray, r: np.ndarray) -> None:
         if len(self.dr) == self.memory:

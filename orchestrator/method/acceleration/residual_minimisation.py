@@ -15,8 +15,11 @@ References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schu
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
 
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
@@ -33,10 +36,10 @@ class Relaxation:
     def __init__(self, relaxation: float):
         self.relaxation = relaxation
 
-    def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
-        """Residual and best known (s, *extra): the evaluation itself."""
-        self.s, self.residual = s, s_new - s
-        return self.residual, s, extra
+    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
+        """Take in an evaluation; the best known point is the evaluation itself."""
+        self.s, self.residual = evaluated.s, image - evaluated.s
+        return self.residual, evaluated
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""
@@ -48,34 +51,29 @@ class ResidualMinimisation:
 
     Parameters
     ----------
+    complete : (s, u, α) → admissible fields, as ``LinearStage.complete``
     weight : (D,) float, squared weights of the norm in which residuals are minimised
     memory : directions kept; None keeps all
     relaxation : β of the next evaluation
     team : the ranks that share the state
     """
 
-    def __init__(self, weight: np.ndarray, memory: int | None, relaxation: float, team: Team = ALONE):
-        self.root = np.sqrt(weight)[:, None]
+    def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
+                 team: Team = ALONE):
+        self.complete, self.root = complete, np.sqrt(weight)[:, None]
         self.memory, self.relaxation, self.team = memory, relaxation, team
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.r: np.ndarray | None = None
         self.point: list[np.ndarray] = []
 
-    def best(self, s: np.ndarray, s_new: np.ndarray, extra: list[np.ndarray]):
-        """Take in an evaluation.
+    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
+        """Take in an evaluation; residual and fields at the combination of least residual.
 
-        Parameters
-        ----------
-        s, s_new : (D, T) state and F(s)
-        extra : affine functions of the state, known at s, to be combined in the same way
-
-        Returns
-        -------
-        residual, s, extra at the combination of least residual
+        u and α are affine functions of s: they are combined like it.
         """
-        r, point = self.root * (s_new - s), [s, *extra]
+        r, point = self.root * (image - evaluated.s), [evaluated.s, evaluated.u, evaluated.alpha]
         if self.r is None:
-            self.r, self.point = r, point
+            self.r, self.point, best = r, point, evaluated
         else:
             dr = r - self.r
             dp = [a - b for a, b in zip(point, self.point)]
@@ -101,7 +99,8 @@ class ResidualMinimisation:
             gamma = -along * inverse
             self.r = self.r + dr * gamma
             self.point = [a + b * gamma for a, b in zip(self.point, dp)]
-        return self.r / self.root, self.point[0], self.point[1:]
+            best = self.complete(*self.point)
+        return self.r / self.root, best
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""

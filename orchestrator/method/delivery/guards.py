@@ -21,7 +21,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.stopping.law_residuals import REST
 from orchestrator.laws.points import BONDED
-from orchestrator.method.solver import Outcome
+from orchestrator.method.iterated import Iterated
 
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
 NOTICED = 0.2  # share of the bound from which on noise is part of it
@@ -30,7 +30,7 @@ LAWS = 100.0  # a node's violation over the law residual that the run claims
 ROUNDING = 1e-9
 
 
-def failed_guards(d: Decomposition, outcome: Outcome, parts: list[np.ndarray],
+def failed_guards(d: Decomposition, outcome: Iterated, parts: list[np.ndarray],
                   interfaces: InterfaceFields | None) -> list[str]:
     """What the delivered fields break, a sentence each.
 
@@ -46,7 +46,7 @@ def failed_guards(d: Decomposition, outcome: Outcome, parts: list[np.ndarray],
     return found
 
 
-def works(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two external works and the size of the terms that they sum, each (T,) force × length."""
     fields, steps = outcome.fields, d.scene.steps
     forces = d.space.scatter @ fields.f
@@ -67,7 +67,7 @@ def works(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[
     return tuple(d.space.team.sum(inner, outer, size))
 
 
-def with_noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> Outcome:
+def with_noise(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> Iterated:
     """The outcome with the noise of the answers in its bound; not converged any more if that is too much."""
     bound, floor = outcome.bound.relative, NOISE * noise(d, outcome, parts)
     if not floor > NOTICED * bound:
@@ -80,7 +80,7 @@ def with_noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> O
         f"guard: repeated answers of the code differ: no error below {floor:.1e} can be claimed"))
 
 
-def noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> float:
+def noise(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> float:
     """Energy norm of what recovered and iterated interface displacements differ by, and of the forces that go with it,
     relative to the solution's."""
     apart, mode = np.zeros_like(outcome.fields.u), 0
@@ -97,7 +97,7 @@ def noise(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> float:
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
 
 
-def _works(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> list[str]:
+def _works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> list[str]:
     inner, outer, size = works(d, outcome, parts)
     # where nothing is strained, what rounding leaves of the soles' energy is no work
     soles, = d.space.team.sum(np.sum(outcome.fields.w * (d.stage.direction.k @ outcome.fields.w), axis=0))

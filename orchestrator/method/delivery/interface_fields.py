@@ -14,7 +14,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.laws.points import BONDED, OPEN, SLIP, STICK
 from orchestrator.method.interface.pairs import PairTraces, node_areas, pair_normals
 from orchestrator.method.delivery.recovery import delivered
-from orchestrator.method.solver import Outcome
+from orchestrator.method.iterated import Iterated
 from orchestrator.scene.model import Interface
 
 
@@ -74,7 +74,7 @@ class InterfaceFields:
                 for name, kind in (("open", OPEN), ("stick", STICK), ("slip", SLIP))}
 
 
-def interface_fields(d: Decomposition, outcome: Outcome) -> InterfaceFields | None:
+def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | None:
     """Fields of the interfaces that are not perfect, on rank 0; None elsewhere, and where all are."""
     if d.all_perfect:
         return None
@@ -118,7 +118,7 @@ def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
     return np.concatenate(places) if places else np.zeros(0, int)
 
 
-def sides(d: Decomposition, outcome: Outcome, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+def sides(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
     """Displacements where interfaces open: the bodies' own, and one per node of the input mesh.
 
     Parameters

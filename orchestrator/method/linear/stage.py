@@ -12,7 +12,8 @@ so that affine combinations of its results are its results for the combined stat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -39,6 +40,15 @@ class Admissible:
     alpha: np.ndarray
     w: np.ndarray
     f: np.ndarray
+
+    @classmethod
+    def joined(cls, batches: Sequence[Admissible]) -> Admissible:
+        """The fields of all load steps from those of batches of them, in order."""
+        return cls(*(np.hstack([getattr(b, f.name) for b in batches]) for f in fields(cls)))
+
+    def combined(self, weights: np.ndarray) -> Admissible:
+        """Fields of T' load steps that are combinations of the present ones, weights (T, T')."""
+        return Admissible(*(getattr(self, f.name) @ weights for f in fields(self)))
 
 
 class LinearStage:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,13 @@ class LocalState:
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
     mine: np.ndarray | None = None
+
+    @classmethod
+    def joined(cls, batches: Sequence[LocalState]) -> LocalState:
+        """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""
+        return cls(np.hstack([b.s for b in batches]), tuple(np.hstack(hats) for hats in zip(*(b.hats for b in batches))),
+                   *(np.concatenate([getattr(b, name) for b in batches]) for name in ("force", "jump", "status")),
+                   batches[0].mine)
 
     @property
     def counts(self) -> tuple[int, int, int]:

@@ -18,6 +18,7 @@ Schur complements S, preconditioned by the black box itself: N M⁻¹Nᵀ = (S +
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 
@@ -62,6 +63,12 @@ class Bound:
     correction: np.ndarray
     sweeps: int = 0
     errors: np.ndarray | float = np.inf
+
+    @classmethod
+    def joined(cls, batches: Sequence[Bound]) -> Bound:
+        """What is known of all load steps from batches of them, in order; no bound holds for all."""
+        return cls(np.nan, np.nan, np.concatenate([b.energy for b in batches]),
+                   *(np.hstack([getattr(b, name) for b in batches]) for name in ("repositioned", "correction")))
 
 
 class ErrorBound:

@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -45,10 +46,7 @@ Estimate = Callable[[Admissible, Bound], float]
 CLEAR = 0.1  # fraction of the tolerance below which the bound's first part promises the whole
 
 
-UNKNOWN = Bound(math.nan, math.nan, np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))  # not asked for yet
-
-
-@dataclass
+@dataclass(frozen=True)
 class Verdict:
     """What a criterion says of one iteration.
 
@@ -56,16 +54,43 @@ class Verdict:
     ----------
     met : whether it holds
     measure : what has been compared with the tolerance
-    bound : for the delivered fields; its ``relative`` is nan where it is not known, UNKNOWN where nothing is
+    bound : for the delivered fields; its ``relative`` is nan where it is not known; None where nothing is
     laws : the measures of the interface laws, where there are such
-    sweeps : back-substitutions per subdomain and load step
+    sweeps : back-substitutions per subdomain and load step that it has cost
+    discretisation_error : latest estimate of it; nan where there is none
     """
 
     met: bool
     measure: float
-    bound: Bound
+    bound: Bound | None
     laws: LawResiduals | None = None
     sweeps: float = 0.0
+    discretisation_error: float = math.nan
+
+    @property
+    def error_bound(self) -> float:
+        """Guaranteed bound on the relative energy error; nan where it is not known."""
+        return math.nan if self.bound is None else self.bound.relative
+
+
+class Criterion(Protocol):
+    """What a run waits for.
+
+    Attributes
+    ----------
+    name, value : of the quantity, and below what it has to fall
+    done : (T,) bool, load steps that seem accurate enough to be left out of the next linear stage
+    """
+
+    name: str
+    value: float
+    done: np.ndarray
+
+    def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
+        """Judge an iteration; ``measures`` are waited for when they are needed."""
+
+    def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
+        """What belongs to the delivered fields, and the sweeps that it has cost now if it was not known (``bound``)."""
 
 
 class ErrorCriterion:
@@ -106,9 +131,12 @@ class ErrorCriterion:
             self.done[:] = bound.errors <= CLEAR * self.value
         return Verdict(bool(bound.relative <= self.value), bound.relative, bound, sweeps=bound.sweeps)
 
-    def final(self, fields: Admissible, bound: Bound) -> Bound:
-        """The bound of the delivered fields, evaluated now if it has not been."""
-        return bound if np.isfinite(bound.relative) else self.d.bound(fields)
+    def final(self, fields: Admissible, bound: Bound) -> tuple[Bound, float]:
+        """The bound of the delivered fields, evaluated now if it has not been, and the sweeps that this costs."""
+        if np.isfinite(bound.relative):
+            return bound, 0.0
+        bound = self.d.bound(fields)
+        return bound, bound.sweeps
 
 
 class LawCriterion:
@@ -123,7 +151,7 @@ class LawCriterion:
         self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        laws, bound = self.laws(fields, local), UNKNOWN
+        laws, bound = self.laws(fields, local), None
         measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
             bound = self._delivered(fields)
@@ -146,9 +174,9 @@ class LawCriterion:
         modes = sum(m.shape[1] for m in d.modes)
         return Bound(math.nan, math.nan, energy, np.zeros((modes, fields.u.shape[1])), delta)
 
-    def final(self, fields: Admissible, bound: Bound) -> Bound:
-        """What belongs to the delivered fields, evaluated now if it has not been."""
-        return self._delivered(fields) if bound is UNKNOWN else bound
+    def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
+        """Energy and continuity of the delivered fields, evaluated now if they have not been; no sweeps."""
+        return bound or self._delivered(fields), 0.0
 
 
 class AutoCriterion:
@@ -161,7 +189,7 @@ class AutoCriterion:
     estimate : costs one back-substitution per subdomain and load step
     """
 
-    def __init__(self, inner: "ErrorCriterion | LawCriterion", fraction: float, estimate: Estimate):
+    def __init__(self, inner: ErrorCriterion | LawCriterion, fraction: float, estimate: Estimate):
         self.inner, self.fraction, self.estimate = inner, fraction, estimate
         self.name, self.final, self.done = inner.name, inner.final, inner.done
         self.discretisation_error = math.nan
@@ -173,12 +201,12 @@ class AutoCriterion:
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         verdict = self.inner(fields, local, measures)
-        if not verdict.met:
-            return verdict
-        self.discretisation_error = self.estimate(fields, verdict.bound)
-        self.inner.value = max(self.fraction * self.discretisation_error, LEAST)
-        self.done[:] = False
-        return replace(verdict, met=bool(verdict.measure <= self.inner.value), sweeps=verdict.sweeps + 1)
+        if verdict.met:
+            self.discretisation_error = self.estimate(fields, verdict.bound)
+            self.inner.value = max(self.fraction * self.discretisation_error, LEAST)
+            self.done[:] = False
+            verdict = replace(verdict, met=bool(verdict.measure <= self.value), sweeps=verdict.sweeps + 1)
+        return replace(verdict, discretisation_error=self.discretisation_error)
 
 
 def _asked(tolerance) -> tuple[bool, float]:
@@ -188,8 +216,7 @@ def _asked(tolerance) -> tuple[bool, float]:
     return (False, tolerance.indicator) if tolerance.error is None else (True, tolerance.error)
 
 
-def make_criterion(d: Decomposition, tolerance, estimate: Estimate | None = None,
-                   spare: bool = True) -> ErrorCriterion | LawCriterion | AutoCriterion:
+def make_criterion(d: Decomposition, tolerance, estimate: Estimate | None = None, spare: bool = True) -> Criterion:
     """The criterion for a decomposition and ``method.tolerance``; ``estimate`` is needed for ``error: auto``."""
     criterion = ErrorCriterion(d, tolerance, spare) if d.all_perfect else LawCriterion(d, tolerance)
     return AutoCriterion(criterion, tolerance.fraction, estimate) if tolerance.error == "auto" else criterion

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
         return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
                         tuple(int(c) for c in counts))
 
-    return result
+    return cache(result)
 
 
 def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.method.events import Finished, Iteration
+from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "checkpoint.npz"
@@ -40,8 +40,8 @@ class SavedState:
     seconds: float
 
 
-class Checkpoint:
-    """Subscriber of the solve loop that keeps the last iteration and saves it regularly.
+class Checkpoint(Subscriber):
+    """Keeps the last iteration and saves it regularly.
 
     A converged run removes the file; any other end saves the last state.
 
@@ -60,17 +60,21 @@ class Checkpoint:
         self._last: SavedState | None = None
         self._saved, self._pause = clock(), every
 
-    def __call__(self, event: Iteration | Finished) -> None:
-        if isinstance(event, Iteration):
-            # a copy: the loop may go on in the same memory while an interrupt asks for write()
-            self._last = SavedState(np.array(event.state), event.iteration, event.sweeps, event.seconds)
-            if self._clock() - self._saved >= self._pause:
-                self.write()
-        elif event.converged:
+    def iteration(self, event: Iteration) -> None:
+        # a copy: the loop may go on in the same memory while an interrupt asks for write()
+        self._last = SavedState(np.array(event.state), event.iteration, event.sweeps, event.seconds)
+        if self._clock() - self._saved >= self._pause:
+            self.write()
+
+    def finished(self, event: Finished) -> None:
+        if event.converged:
             self._folder.remove(NAME)
             self._last = None
         else:
             self.write()
+
+    def failed(self, error: BaseException) -> None:
+        self.write()
 
     def write(self) -> Path | None:
         """Saves the last finished iteration now; None if there is none yet."""

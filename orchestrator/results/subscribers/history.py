@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.method.events import HISTORY_COLUMNS, Finished, Iteration
+from orchestrator.method.events import HISTORY_COLUMNS, Iteration, Subscriber
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "history.csv"
 _COUNTS = {"iteration", "open", "stick", "slip"}
 
 
-class HistoryWriter:
-    """Subscriber of the solve loop that appends every iteration to history.csv.
+class HistoryWriter(Subscriber):
+    """Appends every iteration to history.csv.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ class HistoryWriter:
         with folder.guarded(NAME):
             self._file = open(folder / NAME, "ab", buffering=0)
 
-    def __call__(self, event: Iteration | Finished) -> None:
-        if isinstance(event, Iteration) and not self._file.closed:
+    def iteration(self, event: Iteration) -> None:
+        if not self._file.closed:
             self._append(_line([getattr(event, name) for name in HISTORY_COLUMNS]))
 
     def _append(self, line: bytes) -> None:

@@ -9,13 +9,13 @@ from typing import TextIO
 
 import numpy as np
 
-from orchestrator.method.events import Finished, Iteration
+from orchestrator.method.events import Finished, Iteration, Subscriber
 
 _WINDOW = 8  # iterations the convergence rate is fitted on: recent enough to notice a change of pace
 
 
-class Progress:
-    """Subscriber of the solve loop; silent when ``quiet`` or when the stream is no terminal.
+class Progress(Subscriber):
+    """A line on the terminal; silent when ``quiet`` or when the stream is no terminal.
 
     Parameters
     ----------
@@ -43,16 +43,14 @@ class Progress:
         self._live.start()
 
     def stage(self, name: str) -> None:
-        """Shows what goes on before the first iteration, e.g. ``"factorising"``."""
         self._show(name, "", 0.0)
 
-    def __call__(self, event: Iteration | Finished) -> None:
+    def finished(self, event: Finished) -> None:
+        self._show(f"{event.stop_reason} after {event.iterations} iterations", None, 1.0 if event.converged else None)
+        self.close()
+
+    def iteration(self, event: Iteration) -> None:
         if self._live is None:
-            return
-        if isinstance(event, Finished):
-            self._show(f"{event.stop_reason} after {event.iterations} iterations", None,
-                       1.0 if event.converged else None)
-            self.close()
             return
         name, target = event.target
         value = float(getattr(event, name, math.nan))

@@ -7,41 +7,43 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.method.events import Finished, Iteration
+from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.interface.traces import TraceSpace
 
 
-def whole_states(subscribers: Sequence[Callable], space: TraceSpace) -> Sequence[Callable]:
+def whole_states(subscribers: Sequence[Subscriber], space: TraceSpace) -> Sequence[Subscriber]:
     """The subscribers, told of whole states: the same ones where there is one rank."""
     return subscribers if space.team.size == 1 else [WholeStates(subscribers, space)]
 
 
-class WholeStates:
-    """Subscriber of every rank that tells those of rank 0, in the same iteration.
+class WholeStates(Subscriber):
+    """On every rank; tells those of rank 0, in the same iteration.
 
-    Those that keep states (they have ``wants_states``) are told one iteration later: the parts travel
-    while the next linear stage is solved, and what has arrived outlives the rank it came from.
+    Those that want states are told one iteration later: the parts travel while the next linear stage is solved,
+    and what has arrived outlives the rank it came from.
 
     Notes
     -----
     The volume is that of all traces, to one rank: right for some hundreds of ranks.
     """
 
-    def __init__(self, subscribers: Sequence[Callable], space: TraceSpace):
-        self.keepers = [s for s in subscribers if getattr(s, "wants_states", False)]
-        self.others = [s for s in subscribers if s not in self.keepers]
+    def __init__(self, subscribers: Sequence[Subscriber], space: TraceSpace):
+        self.keepers = Subscribers(s for s in subscribers if s.wants_states)
+        self.others = Subscribers(s for s in subscribers if not s.wants_states)
         self.team = space.team
         self.numbers = space.team.all_gather(space.number)
         self.under_way: tuple[Iteration, Callable] | None = None
 
-    def __call__(self, event: Iteration | Finished) -> None:
+    def iteration(self, event: Iteration) -> None:
         self._arrive()
-        if isinstance(event, Iteration):
-            steps = event.state.shape[1]
-            self.under_way = event, self.team.gather_later(event.state, [len(n) * steps for n in self.numbers])
-        else:
-            self._tell(self.keepers, event)
-        self._tell(self.others, event)
+        steps = event.state.shape[1]
+        self.under_way = event, self.team.gather_later(event.state, [len(n) * steps for n in self.numbers])
+        self.others.iteration(event)
+
+    def finished(self, event: Finished) -> None:
+        self._arrive()
+        self.keepers.finished(event)
+        self.others.finished(event)
 
     def _arrive(self) -> None:
         if self.under_way is None:
@@ -52,9 +54,4 @@ class WholeStates:
             state = np.empty((sum(map(len, self.numbers)), event.state.shape[1]))
             for number, part in zip(self.numbers, parts):
                 state[number] = part.reshape(len(number), -1)
-            self._tell(self.keepers, replace(event, state=state))
-
-    @staticmethod
-    def _tell(subscribers: Sequence[Callable], event: Iteration | Finished) -> None:
-        for subscriber in subscribers:
-            subscriber(event)
+            self.keepers.iteration(replace(event, state=state))

@@ -85,7 +85,7 @@ def soles(study: Study) -> None:
                              None not in (found[1.0], found[factor]) and found[factor] <= SPREAD * found[1.0])
     study.write()
     figure, axes = grid(1, len(problems), 11.0, 3.6)
-    last = min(1.05 * max(run.outcome.iterations * run.scene.steps for run in curves.values()), 3000)
+    last = min(1.05 * max(run.iterated.iterations * run.scene.steps for run in curves.values()), 3000)
     for panel, name in zip(axes[0], problems):
         draw(panel, [], "law_residual", limits=(1e-7, 10), last=last, mark=(TOLERANCE, f"{TOLERANCE:g}"))
         for factor, colour in zip(FACTORS, shades(len(FACTORS), "plasma")):

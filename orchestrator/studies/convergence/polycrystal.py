@@ -181,7 +181,7 @@ def _print_tables(study: Study, run: Followed) -> None:
     third = [{"s in all iterations": name, "paper, smallest": _TABLE3[name][0], "paper, largest": _TABLE3[name][1],
               "ours, all subdomains": None if seconds is None else round(seconds, 2)}
              for name, seconds in measured.items()]
-    print_table(study.console, f"Table 3: {run.outcome.iterations} iterations; a processor per subdomain in the paper, "
+    print_table(study.console, f"Table 3: {run.iterated.iterations} iterations; a processor per subdomain in the paper, "
                                "all subdomains one after the other here", third, ())
 
     busy = run.clock["solve"]
@@ -229,7 +229,7 @@ def _figure15(runs: Mapping[str, Followed], last: int) -> bytes:
     left, right = figure.subplots(1, 2)
     colours = {"paper, mono-scale": ORANGE, "paper, multiscale": GREEN, "defaults": BLUE}
     curves = [Curve(runs[name].history, colour, name) for name, colour in colours.items()]
-    last = max(last, runs["defaults"].outcome.iterations)
+    last = max(last, runs["defaults"].iterated.iterations)
     draw(left, curves, "indicator", limits=(1e-12, 2), last=last)
     draw(right, curves, "true_error", limits=(1e-6, 2), last=last, mark=(ERROR, f"{ERROR:g}"))
     for axes, name in ((left, "indicator η (a squared ratio)"), (right, "error against the converged solution")):

@@ -12,23 +12,25 @@ Bodies that nothing holds at the end have no position of their own: wherever the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from rich.status import Status
 
 from orchestrator.blackbox.pool.pool import default_workers
 from orchestrator.blackbox.codes.registry import make_blackbox
 from orchestrator.config import Config, config_from
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.decomposition import Decomposition, prepare
-from orchestrator.method.events import Iteration
+from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.delivery.recovery import recover
-from orchestrator.method.solver import Outcome, iterate
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.solver import Start, iterate
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.results.fields.fields import Fields
@@ -103,7 +105,7 @@ class Followed:
 
     Parameters
     ----------
-    outcome : of the run itself; its history knows the true error
+    iterated : of the run itself; its history knows the true error
     w, status : (D, T) and (T, P) of the end, where the run was continued to
     loose : per load step, names of the subdomains that nothing holds at the end
     held_errors : per iteration, the error but for the rigid motion of these
@@ -114,7 +116,7 @@ class Followed:
     """
 
     scene: Scene
-    outcome: Outcome
+    iterated: Iterated
     w: np.ndarray
     status: np.ndarray
     loose: list[set[str]]
@@ -130,7 +132,7 @@ class Followed:
 
     @property
     def history(self) -> list[Iteration]:
-        return self.outcome.history
+        return self.iterated.history
 
 
 def follow(study: Study, case: Case, beside: Followed | None = None, *, towards: Followed | None = None,
@@ -155,21 +157,17 @@ def follow(study: Study, case: Case, beside: Followed | None = None, *, towards:
             watch.start -= mesh_seconds - watch.seconds["mesh"]
             watch.seconds["mesh"] = mesh_seconds
 
-        def tell(event) -> None:
-            if isinstance(event, Iteration):
-                status.update(f"{case}: iteration {event.iteration}, law residual {event.law_residual:.1e}")
-
-        followed = _solve(config, scene, watch, towards, wants_fields, tell, continued)
+        followed = _solve(config, scene, watch, towards, wants_fields, _Shown(status, case), continued)
     apart_from = {} if beside is None else {
         "apart": apart(followed.w, beside.w), "other_statuses": int((followed.status != beside.status).sum())}
-    outcome, steps = followed.outcome, scene.steps
+    iterated, steps = followed.iterated, scene.steps
     row = {"subdomains": len(scene.subdomains), "dofs": 3 * len(scene.mesh.nodes), "steps": steps,
-           "iterations": outcome.iterations, "setup_sweeps": round(followed.setup * steps),
+           "iterations": iterated.iterations, "setup_sweeps": round(followed.setup * steps),
            **{f"sweeps_{level:.0e}": sweeps_to(followed, "true_error", level) for level in LEVELS},
-           "true_error": outcome.history[-1].true_error, "held_error": followed.held_errors[-1], "law_residual": outcome.last.law_residual,
-           "indicator": outcome.last.indicator, "end_law_residual": followed.accuracy, **apart_from,
+           "true_error": iterated.history[-1].true_error, "held_error": followed.held_errors[-1], "law_residual": iterated.last.law_residual,
+           "indicator": iterated.last.indicator, "end_law_residual": followed.accuracy, **apart_from,
            **dict(zip(("open", "stick", "slip"), (int((followed.status == kind).sum()) for kind in range(3)))),
-           "stop_reason": outcome.stop_reason, "seconds": round(followed.seconds, 2), **(measure or {})}
+           "stop_reason": iterated.stop_reason, "seconds": round(followed.seconds, 2), **(measure or {})}
     study.add(case, row, followed.history, f"law residual {row['law_residual']:.1e}, error {row['true_error']:.1e}")
     return followed
 
@@ -186,7 +184,7 @@ def apart(w: np.ndarray, end: np.ndarray) -> float:
 
 
 def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | None, wants_fields: bool,
-           tell: Callable, continued: int) -> Followed:
+           shown: Subscriber, continued: int) -> Followed:
     workers = max(default_workers() if code.workers == "auto" else code.workers for code in config.codes)
     method, fields = config.method, None
     with watch("soles"):
@@ -196,39 +194,49 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
     with blackbox:
         d = prepare(scene, soles, method, blackbox, workers, watch)
         trail = Trail(d.space)
-        outcome = iterate(d, method, (tell,), watch, true_error=trail)
+        iterated = iterate(d, method, (shown,), watch, true_error=trail)
         with watch("linear_stage"):
-            displacement, parts = recover(d, outcome.fields, outcome.bound)
-        interfaces = interface_fields(d, outcome)
+            displacement, parts = recover(d, iterated.fields, iterated.bound)
+        interfaces = interface_fields(d, iterated)
         if wants_fields:
-            displacement, own = sides(d, outcome, parts)
+            displacement, own = sides(d, iterated, parts)
             fields = Fields.of(scene, displacement, own, interfaces)
         seconds, clock = watch.total, blackbox.clock()
         memory = memory_peak_mb() + blackbox.memory_peak_mb()
         if towards is not None:
             w, status, loose, accuracy = towards.w, towards.status, towards.loose, towards.accuracy
         else:
-            end = _end(d, config, scene, outcome, continued)
+            end = _end(d, config, scene, iterated, continued)
             w, status, accuracy = end.fields.w, end.local.status, end.last.law_residual
-            last = interfaces if end is outcome else interface_fields(d, end)
+            last = interfaces if end is iterated else interface_fields(d, end)
             loose = [set(a + b) for a, b in zip(*held_bodies(scene, last))]
         held = trail.held_errors(w, scene, loose)
-    outcome.history[:] = [replace(event, true_error=error)
-                          for event, error in zip(outcome.history, trail.errors(w))]
-    return Followed(scene, outcome, w, status, loose, held, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
+    iterated.history[:] = [replace(event, true_error=error)
+                          for event, error in zip(iterated.history, trail.errors(w))]
+    return Followed(scene, iterated, w, status, loose, held, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
 
 
-def _end(d: Decomposition, config: Config, scene: Scene, outcome: Outcome, continued: int) -> Outcome:
+class _Shown(Subscriber):
+    """Shows on the console how far a case is."""
+
+    def __init__(self, status: Status, case: Case):
+        self.status, self.case = status, case
+
+    def iteration(self, event: Iteration) -> None:
+        self.status.update(f"{self.case}: iteration {event.iteration}, law residual {event.law_residual:.1e}")
+
+
+def _end(d: Decomposition, config: Config, scene: Scene, iterated: Iterated, continued: int) -> Iterated:
     """Where a run tends to: itself if it came there; else continued with the defaults, on its own soles."""
-    if outcome.converged or not continued or not np.isfinite(outcome.fields.s).all():
-        return outcome
+    if iterated.converged or not continued or not np.isfinite(iterated.fields.s).all():
+        return iterated
     plain = config_from({**config.complete(), "method": {
         "tolerance": config.method.tolerance.model_dump(exclude_none=True), "max_iterations": continued}}).method
     stage = copy(d.stage)
     stage.macro = None  # at a solution its multiplier is zero
     view = replace(d, stage=stage, coarse=d.coarse or _coarse(d, scene))
-    end = iterate(view, plain, (), Stopwatch(), outcome.fields.s)
-    return end if end.last.law_residual < outcome.last.law_residual else outcome
+    end = iterate(view, plain, (), Stopwatch(), Start(iterated.fields.s))
+    return end if end.last.law_residual < iterated.last.law_residual else iterated
 
 
 def _coarse(d: Decomposition, scene: Scene):

@@ -1,0 +1,64 @@
+"""The acceleration that a configuration asks for, in the norm of the inverse search direction."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from orchestrator.method.acceleration.anderson import Anderson
+from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.linear.stage import Admissible
+
+CONTACT_MEMORY = 30
+
+
+class Acceleration(Protocol):
+    """Finds the fixed point s = F(s), one evaluation after the other."""
+
+    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
+        """Take in an evaluation.
+
+        Parameters
+        ----------
+        evaluated : the linear stage at s
+        image : F(s), what the local stage has made of it
+
+        Returns
+        -------
+        residual : F(s) − s at the best point known so far
+        fields : the linear stage there
+        """
+
+    def next(self) -> np.ndarray:
+        """State to evaluate next; the caller's to change."""
+
+
+def make_acceleration(d: Decomposition, method) -> Acceleration:
+    """The acceleration for a decomposition and ``method`` of the configuration.
+
+    ``relaxation: auto`` is 1 where the residual is minimised over affine maps and 0.8 with contact. Where
+    it is not minimised at all it is 0.8 (the paper's), or less if the two search directions differ much.
+    """
+    weight, auto = 1 / d.stage.direction.diagonal, method.relaxation == "auto"
+    memory = None if method.memory == "auto" else method.memory
+    if method.acceleration == "none":
+        return Relaxation(_stable_relaxation(d) if auto else method.relaxation)
+    if d.all_perfect:
+        return ResidualMinimisation(d.stage.complete, weight, None if method.acceleration == "gmres" else memory,
+                                    1.0 if auto else method.relaxation, d.space.team)
+    return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation, d.space.team)
+
+
+def _stable_relaxation(d: Decomposition) -> float:
+    """For the worst eigenvalues of all ranks: k⁻ and k⁺ do not couple interfaces."""
+    low, high = d.local.conditioning()
+    high, low = d.space.team.max(high, -low)
+    return stable_relaxation(-low, high)
+
+
+def stable_relaxation(low: float, high: float) -> float:
+    """0.8, or 0.9 of the limit 2/(1 + max(λ, 1/λ)) where that is less; λ the eigenvalues of (k⁻, k⁺)."""
+    worst = max(high, 1 / low if low > 0 else np.inf)
+    return max(min(0.8, 0.9 * 2 / (1 + worst)), 0.01)

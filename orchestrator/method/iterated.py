@@ -1,0 +1,52 @@
+"""What the iterations end with: the input of all that is delivered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from orchestrator.method.events import Iteration
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.local.state import LocalState
+from orchestrator.method.stopping.bound import Bound
+
+
+@dataclass(frozen=True)
+class Iterated:
+    """What the iterations ended with, this rank's part.
+
+    Parameters
+    ----------
+    fields : best admissible fields
+    local : the last local stage
+    bound : their error bound, energy and continuity
+    converged, stop_reason : and why
+    iterations : linear stages after set-up
+    sweeps : back-substitutions per subdomain and load step, iterations alone
+    last : the last event
+    history : all events, without their states
+    frozen : load steps that took no part in a linear stage because they were accurate enough, summed over the stages
+    """
+
+    fields: Admissible
+    local: LocalState
+    bound: Bound
+    converged: bool
+    stop_reason: str
+    iterations: int
+    sweeps: float
+    last: Iteration
+    history: list[Iteration] = field(default_factory=list)
+    frozen: int = 0
+
+    @classmethod
+    def joined(cls, batches: Sequence[Iterated]) -> Iterated:
+        """Of all load steps from batches of them, in order; the reason is that of the first failure."""
+        if len(batches) == 1:
+            return batches[0]
+        decisive = next((b for b in batches if not b.converged), batches[-1])
+        return cls(
+            Admissible.joined([b.fields for b in batches]), LocalState.joined([b.local for b in batches]),
+            Bound.joined([b.bound for b in batches]), decisive.converged, decisive.stop_reason,
+            batches[-1].iterations, batches[-1].sweeps, decisive.last,
+            [event for b in batches for event in b.history], sum(b.frozen for b in batches))

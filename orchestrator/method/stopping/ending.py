@@ -1,0 +1,54 @@
+"""When iterations end, and what that is called in ``stop_reason``.
+
+- ``converged``: the stopping criterion holds
+- ``diverged``: the residual is not finite, or displacements have grown beyond all that a convergent run shows
+- ``stagnated at rounding``: the residual is down at rounding level and has not halved for ``STALL`` stages
+- ``max_iterations``: as many as were allowed
+"""
+
+from __future__ import annotations
+
+import math
+
+STALL = 20  # stages without progress at rounding level that end a run
+ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
+RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
+
+
+class Ending:
+    """Watches the iterations of one batch of load steps for their end.
+
+    Parameters
+    ----------
+    last : iteration after which there is no other
+    """
+
+    def __init__(self, last: int):
+        self.last = last
+        self.reach = 0.0  # largest interface displacement of the first stage that moved
+        self.residuals: list[float] = []
+
+    def reason(self, iteration: int, met: bool, residual: float, moved: float) -> str | None:
+        """Why this iteration is the last one; None where another follows.
+
+        Parameters
+        ----------
+        met : whether the stopping criterion holds
+        residual : ‖F(s) − s‖ relative
+        moved : largest interface displacement
+        """
+        self.reach = self.reach or moved
+        self.residuals.append(residual)
+        if met:
+            return "converged"
+        if not math.isfinite(residual) or moved > RUNAWAY * self.reach > 0:
+            return "diverged"
+        if self._stalled():
+            return "stagnated at rounding"
+        return None if iteration < self.last else "max_iterations"
+
+    def _stalled(self) -> bool:
+        """Rounding has been reached and nothing improves any more."""
+        if len(self.residuals) <= STALL or self.residuals[-1] > ROUNDING:
+            return False
+        return min(self.residuals[-STALL:]) > 0.5 * min(self.residuals[:-STALL])
