@@ -82,7 +82,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
         try:
             scene = build_scene(loaded.config)
             if any(entry.code != "freefem" for entry in loaded.config.codes):  # FreeFEM does all that can be asked for
-                from orchestrator.blackbox.codes.registry import check_codes
+                from orchestrator.blackbox.start import check_codes
 
                 check_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             print(f"OK: {scene!r}")

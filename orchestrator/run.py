@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.codes.registry import make_blackbox, spared
+from orchestrator.blackbox.layers.stack import with_layers
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config, Loaded
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, OrchestratorError, Problem
@@ -120,9 +121,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Subscriber] = (), 
     with watch("start"):
         near = {e for i, here in zip(scene.interfaces, touched) if here for e in i.subdomains}
         used = sorted({s.code for s in scene.subdomains if rank_of[s.index] == team.rank or s.index in near})
-        blackbox = spared(make_blackbox(settings, used), config.method.skip, workers, len(cases.chosen), savings)
+        blackbox = with_layers(make_blackbox(settings, used), config.method.skip, workers, len(cases.chosen), savings)
     with blackbox:
-        workload = Workload(blackbox, watch, team.rank, lambda: team.waited)
+        workload = Workload(blackbox.usage, watch, team.rank, lambda: team.waited)
         decomposition = prepare(scene, soles, config.method, blackbox, workers, watch, savings, team, rank_of)
         estimator = cache(lambda: Estimator(scene))
         workload.end("set_up")
@@ -132,11 +133,11 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Subscriber] = (), 
 
         def true_error(fields, bound) -> float:
             nonlocal asked_for_reference
-            asked = blackbox.asked
+            asked = blackbox.usage.asked
             with watch("reference"):
                 found = cases.all_steps(recover(solved, fields, bound)[0])
                 error = team.share(exact.relative_error(found) if exact else None)
-            asked_for_reference += blackbox.asked - asked
+            asked_for_reference += blackbox.usage.asked - asked
             return error
 
         def estimate(view, fields, bound) -> float:
@@ -173,9 +174,9 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Subscriber] = (), 
             outcome = replace(outcome, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
         contact = _contact(scene, decomposition, config, outcome, opening)
         forces = reactions(decomposition, parts, outcome.fields.f)
-        spent = team.gather({"clock": blackbox.clock(), "memory": blackbox.memory_peak_mb() + memory_peak_mb(),
-                             "version": blackbox.version(), "codes": dict(zip(used, blackbox.codes())),
-                             "asked": blackbox.asked - asked_for_reference, "workload": workload.record,
+        spent = team.gather({"clock": blackbox.usage.clock(), "memory": blackbox.usage.memory_peak_mb() + memory_peak_mb(),
+                             "codes": dict(zip(used, blackbox.usage.codes())),
+                             "asked": blackbox.usage.asked - asked_for_reference, "workload": workload.record,
                              "workers": workers, "savings": savings})
         if spent is None:
             return None
@@ -207,7 +208,7 @@ def everybodys(spent: list[dict], scene: Scene) -> dict:
     return {
         "timing": {"blackbox": {stage: sum(clock[stage] for clock in clocks) for stage in clocks[0]}},
         "asking_seconds": max(rank["asked"] for rank in spent), "codes": list(codes.values()),
-        "versions": versions({name: version for rank in spent for name, version in rank["version"].items()}),
+        "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
         "workload": joined([rank["workload"] for rank in spent]), "workers": sum(rank["workers"] for rank in spent),
         "memory_peak_mb": sum(rank["memory"] for rank in spent),
         "skipped": sum((rank["savings"] for rank in spent), Savings()).table(),

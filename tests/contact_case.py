@@ -8,8 +8,8 @@ import meshio
 import numpy as np
 from monolithic import OPEN, Monolithic, free_normals
 
-from orchestrator.blackbox.models.extended import boundary_dofs, sides_of
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.run import Solved, solve
@@ -104,7 +104,7 @@ class Contacts:
 def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per interface the forces (T, n, 3) on either side; zero where prescribed, and on tied mid-edge nodes."""
     scene = solved.scene
-    sides = [sides_of(scene, s.index) for s in scene.subdomains]
+    sides = sides_by_subdomain(scene)
     space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)])
     result = []
     for interface, slots in zip(scene.interfaces, space.slots):

@@ -5,7 +5,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.run import Solved, solve

@@ -16,7 +16,7 @@ from blackbox_case import box, forces, settings
 from processes import begin, gone, running
 
 from orchestrator.blackbox.pool import workdir
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.errors import BlackBoxError, InputError
 
 TRANSPORTS = ["pipe", "file"]
@@ -48,7 +48,7 @@ def test_a_killed_process():
     models = [box(name="first"), box(name="second", seed=3)]
     with make_blackbox(settings(workers=2)) as blackbox:
         blackbox.load(models)
-        pids = blackbox.pids()
+        pids = blackbox.usage.pids()
         os.kill(pids[blackbox._home[1]], signal.SIGKILL)
         with pytest.raises(BlackBoxError) as caught:
             blackbox.traces({i: forces(m) for i, m in enumerate(models)})
@@ -64,7 +64,7 @@ def test_a_process_that_hangs():
     model = box(name="sleepy")
     with make_blackbox(settings(timeout=0.5)) as blackbox:
         blackbox.load([model])
-        pids = blackbox.pids()
+        pids = blackbox.usage.pids()
         os.kill(pids[0], signal.SIGSTOP)
         with pytest.raises(BlackBoxError, match="no answer within") as caught:
             blackbox.traces({0: forces(model)})
@@ -222,7 +222,7 @@ def test_an_exception_of_the_callers(temporary):
     with pytest.raises(ZeroDivisionError):
         with make_blackbox(settings(workers=2)) as blackbox:
             blackbox.load([box()])
-            pids = blackbox.pids()
+            pids = blackbox.usage.pids()
             assert list(temporary.iterdir())
             1 / 0
     assert gone(pids)
@@ -233,11 +233,11 @@ PROGRAM = textwrap.dedent("""
     import sys
     sys.path[:0] = {paths!r}
     from blackbox_case import box, forces, settings
-    from orchestrator.blackbox.codes.registry import make_blackbox
+    from orchestrator.blackbox.start import make_blackbox
     model = box((6, 6, 6))
     blackbox = make_blackbox(settings(transport={transport!r}, workers=2))
     blackbox.load([model, model])
-    print(*blackbox.pids(), flush=True)
+    print(*blackbox.usage.pids(), flush=True)
     while not {once}:
         blackbox.traces({{0: forces(model, 20), 1: forces(model, 20)}})
 """)

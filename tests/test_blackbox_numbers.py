@@ -6,8 +6,8 @@ import scipy.sparse.linalg as spla
 from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
 
 from orchestrator.blackbox.codes.freefem import blas_of, doctor
-from orchestrator.blackbox.pool.pool import place
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.pool.pool import longest_first
+from orchestrator.blackbox.start import make_blackbox
 
 
 @pytest.fixture(scope="module")
@@ -114,8 +114,8 @@ def test_vertex_counts_that_stall_freefem(nodes):
 
 
 def test_the_processes_use_openblas(pool):
-    assert len(pool.pids()) == 2
-    for pid in pool.pids():
+    assert len(pool.usage.pids()) == 2
+    for pid in pool.usage.pids():
         assert "openblas" in blas_of(pid)
 
 
@@ -124,11 +124,11 @@ def test_doctor_finds_everything_here():
 
 
 def test_the_clock_and_memory(pool):
-    clock = pool.clock()
+    clock = pool.usage.clock()
     assert set(clock) == {"start", "assemble", "factorise", "solve"}
     assert all(seconds > 0 for seconds in clock.values())
-    assert 40 < pool.memory_peak_mb() < 500
+    assert 40 < pool.usage.memory_peak_mb() < 500
 
 
 def test_placing_puts_the_longest_first():
-    assert place([1, 5, 3, 3], 2) == [[1, 0], [2, 3]]
+    assert longest_first([1, 5, 3, 3], 2) == [[1, 0], [2, 3]]

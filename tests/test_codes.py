@@ -9,7 +9,7 @@ from blackbox_case import assemble, box, difference, forces, settings
 from method_case import CUBES, solved
 
 from orchestrator.blackbox.codes import registry
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from, load_config
 from orchestrator.config.method import CODES as CONFIGURED
 from orchestrator.errors import BlackBoxError, InputError
@@ -33,7 +33,7 @@ def test_numbers_are_freefems(name):
         with make_blackbox(settings(workers=2, **changes)) as blackbox:
             blackbox.load(models)
             answers.append((blackbox.fields(every), blackbox.traces(some), dict(enumerate(blackbox.stiffness(models)))))
-            assert blackbox.clock()["solve"] > 0 and blackbox.memory_peak_mb() > 10
+            assert blackbox.usage.clock()["solve"] > 0 and blackbox.usage.memory_peak_mb() > 10
     for expected, found in zip(*answers):
         for i in range(len(models)):
             assert difference(found[i], expected[i]) < 1e-12
@@ -49,16 +49,16 @@ def test_the_compliance_takes_the_place_of_runs(code):
         first = blackbox.traces({0: forces(model)})[0]
     with make_blackbox(settings(code=code, transport="file")) as blackbox:
         blackbox.load([model])
-        assert blackbox.codes()[0]["compliances"] == []
+        assert blackbox.usage.codes()[0]["compliances"] == []
         for _ in range(200):
             again = blackbox.traces({0: forces(model)})[0]
-            if noted := blackbox.codes()[0]["compliances"]:
+            if noted := blackbox.usage.codes()[0]["compliances"]:
                 break
         assert noted[0]["subdomain"] == "cube" and noted[0]["unit_loads"] == len(model.trace)
         assert difference(again, first) < 1e-11
-        spent = blackbox.clock()
+        spent = blackbox.usage.clock()
         blackbox.traces({0: forces(model)})
-        assert blackbox.clock() == spent, "no further run"
+        assert blackbox.usage.clock() == spent, "no further run"
 
 
 MIXED = [{"code": "freefem"}, {"code": "calculix", "on": "block 1-*"}, {"code": "scikit-fem", "on": ["block 0-1-*"]},
@@ -96,18 +96,18 @@ def test_friction_does_not_notice_the_code(configs_dir):
 def test_a_failure_of_one_code_ends_all(tmp_path):
     """The error names the subdomain; no process of any code goes on."""
     path = tmp_path / "moody.py"
-    path.write_text("from orchestrator.blackbox import template\n\nclass Solver(template.Solver):\n"
+    path.write_text("from orchestrator.blackbox.codes import template\n\nclass Solver(template.Solver):\n"
                     "    def solve(self, prepared, forces):\n        assert len(forces) != 2, 'not two'\n"
                     "        return super().solve(prepared, forces)\n")
     models = [box(name="calm"), box(name="moody")]
     models[1].code = 1
     with make_blackbox([settings(), settings(code=f"{path}:Solver")]) as blackbox:
         blackbox.load(models)
-        pids = blackbox.pids()
+        pids = blackbox.usage.pids()
         with pytest.raises(BlackBoxError, match="not two") as caught:
             blackbox.traces({i: forces(m, 2) for i, m in enumerate(models)})
         assert caught.value.subdomain == "moody" and "exception" in caught.value.exit_code_meaning
-        assert len(pids) == 2 and blackbox.pids() == []
+        assert len(pids) == 2 and blackbox.usage.pids() == []
         with pytest.raises(BlackBoxError, match="ended after a failure|is closed"):
             blackbox.traces({0: forces(models[0])})
 

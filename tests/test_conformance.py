@@ -11,7 +11,7 @@ from blackbox_case import box, forces, settings
 from typer.testing import CliRunner
 
 from orchestrator.blackbox.trial import conformance
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
 

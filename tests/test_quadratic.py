@@ -13,7 +13,7 @@ from quadratic_case import assemble_ten, with_middles
 from test_contact_verification import ROLLERS, YOUNG, assert_agrees
 
 from orchestrator.blackbox.models.extended import extended_model
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.deformed import view
 from orchestrator.results.fields.fields import Fields

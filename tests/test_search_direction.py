@@ -8,7 +8,7 @@ import scipy.linalg as la
 
 from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.acceleration.choice import stable_relaxation

@@ -11,9 +11,9 @@ import pytest
 from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, METIS, PULL, method, solved
 
-from orchestrator.blackbox.layers.compliance import Compliance
+from orchestrator.blackbox import cost
 from orchestrator.blackbox.models.congruence import representatives
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.blackbox.layers.shared import SharedModels
 from orchestrator.savings import Savings
 from orchestrator.scene import congruence
@@ -134,7 +134,7 @@ def test_repeated_right_hand_sides_change_nothing(case):
 def test_compliance_changes_nothing(case, monkeypatch):
     """The dense products give what back-substitutions give."""
     plain = with_skip({"congruent": True}, **case)
-    monkeypatch.setattr(Compliance, "_pays", lambda self, model: True)
+    monkeypatch.setattr(cost, "compliance_pays", lambda *arguments, **more: True)
     explicit = with_skip({"congruent": True, "compliance": True}, **case)
     same(explicit, plain)
     assert explicit.outcome.iterations == plain.outcome.iterations

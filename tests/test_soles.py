@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 from method_case import CUBES, METIS, box_of, config, irregular, layered, method, prepared
 
-from orchestrator.blackbox.models.extended import extended_model, rim_model, sides_of, sole_models
+from orchestrator.blackbox.models.extended import extended_model, rim_model, sides_by_subdomain, sole_models
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.faces import tet_volumes
@@ -79,7 +79,7 @@ def test_extended_stiffness_is_the_sum(tmp_path, mesh, kind):
     with box_of(made) as blackbox:
         d = prepared(made, scene, blackbox)
         soles = make_soles(scene, made.method.sole)
-        sides = [sides_of(scene, s.index) for s in scene.subdomains]
+        sides = sides_by_subdomain(scene)
         extended = [extended_model(scene, s, sides[s.index], soles) for s in scene.subdomains]
         naked = [extended_model(scene, s, [], soles) for s in scene.subdomains]
         with_soles, without = blackbox.stiffness(extended), blackbox.stiffness(naked)
@@ -240,7 +240,7 @@ def test_rims_have_complete_rows():
     made = config(**CUBES)
     scene = build_scene(made)
     subdomain = scene.subdomains[0]
-    sides = sides_of(scene, 0)
+    sides = sides_by_subdomain(scene)[0]
     rim = rim_model(scene, subdomain, sides)
     with box_of(made) as blackbox:
         whole, part = blackbox.stiffness([extended_model(scene, subdomain, [], []), rim.model])

@@ -8,8 +8,8 @@ import results_case as case
 from blackbox_case import box, forces, settings
 from rich.console import Console
 
-from orchestrator.blackbox.pool.pool import place
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.pool.pool import longest_first
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import write_history
@@ -26,13 +26,13 @@ from orchestrator.timing import Stopwatch
 def test_seconds_of_every_worker_add_up_to_the_wall_clock(transport):
     models = [box(seed=i) for i in range(3)]
     with make_blackbox(settings(workers=2, transport=transport)) as pool:
-        begin, before = time.perf_counter(), pool.activity()
+        begin, before = time.perf_counter(), pool.usage.activity()
         pool.load(models)
         pool.traces({i: forces(m) for i, m in enumerate(models)})
         pool.traces({0: forces(models[0])})
         time.sleep(0.2)
-        spent = [now.since(then) for now, then in zip(pool.activity(), before)]
-        elapsed, clock = time.perf_counter() - begin, pool.clock()
+        spent = [now.since(then) for now, then in zip(pool.usage.activity(), before)]
+        elapsed, clock = time.perf_counter() - begin, pool.usage.clock()
     assert sorted(a.models for a in spent) == [1, 2] and sorted(a.calls for a in spent) == [2, 3]
     assert sum(a.dofs for a in spent) == sum((~m.fixed).sum() for m in models)
     for a in spent:
@@ -45,7 +45,7 @@ def test_seconds_of_every_worker_add_up_to_the_wall_clock(transport):
 
 def test_places_by_predicted_cost_not_by_count():
     dofs = [16000, 4000, 4000, 4000, 4000, 4000, 4000]
-    first, second = place([n**1.6 for n in dofs], 2)
+    first, second = longest_first([n**1.6 for n in dofs], 2)
     assert [first, second] == [[0], [1, 2, 3, 4, 5, 6]]
 
 
@@ -98,7 +98,7 @@ def test_period_without_work():
     """Nothing but waiting for another rank."""
     waited = iter([1.0, 1.5])
     with make_blackbox(settings(workers=1)) as pool:
-        workload = Workload(pool, Stopwatch(), rank=3, waited=lambda: next(waited))
+        workload = Workload(pool.usage, Stopwatch(), rank=3, waited=lambda: next(waited))
         workload.end("iterations")
     (rank,) = workload.record["iterations"]["ranks"]
     assert rank["rank"] == 3 and rank["waiting"] == 0.5

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.pool.activity import Activity
+from orchestrator.blackbox.usage import Usage
 
 
 @dataclass
@@ -32,6 +32,7 @@ class Model:
     fixed : (n, 3) bool, dofs clamped to zero
     trace : (t,) int, dofs on which traces are exchanged; none of them fixed, no repetition
     code : which black box of the configuration it is for, where there are several
+    cases : load cases that a linear stage asks of it; 0: not known. Answers do not depend on it
     """
 
     name: str
@@ -42,8 +43,10 @@ class Model:
     fixed: np.ndarray
     trace: np.ndarray
     code: int = 0
+    cases: int = 0
 
 
+@runtime_checkable
 class BlackBox(Protocol):
     """A pool of finite element processes that hosts many models and keeps all cores busy.
 
@@ -52,28 +55,26 @@ class BlackBox(Protocol):
     """
 
     def load(self, models: Sequence[Model]) -> None:
-        """Assemble and factorise every model; model i is known as ``i`` from then on."""
+        """Assemble and factorise every model; model i is known as ``i`` from then on, those before are forgotten."""
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the displacements there."""
+        """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the (rhs, t) displacements there."""
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to all nodal displacements."""
+        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to the (rhs, 3n) displacements.
+
+        Forces on clamped dofs are ignored.
+        """
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
 
-    def clock(self) -> dict[str, float]:
-        """The code's own CPU seconds, summed over workers: start, assemble, factorise, solve."""
-
-    def activity(self) -> list[Activity]:
-        """What each worker has done with its time so far."""
-
-    def codes(self) -> list[dict[str, object]]:
-        """What each code has spent, for the summary; see ``Pool.codes``."""
-
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""
+
+    @property
+    def usage(self) -> Usage:
+        """What it has taken of the machine so far."""
 
     def __enter__(self) -> "BlackBox": ...
 

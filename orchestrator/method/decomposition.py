@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_of
+from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.stopping.bound import ErrorBound
@@ -123,7 +123,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     InputError : the macro problem is singular
     """
     savings, share = savings or Savings(), method.skip.congruent
-    sides = [sides_of(scene, s.index) for s in scene.subdomains]
+    sides = sides_by_subdomain(scene)
     space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, sides[s.index]) for s in scene.subdomains])
     space = space.part(rank_of, team)
     own = [scene.subdomains[e] for e in space.subdomains]

@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Self
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.usage import Usage
+
 
 class Layer:
-    """Base of layers that save the inner black box work.
+    """Base of layers: keeps the protocol of ``protocol.BlackBox`` by asking the inner black box.
 
     Parameters
     ----------
-    inner : a black box
+    inner : a black box, itself a layer perhaps
     """
 
-    def __init__(self, inner):
+    def __init__(self, inner: BlackBox):
         self.inner = inner
 
-    def __getattr__(self, name: str):
-        return getattr(self.inner, name)
+    def load(self, models: Sequence[Model]) -> None:
+        """As the protocol says."""
+        self.inner.load(models)
 
-    def __enter__(self):
+    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        return self.inner.traces(forces)
+
+    def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        return self.inner.fields(forces)
+
+    def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
+        """As the protocol says."""
+        return self.inner.stiffness(models)
+
+    def close(self) -> None:
+        """As the protocol says."""
+        self.inner.close()
+
+    @property
+    def usage(self) -> Usage:
+        """That of the inner black box: a layer has no process of its own."""
+        return self.inner.usage
+
+    def __enter__(self) -> Self:
         self.inner.__enter__()
         return self
 

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.pool.activity import Activity
-from orchestrator.blackbox.pool.pool import Pool
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.usage import Activity, Usage, summed
 from orchestrator.errors import BlackBoxError
 
 
@@ -22,15 +22,15 @@ class Routed:
 
     Parameters
     ----------
-    pools : ``Model.code`` → the pool of that code; closed with this one
+    pools : ``Model.code`` → the black box of that code, a pool; closed with this one
     """
 
-    def __init__(self, pools: Mapping[int, Pool]):
+    def __init__(self, pools: Mapping[int, BlackBox]):
         self.pools = dict(pools)
         self._home: list[tuple[int, int]] = []  # (code, number in its pool) of every model
         self._ended = ""
         self._threads = ThreadPoolExecutor(len(self.pools), "routed")
-        self.asked = sum(pool.asked for pool in self.pools.values())
+        self._usage = RoutedUsage([pool.usage for pool in self.pools.values()])
 
     def load(self, models: Sequence[Model]) -> None:
         """As the protocol says."""
@@ -57,34 +57,13 @@ class Routed:
         found = {i: matrix for code, matrices in answers.items() for i, matrix in zip(members[code], matrices)}
         return [found[i] for i in range(len(models))]
 
-    def clock(self) -> dict[str, float]:
-        """As the protocol says, summed over codes."""
-        clocks = [pool.clock() for pool in self.pools.values()]
-        return {stage: sum(clock[stage] for clock in clocks) for stage in clocks[0]}
-
-    def activity(self) -> list[Activity]:
-        """Workers of all codes, numbered one after the other; each is idle while its own code has nothing to do."""
-        rows = [row for pool in self.pools.values() for row in pool.activity()]
-        return [replace(row, worker=number) for number, row in enumerate(rows)]
-
-    def codes(self) -> list[dict[str, object]]:
-        """As ``Pool.codes``."""
-        return [entry for pool in self.pools.values() for entry in pool.codes()]
-
-    def version(self) -> dict[str, str]:
-        """Names and versions of the codes."""
-        return {name: version for pool in self.pools.values() for name, version in pool.version().items()}
-
-    def memory_peak_mb(self) -> float:
-        """Largest resident memory of the codes' processes, MB, summed over workers."""
-        return sum(pool.memory_peak_mb() for pool in self.pools.values())
-
-    def pids(self) -> list[int]:
-        """Process ids of the codes' processes that run now."""
-        return [pid for pool in self.pools.values() for pid in pool.pids()]
+    @property
+    def usage(self) -> "RoutedUsage":
+        """As the protocol says."""
+        return self._usage
 
     def close(self) -> None:
-        """End all processes and remove all files; may be called twice."""
+        """As the protocol says."""
         self._ended = self._ended or "the black box is closed"
         for pool in self.pools.values():
             pool.close()
@@ -104,7 +83,7 @@ class Routed:
         answers = self._all({code: lambda pool, part=part: ask(pool, part) for code, part in parts.items()})
         return {index: answers[self._home[index][0]][self._home[index][1]] for index in forces}
 
-    def _all(self, tasks: Mapping[int, Callable[[Pool], Any]]) -> dict[int, Any]:
+    def _all(self, tasks: Mapping[int, Callable[[BlackBox], Any]]) -> dict[int, Any]:
         """Run one task per code at once; the first failure ends all codes and is raised."""
         if self._ended:
             raise BlackBoxError(self._ended)
@@ -120,5 +99,43 @@ class Routed:
             self.close()
             self._ended = f"the black box has ended after a failure: {str(error) or type(error).__name__}"
             raise
-        self.asked += time.perf_counter() - begin
+        self._usage.asked += time.perf_counter() - begin
         return {code: future.result() for future, code in futures.items()}
+
+
+class RoutedUsage:
+    """The ``usage.Usage`` of several black boxes that work at the same time.
+
+    Attributes
+    ----------
+    asked : seconds in which any of them had something to do; while they were started, one after the other
+    """
+
+    def __init__(self, parts: Sequence[Usage]):
+        self._parts = parts
+        self.asked = sum(part.asked for part in parts)
+
+    def clock(self) -> dict[str, float]:
+        """As the protocol says."""
+        return summed(part.clock() for part in self._parts)
+
+    def activity(self) -> list[Activity]:
+        """Workers of all codes, numbered one after the other; each is idle while its own code has nothing to do."""
+        rows = [row for part in self._parts for row in part.activity()]
+        return [replace(row, worker=number) for number, row in enumerate(rows)]
+
+    def codes(self) -> list[dict[str, object]]:
+        """As the protocol says."""
+        return [entry for part in self._parts for entry in part.codes()]
+
+    def memory_peak_mb(self) -> float:
+        """As the protocol says."""
+        return sum(part.memory_peak_mb() for part in self._parts)
+
+    def pids(self) -> list[int]:
+        """As the protocol says."""
+        return [pid for part in self._parts for pid in part.pids()]
+
+    def folders(self) -> list[Path]:
+        """As the protocol says."""
+        return [folder for part in self._parts for folder in part.folders()]

@@ -8,17 +8,16 @@ occurs twice, or that was asked the last time already, is not solved at all.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.blackbox.layers.compliance import STAGES, Compliance
-from orchestrator.blackbox.models.congruence import representatives
+from orchestrator.blackbox.cost import copies
 from orchestrator.blackbox.layers.layer import Layer
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.models.congruence import representatives
+from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.savings import Savings
 
-# Back-substitutions that cost as much as assembling and factorising; measured 50 to 150 for 5,000 to 60,000 dofs.
-LOADING = 120
 SAMPLE = 16  # entries of a right-hand side that are looked at before all of them
 
 
@@ -30,14 +29,16 @@ class SharedModels(Layer):
     inner : the black box that holds the distinct models
     congruent : share models
     repeated : solve no right-hand side twice
+    explicit : ``inner`` forms compliances where they pay
     workers : processes behind ``inner``
     steps : load steps, the right-hand sides of a subdomain in a linear stage
     savings : where what is saved is noted
     """
 
-    def __init__(self, inner, *, congruent: bool, repeated: bool, workers: int, steps: int, savings: Savings):
+    def __init__(self, inner: BlackBox, *, congruent: bool, repeated: bool, workers: int, steps: int,
+                 savings: Savings, explicit: bool = False):
         super().__init__(inner)
-        self.congruent, self.repeated = congruent, repeated
+        self.congruent, self.repeated, self.explicit = congruent, repeated, explicit
         self.workers, self.steps, self.savings = workers, steps, savings
         self.model_of = np.empty(0, int)
         self._last: dict[int, _Remembered] = {}
@@ -50,13 +51,12 @@ class SharedModels(Layer):
         loaded: list[Model] = []
         for kind in np.unique(first):
             members = np.flatnonzero(first == kind)
-            copies = self._copies(models[kind], len(members))
-            self.model_of[members] = len(loaded) + np.arange(len(members)) * copies // len(members)
-            loaded += [models[kind]] * copies
+            times = copies(len(models[kind].trace), len(members) * self.steps, len(members), self.workers, self.explicit)
+            self.model_of[members] = len(loaded) + np.arange(len(members)) * times // len(members)
+            loaded += [models[kind]] * times
         self.savings.add("congruent", "factorisations", len(models) - len(loaded))
-        self.inner.load(loaded)
-        if isinstance(self.inner, Compliance):
-            self.inner.expect(self.steps * np.bincount(self.model_of, minlength=len(loaded)))
+        cases = self.steps * np.bincount(self.model_of, minlength=len(loaded))
+        super().load([replace(model, cases=int(count)) for model, count in zip(loaded, cases)])
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says; the last answers are remembered."""
@@ -65,13 +65,6 @@ class SharedModels(Layer):
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
         return self._merged(forces, self.inner.fields, remember=False)
-
-    def _copies(self, model: Model, members: int) -> int:
-        """How often a model is loaded: each time must pay by the solves it takes off another worker."""
-        rows = members * self.steps
-        if isinstance(self.inner, Compliance) and self.inner.worthwhile(len(model.trace), rows):
-            return 1  # its answers will come from its compliance
-        return max(1, min(self.workers, members, rows * STAGES // LOADING))
 
     def _merged(self, forces: Mapping[int, np.ndarray], solve, remember: bool) -> dict[int, np.ndarray]:
         groups: dict[int, list[int]] = {}
@@ -133,12 +126,12 @@ class _Plan:
                 self.recalled[number] = known
                 continue
             twins = seen.setdefault(key, [])
-            place = next((p for p in twins if np.array_equal(rows[solved[p]], rows[number])), None)
-            if place is None:
-                place = len(solved)
+            twin = next((t for t in twins if np.array_equal(rows[solved[t]], rows[number])), None)
+            if twin is None:
+                twin = len(solved)
                 solved.append(number)
-                twins.append(place)
-            self.source[number] = place
+                twins.append(twin)
+            self.source[number] = twin
         self.solved = np.array(solved, dtype=int)
 
     def answers(self, new: np.ndarray | None) -> np.ndarray:

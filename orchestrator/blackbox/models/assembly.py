@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.models.congruence import representatives
-from orchestrator.blackbox.models.extended import batch
+from orchestrator.blackbox.models.joined import joined
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.savings import Savings
 
@@ -36,7 +36,7 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: 
     kinds = np.unique(first)
     savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
     tets = sum(len(models[k].cells) for k in kinds)
-    packets = batch([models[k] for k in kinds], max(workers, tets // LARGEST))
+    packets = joined([models[k] for k in kinds], max(workers, tets // LARGEST))
     found: dict[int, sp.csr_array] = {}
     for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
         ends = np.cumsum([0] + [3 * len(models[kinds[m]].nodes) for m in members])

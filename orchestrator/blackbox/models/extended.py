@@ -17,17 +17,16 @@ from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.soles.sole import Sole
 
-# Nodes of one packet at the same place. FreeFEM's search tree gives up on more than eight; half of them, as
-# nodes that differ by rounding may be taken for two places.
-CROWD = 4
-PLACES = 1 << 21  # along each axis, into which places are told apart
-
 SolePair = tuple[Sole, Sole]
 
 
-def sides_of(scene: Scene, subdomain: int) -> list[tuple[int, int]]:
-    """(interface, side) pairs of a subdomain, in the order of the interfaces."""
-    return [(i.index, side) for i in scene.interfaces for side in (0, 1) if i.subdomains[side] == subdomain]
+def sides_by_subdomain(scene: Scene) -> list[list[tuple[int, int]]]:
+    """Per subdomain, its (interface, side) pairs in the order of the interfaces."""
+    sides: list[list[tuple[int, int]]] = [[] for _ in scene.subdomains]
+    for interface in scene.interfaces:
+        for side, subdomain in enumerate(interface.subdomains):
+            sides[subdomain].append((interface.index, side))
+    return sides
 
 
 def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]]) -> np.ndarray:
@@ -101,8 +100,8 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
     matter = np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material[chosen]]
     region, materials = _regions(matter.reshape(-1, 2))
     model = Model(
-        name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]], cells=cells.reshape(-1, subdomain.connectivity.shape[1]),
-        region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
+        name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]],
+        cells=cells.reshape(-1, subdomain.connectivity.shape[1]), region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
         code=subdomain.code,
     )
     return Rim(model, nodes)
@@ -113,68 +112,6 @@ def whole_model(scene: Scene) -> Model:
     region, materials = _regions(np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material])
     return Model("the whole structure", scene.mesh.nodes, scene.mesh.cells, region, materials, scene.fixed,
                  np.empty(0, int))
-
-
-def batch(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]:
-    """About ``count`` models per code that hold all the given ones together, of about equal size.
-
-    Returns
-    -------
-    list of (joined model, indices of the models in it, in order)
-
-    Notes
-    -----
-    Hundreds of tiny requests cost more in messages than in arithmetic; side by side they are one.
-    Each model stays where it is, so that its stiffness is the same bit for bit whatever it is joined with, on
-    any number of ranks, and for a sole also the same as within an extended subdomain: s − k w would show the
-    rounding of another place. Of models that meet in a cross point, only so many are joined.
-    """
-    joined = []
-    for members in _bins(models, count):
-        parts = [models[i] for i in members]
-        node_shift = np.cumsum([0] + [len(m.nodes) for m in parts])
-        region_shift = np.cumsum([0] + [len(m.materials) for m in parts])
-        joined.append((Model(
-            name=f"{parts[0].name} … {parts[-1].name}",
-            nodes=np.vstack([m.nodes for m in parts]),
-            cells=np.vstack([m.cells + s for m, s in zip(parts, node_shift)]),
-            region=np.concatenate([m.region + s for m, s in zip(parts, region_shift)]),
-            materials=np.vstack([m.materials for m in parts]),
-            fixed=np.vstack([m.fixed for m in parts]),
-            trace=np.empty(0, int), code=parts[0].code,
-        ), members))
-    return joined
-
-
-def _bins(models: Sequence[Model], count: int) -> list[list[int]]:
-    """Indices of models of the same code, about ``count`` lists for each, in none of which nodes crowd."""
-    codes, places, bins = np.array([m.code for m in models]), _places([m.nodes for m in models]), []
-    beyond = max(place.max() for place in places) + 1
-    for code in np.unique(codes):
-        own = np.flatnonzero(codes == code).tolist()
-        enough = sum(len(models[i].cells) for i in own) / count
-        filling: list[tuple[list[int], np.ndarray]] = []
-        for i in own:
-            for members, crowd in filling:
-                if crowd[places[i]].max() < CROWD:
-                    break
-            else:
-                members, crowd = [], np.zeros(beyond, np.int8)
-                filling.append((members, crowd))
-                bins.append(members)
-            members.append(i)
-            crowd[places[i]] += 1
-            filling = [f for f in filling if sum(len(models[m].cells) for m in f[0]) < enough]
-    return bins
-
-
-def _places(clouds: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Number of the place of every point, the same for points that coincide."""
-    points = np.vstack(clouds)
-    lowest, extent = points.min(axis=0), np.ptp(points, axis=0).max()
-    cells = np.round((points - lowest) * ((PLACES - 1) / extent)).astype(np.int64)
-    places = np.unique(cells @ np.array([PLACES**2, PLACES, 1]), return_inverse=True)[1]
-    return np.split(places, np.cumsum([len(c) for c in clouds])[:-1])
 
 
 def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply, Buffers, Reply
 from orchestrator.blackbox.protocol import Model
-from orchestrator.blackbox.codes.stateless import Cost, Ledger, StatelessWorker
+from orchestrator.blackbox.cost import Request
+from orchestrator.blackbox.pool.stateless import StatelessWorker, Tally
 from orchestrator.blackbox.pool.worker import Ended
 
 
@@ -27,7 +28,7 @@ class FileWorker(StatelessWorker):
     def load(self, index: int, model: Model) -> None:
         self.write_mesh(index, model)
         self._load_requests[index] = messages.load(index, self.element, model)
-        self.ledgers[index] = Ledger(model.name, len(model.trace))
+        self.tallies[index] = Tally(model.name, len(model.trace))
         # solved once for the check only: a model that is not held is found now, as with any transport
         self._converse(index, model.name, "loading failed", self._load_requests[index], self._read_load)
 
@@ -45,12 +46,12 @@ class FileWorker(StatelessWorker):
         request = self._load_requests[index] + messages.solve(op, [(index, forces)])
         answer, seconds = self._converse(index, name, "solving failed", request, read)
         # the same run serves load cases and unit loads
-        cost = Cost(seconds - solving, solving / len(forces))
-        self.ledgers[index].request = self.ledgers[index].unit_loads = cost
+        cost = Request(seconds - solving, solving / len(forces))
+        self.tallies[index].request = self.tallies[index].unit_loads = cost
         return answer, seconds
 
     def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:
-        return self.run_cases(messages.TRACES, index, np.eye(self.ledgers[index].trace_dofs), name)
+        return self.run_cases(messages.TRACES, index, np.eye(self.tallies[index].trace_dofs), name)
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
         path = self.write_mesh(index, model)

@@ -9,15 +9,13 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from orchestrator.blackbox.pool.diagnosis import AGREE, diagnosis, difference
-from orchestrator.blackbox.pool.pool import Pool
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.blackbox.codes.template import Solver
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.conditions.rigid import motions
@@ -37,7 +35,7 @@ class Trial:
     forces : per model (4, t) trace forces
     """
 
-    blackbox: Pool
+    blackbox: BlackBox
     models: list[Model]
     exact: list[sp.csr_array]
     forces: list[np.ndarray]
@@ -66,7 +64,7 @@ def trial_models() -> list[Model]:
     return [body, sole]
 
 
-def run_checks(start: Callable[[], Pool]) -> Iterator[tuple[str, str, str]]:
+def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
     """Run all checks on a black box.
 
     Returns
@@ -84,12 +82,12 @@ def run_checks(start: Callable[[], Pool]) -> Iterator[tuple[str, str, str]]:
     try:
         with start() as blackbox:
             trial = Trial(blackbox, models, exact, forces)
-            folder = blackbox.folder
+            folders = blackbox.usage.folders()
             for name, check in CHECKS.items():
                 yield name, *check(trial)
             yield "clean death", *_clean_death(trial)
-        left = "" if not Path(folder).exists() else f"{folder} was left behind"
-        yield "nothing left", "no file, no process", left
+        left = [str(folder) for folder in folders if folder.exists()]
+        yield "nothing left", "no file, no process", f"{', '.join(left)} was left behind" if left else ""
     except BlackBoxError as error:
         yield "an answer at all", "", str(error)
 
@@ -185,7 +183,7 @@ def _compliance(trial: Trial) -> tuple[str, str]:
 
 def _clean_death(trial: Trial) -> tuple[str, str]:
     """A process killed from outside is an error that names the subdomain, and ends the other processes."""
-    pids = trial.blackbox.pids()
+    pids = trial.blackbox.usage.pids()
     if not pids:
         return "no process between requests", ""
     for pid in pids:

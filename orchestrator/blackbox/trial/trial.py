@@ -7,7 +7,8 @@ from rich.table import Table
 from rich.text import Text
 
 from orchestrator.blackbox.trial.conformance import run_checks
-from orchestrator.blackbox.codes.registry import NAMES, code_named, make_blackbox
+from orchestrator.blackbox.codes.registry import NAMES, code_named
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.method import BlackBox
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, InputError, Problem
 

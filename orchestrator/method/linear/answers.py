@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -21,30 +22,31 @@ from orchestrator.method.interface.search_direction import SearchDirection
 CONSISTENT = 1e-3
 
 
-class GuardedTraces:
-    """The black box's ``traces``, every answer of which is judged at the cost of products on boundary dofs.
+class GuardedTraces(Layer):
+    """A black box every answer of whose ``traces`` is judged, at the cost of products on boundary dofs.
 
     Parameters
     ----------
-    blackbox : where the answers come from
+    inner : where the answers come from
     direction : search direction
     names : of the subdomains, in the order of its ``space.subdomains``
     """
 
-    def __init__(self, blackbox: BlackBox, direction: SearchDirection, names: list[str]):
-        self.blackbox, self.names = blackbox, names
+    def __init__(self, inner: BlackBox, direction: SearchDirection, names: list[str]):
+        super().__init__(inner)
+        self.names = names
         self.robin, self.parts = direction.robin, direction.space.boundary
         self.own: dict[int, sp.csr_array] = {}
         self.earlier: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """As the black box's.
+        """As the protocol says.
 
         Raises
         ------
         BlackBoxError : also for an answer that no elastic body gives, naming the subdomain
         """
-        answers = self.blackbox.traces(forces)
+        answers = self.inner.traces(forces)
         for e, u in answers.items():
             f = np.asarray(forces[e])
             if f.any():

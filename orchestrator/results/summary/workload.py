@@ -9,13 +9,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
-from orchestrator.blackbox.pool.activity import Activity
+from orchestrator.blackbox.usage import Activity, Usage
 from orchestrator.timing import Stopwatch
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.protocol import BlackBox
 
 STAGE_HEAD = ("stage", "rank", "calls", "seconds", "share")
 WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
@@ -33,14 +29,14 @@ class Workload:
 
     Parameters
     ----------
-    blackbox, watch : what is observed
+    usage, watch : what is observed: the black box's workers, and the stages
     rank : of this process
     waited : seconds it has waited for other ranks so far; they are part of its stages
     """
 
-    def __init__(self, blackbox: BlackBox, watch: Stopwatch, rank: int = 0,
+    def __init__(self, usage: Usage, watch: Stopwatch, rank: int = 0,
                  waited: Callable[[], float] = lambda: 0.0):
-        self.blackbox, self.watch, self.rank, self.waited = blackbox, watch, rank, waited
+        self.usage, self.watch, self.rank, self.waited = usage, watch, rank, waited
         self.record: Record = {}
         self._note()
 
@@ -61,7 +57,7 @@ class Workload:
     def _note(self) -> None:
         self._begin = time.perf_counter()
         self._seconds, self._calls = dict(self.watch.seconds), dict(self.watch.calls)
-        self._activity, self._waited = self.blackbox.activity(), self.waited()
+        self._activity, self._waited = self.usage.activity(), self.waited()
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
@@ -77,7 +73,7 @@ def joined(records: Sequence[Record]) -> Record:
 
 
 def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
-    """One entry per code (as ``Pool.codes``, under the code's number) from those of every rank."""
+    """One entry per code (as ``Usage.codes``, under the code's number) from those of every rank."""
     result: dict[int, dict] = {}
     for number, entry in sorted((item for codes in ranks for item in codes.items()), key=lambda item: item[0]):
         known = result.setdefault(number, {**entry, "models": 0, "workers": 0, "compliances": [],

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import undecomposed
 from orchestrator.method.stopping.discretisation import Estimator

@@ -21,7 +21,7 @@ import numpy as np
 from rich.status import Status
 
 from orchestrator.blackbox.pool.pool import default_workers
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config, config_from
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.decomposition import Decomposition, prepare
@@ -201,8 +201,8 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
         if wants_fields:
             displacement, own = sides(d, iterated, parts)
             fields = Fields.of(scene, displacement, own, interfaces)
-        seconds, clock = watch.total, blackbox.clock()
-        memory = memory_peak_mb() + blackbox.memory_peak_mb()
+        seconds, clock = watch.total, blackbox.usage.clock()
+        memory = memory_peak_mb() + blackbox.usage.memory_peak_mb()
         if towards is not None:
             w, status, loose, accuracy = towards.w, towards.status, towards.loose, towards.accuracy
         else:

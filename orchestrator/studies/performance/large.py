@@ -27,7 +27,7 @@ import numpy as np
 
 from orchestrator.blackbox.codes.freefem import FreeFem
 from orchestrator.blackbox.codes.freefem_scripts import UNDECOMPOSED, script
-from orchestrator.blackbox.codes.registry import make_blackbox
+from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import Reference, solve_reference
 from orchestrator.results.figures.plotting import BLUE, GREY, ORANGE, new_figure, png, tidy

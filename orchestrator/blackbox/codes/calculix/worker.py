@@ -20,7 +20,8 @@ from orchestrator.blackbox.codes.calculix import deck, files
 from orchestrator.blackbox.codes.calculix.files import Unreadable
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.protocol import Model
-from orchestrator.blackbox.codes.stateless import Cost, Ledger, StatelessWorker
+from orchestrator.blackbox.cost import Request
+from orchestrator.blackbox.pool.stateless import StatelessWorker, Tally
 from orchestrator.blackbox.pool.worker import Ended
 from orchestrator.errors import InputError, Problem
 
@@ -77,7 +78,7 @@ class CalculixWorker(StatelessWorker):
                 self.code.install)) from error
 
     def load(self, index: int, model: Model) -> None:
-        ledger = self.ledgers[index] = Ledger(model.name, len(model.trace))
+        tally = self.tallies[index] = Tally(model.name, len(model.trace))
 
         def check() -> None:
             loaded, seconds = self._store(model, clamp=True)
@@ -88,13 +89,13 @@ class CalculixWorker(StatelessWorker):
             forces[:, loaded.active] = np.where(np.arange(len(loaded.active)) % 5 == 0, 3.0, 1.0)
             _, single = self._load_cases(loaded, forces)
             self.seconds["solve"] += single
-            ledger.request = Cost(0.0, single)  # every step factorises anew
+            tally.request = Request(0.0, single)  # every step factorises anew
             some = model.trace[:: max(1, len(model.trace) // PROBES)]
             if len(some):
                 _, several = self._unit_loads(loaded, some)
                 self.seconds["solve"] += several
                 each = max(several - single, 0.0) / len(some)
-                ledger.unit_loads = Cost(single, each)
+                tally.unit_loads = Request(single, each)
 
         self._guarded("loading failed", model.name, check)
 
@@ -107,7 +108,7 @@ class CalculixWorker(StatelessWorker):
             full[:, trace] = forces
         answer, seconds = self._guarded("solving failed", name, lambda: self._load_cases(loaded, full))
         self.seconds["solve"] += seconds
-        self.ledgers[index].request = Cost(0.0, seconds / len(forces))
+        self.tallies[index].request = Request(0.0, seconds / len(forces))
         return (answer[:, trace] if op == messages.TRACES else answer), seconds
 
     def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:
