@@ -17,7 +17,7 @@ from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.solver import iterate
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems.hard_scenes import slices
+from orchestrator.studies.robustness.hard_scenes import slices
 from orchestrator.studies.robustness.rounded_traces import traces_of
 from orchestrator.timing import Stopwatch
 

@@ -1,7 +1,7 @@
 """Studies: the framework on a tiny matrix, the listing, unknown names, the targets' arithmetic."""
 
 import csv
-import importlib
+import inspect
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
-from orchestrator.studies import _REGISTRY, STUDIES, run_study
+from orchestrator.studies import FUNCTIONS, STUDIES, run_study
 
 
 def rows_of(path):
@@ -38,8 +38,9 @@ def test_listing_is_quick_and_complete():
 
 
 def test_every_study_has_its_function():
-    for module, function, _ in _REGISTRY.values():
-        assert callable(getattr(importlib.import_module(f"orchestrator.studies.{module}"), function))
+    assert list(FUNCTIONS) == list(STUDIES)
+    for function in FUNCTIONS.values():
+        assert callable(function) and inspect.getdoc(function)
 
 
 def test_unknown_name():
@@ -50,9 +51,9 @@ def test_unknown_name():
 
 
 def test_matrix_of_two_cases(tmp_path, capsys):
-    from orchestrator.studies.problems.cases import defaults, paper, with_method
-    from orchestrator.studies.kit.framework import Case, Study
     from orchestrator.studies.convergence.stages import picture
+    from orchestrator.studies.kit.framework import Case, Study
+    from orchestrator.studies.problems.cases import defaults, paper, with_method
 
     study = Study("tiny", "a tiny matrix", tmp_path)
     first = study.solve(Case(with_method(tiny(), defaults()), {"case": "defaults"}))
@@ -105,8 +106,8 @@ def test_first():
 def test_alternating_beam_fills_the_box(tmp_path):
     import meshio
 
-    from orchestrator.scene.build import build_scene
     from orchestrator.config import config_from
+    from orchestrator.scene.build import build_scene
     from orchestrator.studies.paper.alternating import alternating_beam
 
     path = alternating_beam(tmp_path, (4, 2, 2), 2.0)
@@ -168,9 +169,9 @@ def test_the_rigid_motion_of_loose_bodies_is_no_error_their_deformation_is():
 
 
 def test_a_run_is_continued_to_where_it_tends(tmp_path):
-    from orchestrator.studies.problems.cases import contact_defaults, paper_contact, with_method
     from orchestrator.studies.kit.following import follow, sweeps_to
     from orchestrator.studies.kit.framework import Case, Study
+    from orchestrator.studies.problems.cases import contact_defaults, paper_contact, with_method
 
     study = Study("tiny", "tiny contact", tmp_path)
     ours = follow(study, Case(with_method(few_grains(), contact_defaults()), {"settings": "defaults"}))
@@ -209,8 +210,8 @@ def test_contact_studies(tmp_path, monkeypatch):
 
 
 def test_ten_grains_from_the_command_line(tmp_path):
-    from orchestrator.studies.performance import ten_grains
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance import ten_grains
 
     study = Study("ten", "ten", tmp_path)
     small = {**ten_grains.problem(), "mesh": few_grains()["mesh"], "output": {"figures": False}}
@@ -222,16 +223,16 @@ def test_ten_grains_from_the_command_line(tmp_path):
 
 
 def test_ten_grains_tells_why_a_run_failed(tmp_path):
-    from orchestrator.studies.performance import ten_grains
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance import ten_grains
 
     with pytest.raises(BlackBoxError, match="subdomains"):
         ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.problem(), "subdomains": "grans"})
 
 
 def test_polycrystal_in_small(tmp_path, monkeypatch):
-    from orchestrator.studies.convergence import polycrystal
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.paper import polycrystal
 
     for name, value in (("SMALL_GRAINS", 4), ("SMALL_H", 0.3), ("CUT", 10)):
         monkeypatch.setattr(polycrystal, name, value)
@@ -251,12 +252,12 @@ def test_polycrystal_in_small(tmp_path, monkeypatch):
 
 
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
-    """The whole study on cubes of two elements a side, coarse problems of a few."""
-    from orchestrator.studies.performance import prediction, scaling
+    """The whole study on cubes of two elements a side, macro problems of a few."""
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance import prediction, scaling
 
     monkeypatch.setattr(scaling, "without_ranks", lambda: "not in this test")
-    monkeypatch.setattr(scaling, "measure_coarse", lambda: prediction.measure_coarse((2, 3)))
+    monkeypatch.setattr(scaling, "measure_macro", lambda: prediction.measure_macro((2, 3)))
     study = Study("scaling", "tiny", tmp_path)
     scaling.run(study, elements=2)
     study.close()
@@ -266,20 +267,20 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
     assert float(table[0]["efficiency"]) == 1 and 0.5 <= float(table[1]["balance"]) <= 1
     assert all(float(r["over_floor"]) > 1 and 0 < float(r["idle"]) < 1 for r in table)
     text = (tmp_path / "prediction.md").read_text()
-    assert "100,000 subdomains" in text and "coarse problem: solve" in text
+    assert "100,000 subdomains" in text and "macro problem: solve" in text
     assert (tmp_path / "scaling.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_floor_of_small_runs(tmp_path, monkeypatch):
+    from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import floor
     from orchestrator.studies.problems.cases import beam, cube
-    from orchestrator.studies.kit.framework import Study
 
     nothing = {"output": {"fields": False, "figures": False}}
     monkeypatch.setattr(floor, "beam", lambda count: beam(count // 16) | nothing)
     monkeypatch.setattr(floor, "cube", lambda count: cube(count // 2, elements=2) | nothing)
     monkeypatch.setattr(floor, "GRAINS", 4)
-    monkeypatch.setattr(floor, "H", 0.3)
+    monkeypatch.setattr(floor, "GRAIN_H", 0.3)
     study = Study("floor", "small", tmp_path)
     floor.run(study)
     study.close()
@@ -291,13 +292,13 @@ def test_floor_of_small_runs(tmp_path, monkeypatch):
     assert (tmp_path / "floor.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_coarse_problem_that_is_predicted_is_that_of_a_run():
+def test_macro_problem_that_is_predicted_is_that_of_a_run():
     import method_case as case
 
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.problems.cases import cube
     from orchestrator.studies.performance.prediction import macro_pattern
+    from orchestrator.studies.problems.cases import cube
 
     config = config_from(cube(3, 2))
     with case.box_of(config) as blackbox:
@@ -307,23 +308,23 @@ def test_coarse_problem_that_is_predicted_is_that_of_a_run():
 
 
 def test_prediction_adds_up():
-    from orchestrator.studies.performance.prediction import Coarse, Costs, limit, predict
+    from orchestrator.studies.performance.prediction import Costs, MacroCosts, limit, predict
 
     costs = Costs(start=1, scene=0.01, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, iterations=10,
                   sweeps=12, trace=300)
-    coarse = Coarse(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3))
-    small, large = (predict(costs, coarse, count) for count in (1000, 100_000))
+    macro = MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3))
+    small, large = (predict(costs, macro, count) for count in (1000, 100_000))
     assert small["iterations"]["solve"] == large["iterations"]["solve"] == pytest.approx(1.2)
-    coarse_factor = "coarse problem: factorise"
-    assert large["set_up"][coarse_factor] == pytest.approx(1e4 * small["set_up"][coarse_factor])
+    macro_factor = "macro problem: factorise"
+    assert large["set_up"][macro_factor] == pytest.approx(1e4 * small["set_up"][macro_factor])
     assert large["set_up"]["scene, on one rank"] == pytest.approx(1000)
-    count = limit(costs, coarse)
-    assert predict(costs, coarse, round(count))["iterations"]["coarse problem: solve"] == pytest.approx(1.2, rel=1e-3)
+    count = limit(costs, macro)
+    assert predict(costs, macro, round(count))["iterations"]["macro problem: solve"] == pytest.approx(1.2, rel=1e-3)
 
 
 def test_large_in_small(tmp_path):
-    from orchestrator.studies.performance import large
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance import large
 
     study = Study("large", "small", tmp_path)
     large.run(study, 2, 4, (2, 5), 4, (6,))
@@ -343,8 +344,8 @@ def test_large_in_small(tmp_path):
 
 def test_large_within_too_little_memory(tmp_path):
     from orchestrator.blackbox.codes.freefem import FreeFem
-    from orchestrator.studies.performance import large
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance import large
 
     study = Study("large", "small", tmp_path)
     result = large._direct(study, FreeFem(), 26, "CHOLMOD", 300 * 2**20)
@@ -356,9 +357,9 @@ def test_large_within_too_little_memory(tmp_path):
 def test_time_vs_error_in_small(tmp_path):
     from dataclasses import replace
 
-    from orchestrator.studies.performance import time_vs_error
-    from orchestrator.studies.problems.error_cases import MODELS
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance import time_vs_error
+    from orchestrator.studies.performance.error_cases import MODELS
 
     small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "L-shaped bracket": ((4,), (), (2, 4, 8)),
              "blocks in frictional contact": ((2, 4), (), (8,))}
@@ -389,7 +390,7 @@ def test_true_errors_of_an_exact_solution():
     """Two fields whose distance is known: the one carried to the other's mesh, and the energies' balance."""
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.convergence.true_errors import _carried
+    from orchestrator.studies.kit.true_errors import _carried
 
     for element in ("P1", "P2"):
         box = {"name": "t", "mesh": {"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}}, "subdomains": {"grid": [2, 1, 1]},

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from orchestrator.config.base import Name, PartlyFree, Part, Positive, Vector, as_list, either, one_or_per_step
+from orchestrator.config.base import Name, Part, PartlyFree, Positive, Vector, as_list, either, one_or_per_step
 
 
 class Place(Part):

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from orchestrator.errors import KeyPath, Problem
 from orchestrator.config.method import RATIO_RANGE, RUNS_ONCE
 from orchestrator.config.paths import find, get
+from orchestrator.errors import KeyPath, Problem
 
 # Mappings of which exactly one of some keys must be given.
 ONE_OF: dict[KeyPath, tuple[str, ...]] = {

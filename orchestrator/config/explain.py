@@ -9,9 +9,9 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from orchestrator.errors import KeyPath, Problem
 from orchestrator.config.base import TAG
 from orchestrator.config.model import Config
+from orchestrator.errors import KeyPath, Problem
 
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
          "list": "a list", "dict": "a mapping (key: value)", "model": "a mapping (key: value)"}

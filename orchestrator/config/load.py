@@ -13,12 +13,12 @@ from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.config.checks import broken_rules
 from orchestrator.config.explain import echo, explained
 from orchestrator.config.model import Config
 from orchestrator.config.overrides import BadOverride, apply, parse
 from orchestrator.config.paths import get
+from orchestrator.errors import InputError, KeyPath, Problem
 
 # Models that come with gmsh; the scene knows where they are.
 SHIPPED = "gmsh:"

@@ -42,7 +42,7 @@ class Sole(Part):
 
 
 class Macro(Part):
-    """The coarse problem that carries resultants through the whole structure at once."""
+    """The macro problem, linear: it carries resultants over interfaces through the whole structure at once."""
 
     strategy: Literal["none", "equilibrium", "continuity"] = Field("equilibrium", description=(
         "equilibrium: the number of iterations then hardly grows with the number of subdomains"))
@@ -51,7 +51,7 @@ class Macro(Part):
         "modes: affine and the subdomains' soft modes, computed at set-up. "
         "auto: modes for subdomains with ν above 0.49 or 10 times longer than thick, else affine"))
     on: Literal["perfect", "all"] = Field("perfect", description=(
-        "perfect: on perfect interfaces; the coarse correction does better on contact. all: the paper's"))
+        "perfect: on perfect interfaces; the coarse contact problem does better on contact. all: the paper's"))
 
 
 class SearchDirection(Part):
@@ -103,14 +103,16 @@ class Skip(Part):
 
 class Method(Part):
     sole: Sole = Field(Sole(), description="the search direction k⁻ as a layer of matter")
-    macro: Macro = Field(Macro(), description="the coarse problem")
+    macro: Macro = Field(Macro(), description="the macro problem: linear, of interface resultants, for perfect interfaces")
     search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
     acceleration: Literal["none", "anderson", "gmres"] = Field("anderson", description=(
-        "anderson: within one or two iterations of gmres, and right for contact too"))
+        "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, "
+        "and anderson and gmres both minimise the residual over all iterations so far: the generalised conjugate "
+        "residual method, equivalent to GMRES; anderson may forget (memory). none: relaxation alone"))
     memory: AutoCount = Field("auto", description="depth of anderson; auto: the whole history for perfect interfaces, 30 with contact")
     coarse: Literal["affine", "none"] = Field("affine", description=(
-        "where interfaces are not perfect: every body moves in its affine fields under the true laws, "
-        "after every linear stage; it removes the plateau of the fixed point"))
+        "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine "
+        "fields under the true laws, after every linear stage; it removes the plateau of the fixed point"))
     increment: AutoCount = Field("auto", description=(
         "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch "
         "starting from the last"))

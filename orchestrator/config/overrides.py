@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from orchestrator.errors import KeyPath, Problem
 from orchestrator.config.checks import ONE_OF
 from orchestrator.config.paths import matches
+from orchestrator.errors import KeyPath, Problem
 
 # An override that picks one alternative removes the others, and what belongs to them alone.
 # Two mesh sources stay an error: a mesh decides what all other entries mean.

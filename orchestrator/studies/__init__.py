@@ -1,41 +1,58 @@
 """Studies: the paper's figures and the benchmarks, as matrices of configurations.
 
-``STUDIES`` names them; the modules behind are imported when a study runs, so that listing stays quick.
-Every study leaves table.csv, curves.csv, targets.csv and a figure in results/studies/NAME.
+Every study leaves table.csv, curves.csv, targets.csv and a figure in results/studies/NAME. Rooms, each importing
+from those before it alone, never one of the last four from another:
+
+- ``kit``: what studies are made of;
+- ``problems``: problems that several of them share;
+- ``paper``: the paper's figures and tables;
+- ``convergence``: how many stages or sweeps, to which error;
+- ``robustness``: hard cases, and other codes;
+- ``performance``: wall time.
 """
 
 from __future__ import annotations
 
 import os
-from importlib import import_module
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.registry import Registry
 
-# name: module in its room, function, what it shows
-_REGISTRY = {
-    "fig7": ("paper.fig7", "run", "paper, figure 7: convergence for 8 to 128 slices: mono-scale, equilibrium, continuity"),
-    "fig8": ("paper.fig8", "run", "paper, figures 8 and 9: axial stress after one and two iterations"),
-    "fig10": ("paper.sole_modulus", "equilibrium", "paper, figure 10: soles 100 times softer to stiffer, equilibrium"),
-    "fig11": ("paper.sole_modulus", "continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
-    "slices": ("convergence.stages", "slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
-    "cubes": ("convergence.stages", "cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
-    "metis": ("convergence.parts", "metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
-    "assembly": ("convergence.parts", "assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
-    "contact_cubes": ("convergence.contact", "cubes", "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
-    "contact_grains": ("convergence.contact", "polycrystals", "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
-    "contact_soles": ("convergence.contact", "soles", "soles ten times softer to stiffer, with contact"),
-    "ten_grains": ("performance.ten_grains", "run", "a contact problem of 8,235 dofs from the command line, with wall time"),
-    "polycrystal": ("convergence.polycrystal", "full", "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
-    "polycrystal_small": ("convergence.polycrystal", "small", "the same with 15 grains"),
-    "scaling": ("performance.scaling", "run", "strong and weak scaling over workers and ranks, and what a cluster would take"),
-    "floor": ("performance.floor", "run", "wall time of whole runs beside the code's own seconds"),
-    "codes": ("convergence.codes", "run", "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
-    "time_vs_error": ("performance.time_vs_error", "run", "wall time against true error: four problems, P1 and P2, four methods"),
-    "large": ("performance.large", "run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
-    "stability": ("robustness.stability", "run", "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
-    "bound": ("convergence.bound", "run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
+# name: function in its module and room, what it shows
+_LISTED = {
+    "fig7": ("paper.fig7:run",
+             "paper, figure 7: convergence for 8 to 128 slices: mono-scale, equilibrium, continuity"),
+    "fig8": ("paper.fig8:run", "paper, figures 8 and 9: axial stress after one and two iterations"),
+    "fig10": ("paper.sole_modulus:equilibrium", "paper, figure 10: soles 100 times softer to stiffer, equilibrium"),
+    "fig11": ("paper.sole_modulus:continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
+    "slices": ("convergence.stages:slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
+    "cubes": ("convergence.stages:cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
+    "metis": ("convergence.parts:metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
+    "assembly": ("convergence.parts:assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
+    "contact_cubes": ("convergence.contact:cubes",
+                      "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
+    "contact_grains": ("convergence.contact:polycrystals",
+                       "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
+    "contact_soles": ("convergence.contact:soles", "soles ten times softer to stiffer, with contact"),
+    "ten_grains": ("performance.ten_grains:run",
+                   "a contact problem of 8,235 dofs from the command line, with wall time"),
+    "polycrystal": ("paper.polycrystal:full",
+                    "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
+    "polycrystal_small": ("paper.polycrystal:small", "the same with 15 grains"),
+    "scaling": ("performance.scaling:run",
+                "strong and weak scaling over workers and ranks, and what a cluster would take"),
+    "floor": ("performance.floor:run", "wall time of whole runs beside the code's own seconds"),
+    "codes": ("robustness.codes:run",
+              "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
+    "time_vs_error": ("performance.time_vs_error:run",
+                      "wall time against true error: four problems, P1 and P2, four methods"),
+    "large": ("performance.large:run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
+    "stability": ("robustness.stability:run",
+                  "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
+    "bound": ("convergence.bound:run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
-STUDIES = {name: line for name, (_, _, line) in _REGISTRY.items()}
+STUDIES = {name: title for name, (_, title) in _LISTED.items()}
+FUNCTIONS = Registry({name: f"{__name__}.{place}" for name, (place, _) in _LISTED.items()})
 
 
 def run_study(name: str, folder: str | os.PathLike[str] | None = None) -> None:
@@ -51,11 +68,10 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None) -> None:
     InputError : no such study, or the folder cannot be written
     BlackBoxError : from the code; the cases finished so far are on disk
     """
-    if name not in _REGISTRY:
+    if name not in STUDIES:
         raise InputError(Problem((), f"study '{name}'", "one of " + ", ".join(STUDIES), "take one of these"))
     from orchestrator.studies.kit.framework import Study
 
-    module, function, line = _REGISTRY[name]
-    study = Study(name, line, folder)
-    getattr(import_module(f"{__name__}.{module}"), function)(study)
+    study = Study(name, STUDIES[name], folder)
+    FUNCTIONS[name](study)
     study.close()

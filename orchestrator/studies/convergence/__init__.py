@@ -1,1 +1,1 @@
-"""Iterations, bounds and true errors."""
+"""How many stages or sweeps runs need, and what the bound says of the true error."""

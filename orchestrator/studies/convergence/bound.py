@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, new_figure, png, tidy
+from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.studies.problems.bracket import bracket
 from orchestrator.studies.problems.cases import beam, cube, defaults, with_method
-from orchestrator.studies.kit.framework import Case, Study
 
 TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 EFFECTIVITY = 5.0

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from orchestrator.results.figures.plotting import BLUE, GREEN, ORANGE, RED, png
-from orchestrator.studies.problems.cases import contact_defaults, grains, paper_contact, pressed_cubes, with_method
 from orchestrator.studies.kit.drawing import Curve, draw, grid, label_rows, shades
 from orchestrator.studies.kit.following import Followed, follow, sweeps_to
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.problems.cases import contact_defaults, grains, paper_contact, pressed_cubes, with_method
 
 COLUMNS = ("case", "settings", "steps", "iterations", "sweeps_1e-01", "sweeps_1e-02", "sweeps_1e-03", "sweeps_1e-06",
            "law_residual", "indicator", "true_error", "end_law_residual", "apart", "other_statuses", "open", "stick", "slip",
@@ -28,7 +28,7 @@ COLOURS = {"defaults": BLUE, "Anderson alone": GREEN, "paper, our soles": ORANGE
 
 
 def settings(length: float, h: float) -> dict[str, dict[str, Any]]:
-    """What is compared: the defaults, without their coarse correction, and the paper's fixed point twice.
+    """What is compared: the defaults, without their coarse contact problem, and the paper's fixed point twice.
 
     Parameters
     ----------

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from orchestrator.studies.convergence.stages import COLUMNS, picture
+from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.studies.problems.bracket import bracket
 from orchestrator.studies.problems.cases import assembly as assembly_problem
 from orchestrator.studies.problems.cases import defaults, with_method
-from orchestrator.studies.kit.framework import Case, Study
-from orchestrator.studies.convergence.stages import COLUMNS, picture
 
 METIS_STAGES = 25
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orchestrator.results.figures.plotting import png
-from orchestrator.studies.problems.cases import beam, cube, defaults, with_method
 from orchestrator.studies.kit.drawing import Curve, draw, grid, label_rows, shades
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.problems.cases import beam, cube, defaults, with_method
 
 COLUMNS = ("case", "subdomains", "dofs", "stages_to_true_error", "iterations", "true_error", "error_bound",
            "effectivity", "stop_reason", "seconds")

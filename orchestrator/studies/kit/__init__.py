@@ -1,1 +1,1 @@
-"""What studies are made of: matrices of configurations, tables, figures, commands."""
+"""What studies are made of: matrices of configurations, tables, figures, commands, true errors."""

@@ -12,7 +12,7 @@ from collections.abc import Container
 from pathlib import Path
 from typing import Any
 
-from orchestrator.errors import BlackBoxError, CONVERGED, NOT_CONVERGED
+from orchestrator.errors import CONVERGED, NOT_CONVERGED, BlackBoxError
 from orchestrator.studies.kit.framework import Study
 
 _MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",  # more ranks than cores, in a container:

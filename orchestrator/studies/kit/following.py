@@ -23,20 +23,20 @@ from rich.status import Status
 from orchestrator.blackbox.pool.pool import default_workers
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config, config_from
-from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.decomposition import Decomposition, prepare
-from orchestrator.method.events import Iteration, Subscriber
-from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
-from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.delivery.recovery import recover
-from orchestrator.method.iterated import Iterated
-from orchestrator.method.solver import Start, iterate
 from orchestrator.method.delivery.held_bodies import held_bodies
+from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
+from orchestrator.method.delivery.recovery import recover
+from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.solver import Start, iterate
+from orchestrator.method.stopping.bound import Bound
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.summary.summary import memory_peak_mb
-from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import motions
+from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.studies.kit.framework import Case, Study, first
 from orchestrator.timing import Stopwatch

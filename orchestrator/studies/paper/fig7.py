@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from orchestrator.results.figures.plotting import png
-from orchestrator.studies.paper.alternating import alternating_beam
-from orchestrator.studies.problems.cases import CUT, SLICES, beam, defaults, paper, with_method
 from orchestrator.studies.kit.drawing import Curve, draw, grid, label_rows, shades
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.paper.alternating import alternating_beam
+from orchestrator.studies.problems.cases import CUT, SLICES, beam, defaults, paper, with_method
 
 STRATEGIES = {"none": "mono-scale", "equilibrium": "equilibrium", "continuity": "continuity"}
 LONG = 120  # iterations where the figure's are not enough for the table

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.results.figures.plotting import BLUE, ORANGE, new_figure, png, tidy
 from orchestrator.method.stopping.stress import shape_gradients, strain, stress
 from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures.plotting import BLUE, ORANGE, new_figure, png, tidy
 from orchestrator.results.figures.surface import outer_faces
 from orchestrator.run import Solved
 from orchestrator.scene.model import Scene
-from orchestrator.studies.problems.cases import NEVER, beam, defaults, paper, with_method
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.problems.cases import NEVER, beam, defaults, paper, with_method
 
 ITERATIONS, STRATEGIES = (1, 2), ("equilibrium", "continuity")
 SETTINGS = {  # name: method, style of its curve

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from orchestrator.results.figures.plotting import png
-from orchestrator.studies.problems.cases import CUT, beam, defaults, paper, with_method
 from orchestrator.studies.kit.drawing import Curve, draw, grid, label_rows, shades
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.problems.cases import CUT, beam, defaults, paper, with_method
 
 FACTORS = (0.01, 0.1, 1.0, 10.0, 100.0)
 PAPER_RATIO, OUR_RATIO = 0.008, 0.5

@@ -10,11 +10,10 @@ from typing import Any
 
 from orchestrator.errors import CONVERGED
 from orchestrator.results.figures.plotting import BLUE, GREY, new_figure, png, tidy
-from orchestrator.studies.problems.cases import beam, contact_defaults, cube, grains, with_method
 from orchestrator.studies.kit.commands import whole_command, without_ranks
 from orchestrator.studies.kit.framework import Study
-from orchestrator.studies.convergence.polycrystal import GRAINS, H
 from orchestrator.studies.performance.scaling import measured
+from orchestrator.studies.problems.cases import GRAIN_H, GRAINS, beam, contact_defaults, cube, grains, with_method
 
 OVER, START = 1.5, 3.0  # limit of the wall time: times the floor, and seconds for Python and the mesh
 FACTORISATIONS = 3  # of 128 slices, of which two are ends
@@ -35,7 +34,7 @@ def run(study: Study) -> None:
                      f"{START:g} s = {limit:.1f} s", f"{row['seconds']:.1f} s", row["seconds"] <= limit)
     count = study.rows[0]["factorisations"]
     study.target("beam of 128 slices: factorisations", f"at most {FACTORISATIONS}", count, count <= FACTORISATIONS)
-    contact = with_method(grains(GRAINS, H), contact_defaults(error=TOLERANCE))
+    contact = with_method(grains(GRAINS, GRAIN_H), contact_defaults(error=TOLERANCE))
     for ranks in (1, RANKS) if without_ranks() is None else (1,):
         name = f"{GRAINS} grains in contact" + (f", {ranks} ranks" if ranks > 1 else "")
         row = add(study, name, contact, ranks)

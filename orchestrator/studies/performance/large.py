@@ -33,10 +33,10 @@ from orchestrator.method.delivery.reference import Reference, solve_reference
 from orchestrator.results.figures.plotting import BLUE, GREY, ORANGE, new_figure, png, tidy
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems.cases import cube, with_method
 from orchestrator.studies.kit.commands import whole_command
 from orchestrator.studies.kit.drawing import plain_ticks
 from orchestrator.studies.kit.framework import ACCURATE, Study
+from orchestrator.studies.problems.cases import cube, with_method
 
 SOLVERS = ("CHOLMOD", "MUMPS", "UMFPACK")
 COMPARED, SMALLER = 24, (30,)  # bricks along the side, for the choice of the solver and for the growth of its memory

@@ -1,7 +1,7 @@
 """What a run of N equal cubes, one to a core, would take on a cluster.
 
-Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; the coarse problem, on
-matrices of the macro problem's pattern. Assumed: the network, and that costs grow as far as they were not measured.
+Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; the macro problem, on
+matrices of its pattern. Assumed: the network, and that costs grow as far as they were not measured.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from orchestrator.method.interface.search_direction import factorised
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube
 REDUCTIONS = 6  # per iteration: macro resultants, indicator, bound, jumps and imbalances, acceleration
-GRIDS = (4, 5, 6, 7, 8)  # cubes a side of the coarse problems that are measured
+GRIDS = (4, 5, 6, 7, 8)  # cubes a side of the macro problems that are measured
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class Costs:
 
 
 @dataclass(frozen=True)
-class Coarse:
-    """Growth of the coarse problem with N subdomains: (factor, exponent) of factor · N^exponent.
+class MacroCosts:
+    """Growth of the macro problem with N subdomains: (factor, exponent) of factor · N^exponent.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class Coarse:
         return factor * count**exponent
 
 
-def measure_coarse(grids: Sequence[int] = GRIDS) -> tuple[Coarse, list[dict[str, float]]]:
+def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[str, float]]]:
     """Factorise matrices of the macro problem's pattern for cubes in a grid; also what was measured."""
     rows = []
     for side in grids:
@@ -100,7 +100,7 @@ def measure_coarse(grids: Sequence[int] = GRIDS) -> tuple[Coarse, list[dict[str,
         # the solver is a method of its factor
         rows.append({"subdomains": side**3, "unknowns": len(right), "factorise": done - begin, "solve": seconds,
                      "entries": solve.__self__.nnz})
-    return Coarse(*(_growth(rows, key) for key in ("factorise", "solve", "entries"))), rows
+    return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "entries"))), rows
 
 
 def macro_pattern(side: int) -> sp.csr_array:
@@ -119,10 +119,10 @@ def macro_pattern(side: int) -> sp.csr_array:
     return sp.csr_array(blocks + sp.diags_array(2.0 * blocks.sum(axis=1)))
 
 
-def predict(costs: Costs, coarse: Coarse, count: int) -> dict[str, dict[str, float]]:
+def predict(costs: Costs, macro: MacroCosts, count: int) -> dict[str, dict[str, float]]:
     """Seconds of ``count`` subdomains on as many cores: {"set_up" | "iterations": {what: seconds}}, whole run."""
     levels = math.ceil(math.log2(max(count, 2)))
-    right_side = 8.0 * FIELDS * FACES / 2 * count  # bytes of the coarse problem's right-hand side
+    right_side = 8.0 * FIELDS * FACES / 2 * count  # bytes of the macro problem's right-hand side
     reductions = REDUCTIONS * levels * LATENCY + levels * LATENCY + 2 * right_side / BANDWIDTH
     return {
         "set_up": {
@@ -131,8 +131,8 @@ def predict(costs: Costs, coarse: Coarse, count: int) -> dict[str, dict[str, flo
             "prepare": costs.prepare,
             "factorise": costs.factorise,
             "macro columns": FIELDS * FACES * (costs.solve + costs.message),
-            "coarse problem: gather": levels * LATENCY + 8.0 * (FIELDS * FACES) ** 2 * count / BANDWIDTH,
-            "coarse problem: factorise": coarse.at("factorise", count),
+            "macro problem: gather": levels * LATENCY + 8.0 * (FIELDS * FACES) ** 2 * count / BANDWIDTH,
+            "macro problem: factorise": macro.at("factorise", count),
         },
         "iterations": {
             "solve": costs.sweeps * costs.solve,
@@ -140,14 +140,14 @@ def predict(costs: Costs, coarse: Coarse, count: int) -> dict[str, dict[str, flo
             "orchestrator": costs.iterations * costs.own,
             "traces to neighbours": costs.iterations * FACES * (LATENCY + 8 * 2 * costs.trace / BANDWIDTH),
             "reductions": costs.iterations * reductions,
-            "coarse problem: solve": costs.iterations * coarse.at("solve", count),
+            "macro problem: solve": costs.iterations * macro.at("solve", count),
         },
     }
 
 
-def limit(costs: Costs, coarse: Coarse) -> float:
-    """Number of subdomains from which the redundant coarse solution takes longer than a subdomain's own solve."""
-    factor, exponent = coarse.solve
+def limit(costs: Costs, macro: MacroCosts) -> float:
+    """Number of subdomains from which the redundant macro solution takes longer than a subdomain's own solve."""
+    factor, exponent = macro.solve
     return (costs.sweeps / costs.iterations * costs.solve / factor) ** (1 / exponent)
 
 

@@ -16,10 +16,19 @@ from orchestrator.errors import CONVERGED
 from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
 from orchestrator.results.summary.summary import blackbox_seconds
 from orchestrator.results.summary.workload import idle_share
-from orchestrator.studies.problems.cases import STEEL
 from orchestrator.studies.kit.commands import whole_command, without_ranks
 from orchestrator.studies.kit.framework import Study
-from orchestrator.studies.performance.prediction import BANDWIDTH, FIELDS, LATENCY, Coarse, Costs, limit, measure_coarse, predict
+from orchestrator.studies.performance.prediction import (
+    BANDWIDTH,
+    FIELDS,
+    LATENCY,
+    Costs,
+    MacroCosts,
+    limit,
+    measure_macro,
+    predict,
+)
+from orchestrator.studies.problems.cases import STEEL
 
 ELEMENTS = 16  # along the side of a cube
 STRONG = (2, 2, 2)  # cubes
@@ -54,17 +63,17 @@ def run(study: Study, elements: int = ELEMENTS) -> None:
     summaries = [_row(study, *row, elements) for row in rows]
     _targets(study)
     costs = Costs.of(summaries[0])
-    coarse, measured = measure_coarse()
+    macro, measured = measure_macro()
     dofs = summaries[0]["dofs_decomposed"] // summaries[0]["subdomains"]
-    study.folder.write("prediction.md", text(costs, coarse, measured, dofs, study.rows[0]["others"]))
-    study.figure(picture(study.rows, costs, coarse))
+    study.folder.write("prediction.md", text(costs, macro, measured, dofs, study.rows[0]["others"]))
+    study.figure(picture(study.rows, costs, macro))
     for count in CLUSTER:
-        parts = predict(costs, coarse, count)
+        parts = predict(costs, macro, count)
         set_up, loop = (sum(parts[p].values()) for p in ("set_up", "iterations"))
         study.console.print(f"  {count:,} subdomains on as many cores, predicted: set-up {set_up:.3g} s, iterations "
                             f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s")
-    study.console.print(f"  the coarse problem, solved on every rank, outweighs a subdomain's own solve from "
-                        f"{limit(costs, coarse):,.0f} subdomains on; see prediction.md")
+    study.console.print(f"  the macro problem, solved on every rank, outweighs a subdomain's own solve from "
+                        f"{limit(costs, macro):,.0f} subdomains on; see prediction.md")
 
 
 def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int, elements: int) -> dict[str, Any]:
@@ -123,12 +132,12 @@ def _targets(study: Study) -> None:
                  f"{two['balance']:.3f}", two["balance"] >= BALANCE)
 
 
-def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: int, others: float) -> str:
+def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs: int, others: float) -> str:
     """The prediction with its assumptions, as Markdown.
 
     Parameters
     ----------
-    measured : of the coarse problem; dofs : of a subdomain; others : load of the machine by other work
+    measured : of the macro problem; dofs : of a subdomain; others : load of the machine by other work
     """
     lines = [
         "# A cluster, predicted from costs measured on this machine", "",
@@ -138,12 +147,12 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
         "factorise and solve, which are on the code's own clock, grow with that.", "",
         "| measured, seconds | |", "| --- | ---: |",
         *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
-        f"The coarse problem is the macro problem, {FIELDS} unknowns per interface. It is factorised and solved on "
+        f"The macro problem has {FIELDS} unknowns per interface. It is factorised and solved on "
         "every rank. Measured on matrices of its pattern, with the ordering of a run:", "",
         "| subdomains | unknowns | factorise s | solve s | entries of the factor |", "| ---: " * 5 + "|",
         *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} |"
           for r in measured), "",
-        "They grow with N to the power " + ", ".join(f"{getattr(coarse, q)[1]:.2f} ({q})" for q in
+        "They grow with N to the power " + ", ".join(f"{getattr(macro, q)[1]:.2f} ({q})" for q in
                                                      ("factorise", "solve", "entries")) +
         "; nested dissection would give 2, 1.33 and 1.33 for large N.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
@@ -152,7 +161,7 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
         "are not counted.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER)]
-    found = [predict(costs, coarse, count) for count in CLUSTER]
+    found = [predict(costs, macro, count) for count in CLUSTER]
     for period, name in (("set_up", "set-up"), ("iterations", "iterations")):
         for what in found[0][period]:
             lines.append(f"| {name}: {what} | " + " | ".join(f"{f[period][what]:.3g}" for f in found) + " |")
@@ -160,8 +169,8 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
     code = [f["iterations"]["solve"] + f["set_up"]["factorise"] + f["set_up"]["macro columns"] for f in found]
     lines += ["| in all | " + " | ".join(f"{seconds:.3g}" for seconds in total) + " |",
               "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |"]
-    memory = [8e-9 * coarse.at("entries", count) for count in CLUSTER]
-    lines += ["", f"The redundant coarse problem is the limit: from {limit(costs, coarse):,.0f} subdomains on, "
+    memory = [8e-9 * macro.at("entries", count) for count in CLUSTER]
+    lines += ["", f"The redundant macro problem is the limit: from {limit(costs, macro):,.0f} subdomains on, "
               "solving it takes longer than a subdomain's own back-substitutions, and its factor takes "
               f"{memory[0]:.3g} GB per rank for {CLUSTER[0]:,} subdomains, {memory[1]:,.0f} GB for {CLUSTER[1]:,}. "
               "Beyond some thousands it must be spread over ranks, or decomposed in its turn, and scenes must be built "
@@ -169,7 +178,7 @@ def text(costs: Costs, coarse: Coarse, measured: list[dict[str, float]], dofs: i
     return "\n".join(lines)
 
 
-def picture(rows: Sequence[dict[str, Any]], costs: Costs, coarse: Coarse) -> bytes:
+def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts) -> bytes:
     """Efficiencies as bars; seconds of the predicted parts over the number of subdomains."""
     figure = new_figure(11.0, 4.0)
     left, right = figure.subplots(1, 2)
@@ -178,10 +187,10 @@ def picture(rows: Sequence[dict[str, Any]], costs: Costs, coarse: Coarse) -> byt
     left.axhline(1, color=GREY, linewidth=1, linestyle=":")
     left.set_title("Efficiency per core used; ranks × workers", fontsize=10)
     counts = [10**(k / 4) for k in range(4, 21)]
-    found = [predict(costs, coarse, int(count)) for count in counts]
-    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "coarse problem: factorise"),
+    found = [predict(costs, macro, int(count)) for count in counts]
+    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: factorise"),
              ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
-             ("iterations", "coarse problem: solve")]
+             ("iterations", "macro problem: solve")]
     for (period, what), colour in zip(shown, _COLOURS):
         right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour,
                      label=what)

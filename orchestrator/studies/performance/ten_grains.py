@@ -6,9 +6,9 @@ from typing import Any
 
 from orchestrator.results.figures.plotting import BLUE, new_figure, png, tidy
 from orchestrator.results.summary.summary import STAGES
-from orchestrator.studies.problems.cases import STEEL
 from orchestrator.studies.kit.commands import whole_command
 from orchestrator.studies.kit.framework import Study
+from orchestrator.studies.problems.cases import STEEL
 
 LIMIT, GENERAL_CODE = 6.0, 31.0  # seconds: wanted, and what CalculiX needs on the same problem and such a machine
 REPEATS = 3  # the machine may be busy

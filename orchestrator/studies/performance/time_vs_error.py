@@ -30,11 +30,11 @@ from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, RED
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
-from orchestrator.studies.problems.cases import CUT, paper, paper_contact
 from orchestrator.studies.kit.drawing import plain_ticks
-from orchestrator.studies.problems.error_cases import MODELS, Model
 from orchestrator.studies.kit.framework import Case, Study
-from orchestrator.studies.convergence.true_errors import Exact, direct, extrapolated, finer
+from orchestrator.studies.kit.true_errors import Exact, direct, extrapolated, finer
+from orchestrator.studies.performance.error_cases import MODELS, Model
+from orchestrator.studies.problems.cases import CUT, paper, paper_contact
 
 TOLERANCES = (1e-3, 1e-6, "auto")
 INDICATORS = (1e-3, 1e-4, 1e-5)

@@ -1,1 +1,1 @@
-"""Problems that studies share."""
+"""Problems and settings that several studies share, as plain data."""

@@ -1,1 +1,1 @@
-"""Hard cases."""
+"""Hard cases, and the same cases through other codes: nothing silently wrong."""

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from orchestrator.blackbox.codes import registry
-from orchestrator.blackbox.transport.file import FileWorker
 from orchestrator.blackbox.codes.freefem import FreeFem
+from orchestrator.blackbox.transport.file import FileWorker
 
 
 def rounded(values: np.ndarray, digits: int) -> np.ndarray:

@@ -20,9 +20,9 @@ from orchestrator.errors import InputError, OrchestratorError
 from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, new_figure, png, tidy
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems.cases import CONTACT_RATIO
 from orchestrator.studies.kit.framework import Case, Study
-from orchestrator.studies.problems.hard_cases import BEFORE, Hard, cured, hard_cases
+from orchestrator.studies.problems.cases import CONTACT_RATIO
+from orchestrator.studies.robustness.hard_cases import BEFORE, Hard, cured, hard_cases
 from orchestrator.studies.robustness.rounded_traces import traces_of
 
 CONVERGED, REFUSED, STOPPED = "converged", "refused", "stopped"

@@ -16,20 +16,27 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures import deformed, surface
 from orchestrator.results.figures.drawing import Drawing
-from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.figures.plotting import BLUE, GREEN, ORANGE, new_figure, png, tidy
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.model import Scene
-from orchestrator.studies.problems.cases import CUT, contact_defaults, grains, paper_contact, with_method
 from orchestrator.studies.kit.drawing import Curve, draw
 from orchestrator.studies.kit.following import Followed, follow
 from orchestrator.studies.kit.framework import Case, Study, first
 from orchestrator.studies.kit.table import print_table
+from orchestrator.studies.problems.cases import (
+    CUT,
+    GRAIN_H,
+    GRAINS,
+    contact_defaults,
+    grains,
+    paper_contact,
+    with_method,
+)
 
-GRAINS, H = 100, 0.018
 SMALL_GRAINS, SMALL_H = 15, 0.16
 ERROR, END = 1e-3, 1e-6  # error wanted; law residual of the solution that it is measured against
 LONG = 200  # iterations at most to get there; the last one stands for the solution
@@ -46,7 +53,7 @@ _TABLE4 = {"allreduce": (28615, 815), "sendrecv": (1385, 37)}
 
 def full(study: Study) -> None:
     """The paper's size, with its targets."""
-    runs = _run(study, grains(GRAINS, H), CUT)
+    runs = _run(study, grains(GRAINS, GRAIN_H), CUT)
     for name in ("paper, mono-scale", "paper, multiscale"):
         seconds = _row(study, name)["seconds"]
         study.target(f"{name}: {CUT} iterations, everything included (paper: 36,500 s on 100 processors)",
@@ -111,7 +118,7 @@ def _run(study: Study, problem: Mapping[str, Any], iterations: int) -> dict[str,
 
 def _write(output: ResultsFolder, run: Followed, problem: Mapping[str, Any], keep: bool) -> None:
     """The fields of a run, as the command line writes them; they stay for the defaults only."""
-    scene, fields = run.scene, run.fields
+    fields = run.fields
     folder = output if keep else ResultsFolder(output / "scratch")
     folder.clear()
     write_fields(folder, fields)

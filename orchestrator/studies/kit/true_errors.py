@@ -28,8 +28,8 @@ from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.method.stopping.stress import shape_gradients, von_mises
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.model import Scene, Subdomain
 
 NEAR = 30  # cells with the nearest centres, one of which holds a point
 

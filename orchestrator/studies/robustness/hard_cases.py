@@ -7,7 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from orchestrator.studies.problems.hard_scenes import apart, blocks, box, contrast, cubes, joined, patches, slices, sliver, write
+from orchestrator.studies.robustness.hard_scenes import (
+    apart,
+    blocks,
+    box,
+    contrast,
+    cubes,
+    joined,
+    patches,
+    slices,
+    sliver,
+    write,
+)
 
 HELD = {"on": {"plane": "x", "at": 0.0}, "displacement": [0, 0, 0]}
 PULL = {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 0.0, 10.0]}

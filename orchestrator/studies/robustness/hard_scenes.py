@@ -9,8 +9,8 @@ from typing import Any
 import meshio
 import numpy as np
 
-from orchestrator.scene.model import Mesh
 from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.model import Mesh
 
 STEEL = [{"young": 200e3, "poisson": 0.3}]
 

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.blackbox.codes.python_code import TEMPLATE
 from orchestrator.blackbox.pool.diagnosis import difference
 from orchestrator.config import config_from, load_config
-from orchestrator.results.summary.codes import PALETTE, label
 from orchestrator.results.figures.plotting import new_figure, png, tidy
+from orchestrator.results.summary.codes import PALETTE, label
 from orchestrator.run import Solved, solve
-from orchestrator.studies.problems.cases import cube
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.problems.cases import cube
 from orchestrator.timing import Stopwatch
 
 ROOT = Path(__file__).resolve().parents[3]
