@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import orchestrator  # noqa: F401 - before numpy, as in a run: it asks for one BLAS thread
 import pytest
 from processes import end_all, hear_interrupts
 
