@@ -14,6 +14,7 @@ from orchestrator.config import Config
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.run import Solved, solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.model import Mesh
 
@@ -130,8 +131,7 @@ def contacts(solved: Solved) -> Contacts:
             continue
         x = scene.points(i)
         corners = i.triangles[:, :3]
-        a, b, c = np.moveaxis(x[corners], 1, 0)
-        share = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6, 3)
+        share = np.repeat(np.linalg.norm(area_vectors(x, corners), axis=1) / 3, 3)
         one, two = (solved.parts[e][:, nodes] for e, nodes in zip(i.subdomains, i.nodes))
         force = 0.5 * (both[i.index][0] - both[i.index][1]), both[i.index][0] + both[i.index][1]
         normal, length = free_normals(scene, i)

@@ -22,7 +22,7 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.faces import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.structured import bricks
 
 P2 = {"blackbox": {"workers": 2, "element": "P2"}}

@@ -10,7 +10,8 @@ import pytest
 from orchestrator.config import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.faces import area_vectors, faces_of, pieces, tet_volumes
+from orchestrator.scene.mesh.faces import faces_of, pieces
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.partition.metis import _gather_strays
 from orchestrator.scene.model import Mesh

@@ -11,7 +11,8 @@ import pytest
 
 from orchestrator.errors import InputError
 from orchestrator.scene.mesh.cad import locate
-from orchestrator.scene.mesh.faces import area_vectors, faces_of, tet_volumes
+from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.mesh.quality import checked

@@ -11,7 +11,8 @@ from orchestrator.errors import InputError
 from orchestrator.scene.grains import polycrystal
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.grains.facets import cut, narrowest
-from orchestrator.scene.mesh.faces import area_vectors, pieces, tet_volumes
+from orchestrator.scene.mesh.faces import pieces
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import TET, session
 from orchestrator.scene.grains.grains import Grains, tidied
 from orchestrator.scene.mesh.sources import make_mesh

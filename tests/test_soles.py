@@ -10,7 +10,7 @@ from method_case import CUBES, METIS, box_of, config, irregular, layered, method
 from orchestrator.blackbox.models.extended import extended_model, rim_model, sides_by_subdomain, sole_models
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh.faces import tet_volumes
+from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.soles.facets import Facets, facets_of
 from orchestrator.scene.soles.make import make_soles, soles_of
 from orchestrator.scene.soles.prisms import prisms

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.scene.elasticity import lame
-from orchestrator.scene.mesh.faces import tet_volumes
+from orchestrator.scene.mesh.geometry import tet_volumes
 
 
 @dataclass

@@ -7,6 +7,7 @@ import numpy as np
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.scene.mesh.geometry import area_vectors
 
 
 def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -110,8 +111,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
         if entry.kind == "displacement":
             total, = d.space.team.sum(np.where(owner == entry.index, nodal, 0.0).sum(axis=1))
         else:
-            a, b, c = np.moveaxis(scene.mesh.nodes[entry.triangles[:, :3]], 1, 0)
-            area = 0.5 * np.cross(b - a, c - a)
+            area = area_vectors(scene.mesh.nodes, entry.triangles)
             if entry.kind == "pressure":
                 total = -entry.values[:, :1] * area.sum(axis=0)
             else:

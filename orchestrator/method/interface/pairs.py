@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from orchestrator.laws import LAWS
 from orchestrator.laws.points import OPEN, Answer, Points
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.mesh.patch import node_normals
 
@@ -198,8 +199,7 @@ def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, 
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied."""
     corners = triangles[:, :3]
-    a, b, c = np.moveaxis(points[corners], 1, 0)
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = np.linalg.norm(area_vectors(points, corners), axis=1)
     return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
 
 

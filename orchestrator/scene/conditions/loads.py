@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.mesh.faces import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.conditions.materials import volumes_named
 from orchestrator.scene.model import BoundaryEntry, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.scene.grains.voronoi import area_vector
+from orchestrator.scene.mesh.geometry import area_vectors
 
 # From some point of a body all planes of its surface are this far at least, per cube root of its volume; and
 # for how long to look for the point.
@@ -48,10 +49,9 @@ def _smallest_angles(corners: np.ndarray) -> list:
     """Nested lists [i][m][j] of each triangle's smallest angle (radians); negative when it turns the other way."""
     k = len(corners)
     i, m, j = (a.reshape(-1) for a in np.meshgrid(*[np.arange(k)] * 3, indexing="ij"))
-    triangles = corners[np.stack([i, m, j], axis=1)]
-    angle = corner_angles(triangles).min(axis=1)
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    return np.where(normal @ area_vector(corners) > 0, angle, -1.0).reshape(k, k, k).tolist()
+    chosen = np.stack([i, m, j], axis=1)
+    angle = corner_angles(corners[chosen]).min(axis=1)
+    return np.where(area_vectors(corners, chosen) @ area_vector(corners) > 0, angle, -1.0).reshape(k, k, k).tolist()
 
 
 def corner_angles(triangles: np.ndarray) -> np.ndarray:
@@ -83,8 +83,8 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> fl
         return -1.0
     shape = points[triangles]
     p, q, r = np.moveaxis(shape, 1, 0)
-    normal = np.cross(q - p, r - p)
-    volume = np.einsum("ij,ij->i", normal, p) / 6
+    normal = area_vectors(points, triangles)
+    volume = np.einsum("ij,ij->i", normal, p) / 3
     total = np.bincount(body, volume)
     if np.any(total <= 0):
         return -1.0

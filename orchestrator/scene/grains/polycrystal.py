@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.scene.mesh.faces import MAX_NODES, area_vectors
+from orchestrator.scene.mesh.faces import MAX_NODES
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.grains.grains import Grains, tidied
 from orchestrator.scene.model import Mesh

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.mesh.faces import Faces, area_vectors, edge_patches
+from orchestrator.scene.mesh.faces import Faces, edge_patches
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Mesh
 
 # Nodes closer than this share of the local mesh size h = √(2 × facet area) coincide.

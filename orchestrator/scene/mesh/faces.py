@@ -138,23 +138,3 @@ def edge_patches(triangles: np.ndarray) -> tuple[int, np.ndarray]:
     # Triangles and edges are the two kinds of vertices of one graph.
     count, label = components(np.tile(np.arange(size), 3), size + edge, size + int(edge.max(initial=-1)) + 1)
     return count, label[:size]
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(k, 3) vector products; four times as fast as numpy's, which is made for any axis and dimension."""
-    (a1, a2, a3), (b1, b2, b3) = a.T, b.T
-    result = np.empty((3, len(a)))
-    result[0], result[1], result[2] = a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1
-    return result.T
-
-
-def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(k, 3) normals of triangles, each as long as the triangle's area."""
-    p, q, r = (nodes[triangles[:, i]] for i in range(3))
-    return cross(q - p, r - p) / 2
-
-
-def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """(m,) signed volumes."""
-    p, q, r, s = (nodes[cells[:, i]] for i in range(4))
-    return np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6

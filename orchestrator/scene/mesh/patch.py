@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.faces import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors
 
 
 def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

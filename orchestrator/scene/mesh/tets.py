@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.faces import LOCAL_FACES, area_vectors, tet_volumes
+from orchestrator.scene.mesh.faces import LOCAL_FACES
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 
 # Two faces at each of the six edges.
 PAIRS = [(i, j) for i in range(4) for j in range(i)]

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.scene.congruence import equal
-from orchestrator.scene.mesh.faces import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.model import Interface, Scene
 

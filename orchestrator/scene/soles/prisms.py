@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.faces import tet_volumes
+from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.quadratic import with_middles
 from orchestrator.scene.partition.numbering import position_rank
 from orchestrator.scene.soles.facets import Facets
