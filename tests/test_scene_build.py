@@ -10,15 +10,15 @@ import pytest
 from orchestrator.config import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.rigid import check_held, rigid_modes
+from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
-from orchestrator.scene.interfaces.patches import make_interfaces
-from orchestrator.scene.partition.metis import _gather_strays
+from orchestrator.scene.mesh.structured import bricks
 from orchestrator.scene.model import Mesh
+from orchestrator.scene.partition.metis import _gather_strays
 from orchestrator.scene.partition.numbering import split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
-from orchestrator.scene.conditions.rigid import check_held, rigid_modes
-from orchestrator.scene.mesh.structured import bricks
 
 CLAMP = {"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
 

@@ -8,8 +8,9 @@ from contact_case import contact, contacts, converged, written
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.interfaces.pairing import REACH, Body, close_bodies
 from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.model import Mesh
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.make import make_soles
 
@@ -109,6 +110,22 @@ def test_gap_between_curved_faces(tmp_path):
     assert interface.free.all() and np.array_equal(scene.mesh.volume[interface.cells], [[0, 1]] * 32)
     high = scene.side_points(interface, 1)[:, 2]
     assert high == pytest.approx(0.5 + interface.gap, rel=1e-4)
+
+
+def test_bodies_within_reach_are_all_found_in_their_order():
+    """Boxes of random size and reach: those that a comparison of each with each finds, in the same order."""
+    random = np.random.default_rng(1)
+    bodies = []
+    for index in range(60):
+        low, room = random.uniform(0, [1, 9, 3]), random.uniform(0, 0.4)
+        corners = np.stack([low, low + random.uniform(0, 1, 3), low])[None]
+        bodies.append(Body(index, index, np.empty((1, 3)), np.empty(1), corners, np.empty((1, 3)), np.array([room])))
+    boxes = [(b.corners.min(axis=(0, 1)), b.corners.max(axis=(0, 1)), REACH * b.size[0]) for b in bodies]
+    expected = [(i, j) for i, (low, high, room) in enumerate(boxes) for j, (below, above, other) in enumerate(boxes)
+                if i < j and np.maximum(low - above, below - high).max() <= max(room, other)]
+    assert 20 < len(expected) < 1000
+    assert [(a.subdomain, b.subdomain) for a, b in close_bodies(bodies, None)] == expected
+    assert not list(close_bodies(bodies[:1], None)) and not list(close_bodies([], None))
 
 
 def test_a_patch_is_connected(tmp_path):

@@ -8,16 +8,16 @@ import pytest
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
-from orchestrator.scene.grains import polycrystal
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.grains import polycrystal
 from orchestrator.scene.grains.facets import cut, narrowest
+from orchestrator.scene.grains.grains import Grains, tidied
+from orchestrator.scene.grains.voronoi import centroids, scattered
 from orchestrator.scene.mesh.faces import pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import TET, session
-from orchestrator.scene.grains.grains import Grains, tidied
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.tets import dihedral_range, roundness
-from orchestrator.scene.grains.voronoi import centroids, scattered
 
 ONE = np.ones(3)
 # Of seed 14, gmsh makes a tet that is too flat; seed 15 is good.

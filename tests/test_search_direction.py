@@ -10,8 +10,8 @@ from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
-from orchestrator.method.decomposition import prepare
 from orchestrator.method.acceleration.choice import stable_relaxation
+from orchestrator.method.decomposition import prepare
 from orchestrator.method.solver import iterate
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene

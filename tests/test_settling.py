@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orchestrator.laws.points import Points
-from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.coarse.settling import Body
+from orchestrator.method.interface.pairs import Pairs
 
 GAP, PUSH = 0.5, 0.1
 

@@ -12,9 +12,9 @@ from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, METIS, PULL, method, solved
 
 from orchestrator.blackbox import cost
+from orchestrator.blackbox.layers.shared import SharedModels
 from orchestrator.blackbox.models.congruence import representatives
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.blackbox.layers.shared import SharedModels
 from orchestrator.savings import Savings
 from orchestrator.scene import congruence
 from orchestrator.scene.congruence import same_shape

@@ -6,17 +6,17 @@ import numpy as np
 
 from orchestrator.config import Config, steps, vectors_per_step
 from orchestrator.errors import InputError, Problems
-from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.boundary import prescribe, resolve_boundary
-from orchestrator.scene.interfaces.patches import make_interfaces
+from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
+from orchestrator.scene.conditions.rigid import check_held
+from orchestrator.scene.interfaces.patches import make_interfaces
+from orchestrator.scene.mesh.quadratic import quadratic
+from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
-from orchestrator.scene.mesh.quadratic import quadratic
-from orchestrator.scene.conditions.rigid import check_held
-from orchestrator.scene.mesh.sources import make_mesh
 
 
 def build_scene(config: Config) -> Scene:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -36,13 +37,14 @@ def suggestion(pattern: str, names: Iterable[str], what: str) -> str:
 
 def unique_names(names: list[str]) -> list[str]:
     """Repeated names numbered from 1: nut, bolt, nut → nut_1, bolt, nut_2."""
-    taken, result = {name for name in names if names.count(name) == 1}, []
+    count = Counter(names)
+    taken, result, numbers = {name for name in names if count[name] == 1}, [], Counter[str]()
     for name in names:
-        if names.count(name) > 1:
-            number = 1
-            while f"{name}_{number}" in taken:
-                number += 1
-            name = f"{name}_{number}"
+        if count[name] > 1:
+            numbers[name] += 1
+            while f"{name}_{numbers[name]}" in taken:
+                numbers[name] += 1
+            name = f"{name}_{numbers[name]}"
             taken.add(name)
         result.append(name)
     return result

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.model import BoundaryEntry, Mesh
-from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.conditions.selection import select
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.model import BoundaryEntry, Mesh
 
 KINDS = ("displacement", "traction", "pressure")
 # Two entries agree when their values differ by rounding only.

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.conditions.materials import volumes_named
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.quadratic import TET_SHARES, TRIANGLE_SHARES
 from orchestrator.scene.model import BoundaryEntry, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.mesh.quadratic import TET_SHARES, TRIANGLE_SHARES
 
 
 def surface_loads(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndarray, numbering: SplitNumbering,

@@ -8,9 +8,9 @@ import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import matching, suggestion
-from orchestrator.scene.mesh.quality import format_point
 
 # Planes and boxes are met within this share of the mesh's diagonal.
 TOLERANCE = 1e-6

@@ -1,1 +1,1 @@
-"""Polycrystals: Voronoi cells and their surfaces."""
+"""Polycrystals: Voronoi cells in a box, their vertices merged where they are narrow, their faces and their mesh."""

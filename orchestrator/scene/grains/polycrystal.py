@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.scene.grains.grains import Grains, tidied
+from orchestrator.scene.grains.voronoi import SIDES, area_vector, scattered
 from orchestrator.scene.mesh.faces import MAX_NODES
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
-from orchestrator.scene.grains.grains import Grains, tidied
-from orchestrator.scene.model import Mesh
 from orchestrator.scene.mesh.tets import dihedral_range, roundness
-from orchestrator.scene.grains.voronoi import SIDES, area_vector, scattered
+from orchestrator.scene.model import Mesh
 
 PATH = ("mesh", "polycrystal")
 # How many seeds are tried, one after another.

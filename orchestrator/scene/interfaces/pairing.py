@@ -101,14 +101,32 @@ def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Bod
     ----------
     within : largest search distance asked for, if any
     """
+    if len(bodies) < 2:
+        return
     low = np.array([b.corners.min(axis=(0, 1)) for b in bodies])
     high = np.array([b.corners.max(axis=(0, 1)) for b in bodies])
     room = np.array([max(REACH * b.size.max(), within or 0.0) for b in bodies])
-    for i, one in enumerate(bodies):
-        apart = np.maximum(low[i] - high[i + 1:], low[i + 1:] - high[i]).max(axis=1)
-        for j in np.flatnonzero(apart <= np.maximum(room[i], room[i + 1:])) + i + 1:
-            if bodies[j].subdomain != one.subdomain and bodies[j].volume != one.volume:
-                yield one, bodies[j]
+    for i, j in zip(*_boxes_within(low, high, room)):
+        if bodies[j].subdomain != bodies[i].subdomain and bodies[j].volume != bodies[i].volume:
+            yield bodies[i], bodies[j]
+
+
+def _boxes_within(low: np.ndarray, high: np.ndarray, room: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs i < j, ascending, of boxes (n, 3) no farther apart than the larger of their rooms (n,).
+
+    Only boxes that overlap along the axis on which they spread most are compared.
+    """
+    axis = int(np.ptp(low + high, axis=0).argmax())
+    order = np.argsort(low[:, axis] - room)
+    start, stop = (low[:, axis] - room)[order], (high[:, axis] + room)[order]
+    later = np.searchsorted(start, stop, side="right") - np.arange(1, len(order) + 1)
+    first = np.repeat(np.arange(len(order)), later)
+    second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(later) - later, later)
+    i, j = np.sort([order[first], order[second]], axis=0)
+    apart = np.maximum(low[i] - high[j], low[j] - high[i]).max(axis=1)
+    near = apart <= np.maximum(room[i], room[j])
+    chosen = np.lexsort((j[near], i[near]))
+    return i[near][chosen], j[near][chosen]
 
 
 def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tuple[list[Patch], Mismatch | None]:

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
+from orchestrator.scene.interfaces.shared_normals import share_normals
+from orchestrator.scene.mesh.faces import Faces, components
+from orchestrator.scene.mesh.patch import local_size, node_normals
+from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.names import matching
 from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.partition.partition import Partition
-from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.interfaces.shared_normals import share_normals
-from orchestrator.scene.mesh.patch import local_size, node_normals
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
 MOST = 50

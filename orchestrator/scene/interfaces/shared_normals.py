@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.scene.mesh.faces import edge_patches
+from orchestrator.scene.mesh.patch import node_normals
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.mesh.patch import node_normals
 
 
 def share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Interface], bodies: list[str]) -> None:

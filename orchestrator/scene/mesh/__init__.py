@@ -1,1 +1,6 @@
-"""Meshes: sources, quality, faces, ten-node tets."""
+"""Meshes: where they come from, whether they are sound, their faces and the nodes of ten-node tets.
+
+``sources`` knows the keys under ``mesh:`` and the module of each: ``structured``, ``files``, ``cad`` (and
+``grains.polycrystal``). ``quality`` refuses what is no mesh, ``geometry`` gives areas and volumes, ``faces`` pairs
+faces, ``patch`` measures patches of them at their nodes, ``tets`` the shape of cells; ``quadratic`` adds mid-edge nodes.
+"""

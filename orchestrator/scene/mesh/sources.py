@@ -7,8 +7,8 @@ from typing import Any
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.model import Mesh
 from orchestrator.scene.mesh.quality import checked
+from orchestrator.scene.model import Mesh
 
 # key and name of the function → its module in ``orchestrator.scene``
 SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.files",

@@ -1,1 +1,1 @@
-"""Cutting a mesh into subdomains, and numbering them."""
+"""Cutting a mesh into connected subdomains (slices, grid, METIS, volumes), cutting large ones further, numbering them."""

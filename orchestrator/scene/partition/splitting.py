@@ -9,9 +9,9 @@ import numpy as np
 
 from orchestrator.cost import EXPONENT, predicted_cost
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.partition.metis import cut
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import unique_names
+from orchestrator.scene.partition.metis import cut
 from orchestrator.scene.partition.numbering import split_numbering
 
 # Under ``auto`` a piece may cost this many times what the volumes cost on average.
