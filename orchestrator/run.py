@@ -102,7 +102,7 @@ def solve(config: Config, scene: Scene, subscribers: Sequence[Subscriber] = (), 
     settings = [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in config.codes]
     workers = max(code.workers for code in settings)
     exact = None
-    if reference and any(i.law != "perfect" for i in scene.interfaces):
+    if reference and not all(i.law.perfect for i in scene.interfaces):
         raise InputError(Problem(("interfaces",), "--reference with interfaces that are not perfect",
                                  "perfect interfaces: the undecomposed solution has no other",
                                  "leave out --reference; judge by the law residuals in the summary"))
@@ -225,9 +225,7 @@ def _contact(scene: Scene, decomposition: Decomposition, config: Config, outcome
         return {}
     detached, weakly_held = held_bodies(scene, interfaces)
     return {
-        "law_residuals": {"law_residual": laws.largest, "interface_residual": laws.residual,
-                          "imbalance": laws.imbalance, "penetration": laws.penetration, "tension": laws.tension,
-                          "cone": laws.cone, "slip_direction": laws.direction},
+        "law_residuals": laws.named,
         "status_counts": interfaces.counts,
         "interface_resultants": [
             {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law),

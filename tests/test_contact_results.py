@@ -4,6 +4,7 @@ import dataclasses
 import json
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import meshio
 import method_case as case
@@ -12,7 +13,8 @@ import pytest
 
 from orchestrator.config import load_config
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.laws.points import BONDED, OPEN, SLIP, STICK
+from orchestrator.laws.contact import OPEN, SLIP, STICK
+from orchestrator.laws.status import BONDED
 from orchestrator.results.summary.cautions import cautions, rotation
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
@@ -207,7 +209,8 @@ def test_warnings():
     assert any("inside one part (box)" in t for t in texts) and any("slid by more than an element" in t for t in texts)
     assert any("displaced by more than 10%" in t for t in texts) and not any("friction" in t for t in texts)
     assert "block 0-0-1" in dict(summary_rows(found.summary))["warning"]
-    found.scene.interfaces[0].friction = 1.5
+    interface = found.scene.interfaces[0]
+    interface.law = replace(interface.law, friction=1.5)
     assert any("friction 1.5" in t and "not assured" in t for t in cautions(found.scene, found.sides, found.interfaces))
     points = np.random.default_rng(1).normal(size=(20, 3))
     spin = np.array([[0.0, 0.2, 0.0], [0.01, 0, 0]])

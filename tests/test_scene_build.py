@@ -9,6 +9,7 @@ import pytest
 
 from orchestrator.config import Config
 from orchestrator.errors import InputError, Problems
+from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import check_held, rigid_modes
 from orchestrator.scene.interfaces.patches import make_interfaces
@@ -90,7 +91,7 @@ def test_slices():
     for interface in made.interfaces:
         assert area(made.mesh, interface) == pytest.approx(np.array([1, 0, 0]))
         assert len(interface.global_nodes) == 9 and len(interface.triangles) == 8 and interface.free.all()
-        assert (np.diff(interface.global_nodes) > 0).all() and interface.law == "perfect"
+        assert (np.diff(interface.global_nodes) > 0).all() and interface.law.perfect
         for side in (0, 1):
             own = made.subdomains[interface.subdomains[side]].nodes
             assert (own[interface.nodes[side]] == interface.global_nodes).all()
@@ -195,12 +196,16 @@ def test_clamped_patch_is_left_out_and_partly_free_nodes_are_marked():
     assert interfaces_of(mesh, fixed)[0] == []
 
 
+def entry(*between, **more):
+    return Contact.Parameters(between=list(between), law="contact", **more)
+
+
 def test_laws_the_last_match_wins_in_either_order():
     mesh = cubes([4, 1, 1], [0, 1, 2, 3], ["plate", "bolt_1", "bolt_2", "nut"])
-    entries = [SimpleNamespace(between=["*", "*"], law="a"), SimpleNamespace(between=["bolt*", "*"], law="b"),
-               SimpleNamespace(between=["bolt*", "plate"], law="c")]
+    entries = [entry("*", "*", friction=1.0), entry("bolt*", "*", friction=2.0), entry("bolt*", "plate", friction=3.0)]
     found, wrong = interfaces_of(mesh, entries=entries)
-    assert [(i.name, i.law) for i in found] == [("plate | bolt_1", "c"), ("bolt_1 | bolt_2", "b"), ("bolt_2 | nut", "b")]
+    assert [(i.name, i.law.friction) for i in found] == [
+        ("plate | bolt_1", 3.0), ("bolt_1 | bolt_2", 2.0), ("bolt_2 | nut", 2.0)]
     assert not wrong
 
 
@@ -208,7 +213,7 @@ def test_contact_where_everything_is_prescribed():
     """A law that no node is free to follow is a mistake in the boundary conditions."""
     mesh = cubes([3, 1, 1], [0, 1, 2], ["plate", "bolt", "nut"])
     held = np.isclose(mesh.nodes[:, :1], mesh.nodes[interfaces_of(mesh)[0][0].global_nodes[0], 0])
-    entries = [SimpleNamespace(between=["plate", "bolt"], law="contact", friction=0.1, gap=None)]
+    entries = [entry("plate", "bolt", friction=0.1)]
     found, (problem,) = interfaces_of(mesh, np.repeat(held, 3, axis=1), entries)
     assert [i.name for i in found] == ["bolt | nut"]
     assert problem.path == ("interfaces", 0, "law") and "prescribe every node on both sides" in problem.found
@@ -216,7 +221,7 @@ def test_contact_where_everything_is_prescribed():
 
 def test_interface_that_matches_no_pair():
     mesh = cubes([3, 1, 1], [0, 1, 2], ["plate", "bolt", "nut"])
-    entries = [SimpleNamespace(between=["bollt", "plate"], law="a"), SimpleNamespace(between=["plate", "nut"], law="a")]
+    entries = [entry("bollt", "plate"), entry("plate", "nut")]
     _, (unknown, apart) = interfaces_of(mesh, entries=entries)
     assert unknown.path == ("interfaces", 0, "between") and "'bollt' matches no subdomain" in unknown.found
     assert "did you mean bolt" in unknown.cure

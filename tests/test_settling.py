@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from orchestrator.laws.contact import Contact
 from orchestrator.laws.points import Points
 from orchestrator.method.coarse.settling import Body
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import Pairs, Run
 
 GAP, PUSH = 0.5, 0.1
 
@@ -15,10 +16,11 @@ GAP, PUSH = 0.5, 0.1
 def pushed_body(friction: float = 0.0) -> Body:
     """A body free along x and y, pushed by ``PUSH``, with a wall of stiffness 1 at the distance ``GAP`` in x."""
     normal = np.array([[1.0], [0], [0]])
-    points = Points(normal, np.ones(1), np.ones(1), np.full(1, GAP), np.full(1, friction), np.zeros((3, 1)))
-    none = np.zeros(0)
-    pairs = Pairs([SimpleNamespace(law="contact")], np.array([0, 1]), np.zeros((3, 1), int), np.zeros((3, 1), int),
-                  np.ones((3, 1), bool), points, np.ones(1), np.ones(1, bool), none.astype(int), np.zeros((0, 1)), none)
+    points = Points(normal, *np.ones((3, 1)), {"gap": np.full(1, GAP), "friction": np.full(1, friction)})
+    none, dofs = np.zeros(0), np.zeros((3, 1), int)
+    pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], np.array([0, 1]), dofs, dofs,
+                  np.ones((3, 1), bool), [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact],
+                  list(Contact.statuses), none.astype(int), np.zeros((0, 1)), none)
     fields = np.zeros((1, 3, 12))
     fields[0, 0, 0] = fields[0, 1, 1] = 1.0
     stiffness = np.diag(np.r_[0.0, 0.0, np.ones(10)])  # what the body lacks stays at rest

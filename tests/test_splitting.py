@@ -94,8 +94,8 @@ def test_laws_are_those_of_the_bodies(tmp_path):
         assert len(made.subdomains) > 4
         within = [i for i in made.interfaces if len({made.subdomains[e].body for e in i.subdomains}) == 1]
         between = [i for i in made.interfaces if i not in within]
-        assert len(within) >= 3 and {i.law for i in within} == {"perfect"}
-        contact = [i for i in between if i.law == "contact"]
+        assert len(within) >= 3 and all(i.law.perfect for i in within)
+        contact = [i for i in between if i.law.name == "contact"]
         if ".1" in str(law):  # one piece named by itself
             assert 0 < len(contact) < len(between)
         else:
@@ -127,7 +127,7 @@ def test_same_solution_with_friction_on_a_curved_surface(tmp_path, element, cell
     whole, cut = (converged(pressed(mesh, most, interfaces=[CONTACT], blackbox=code)) for most in (None, above))
     counts = whole.summary["status_counts"]
     assert counts["stick"][0] > 0 and counts["slip"][1] > 0
-    assert sum(i.law == "contact" for i in cut.scene.interfaces) > 1
+    assert sum(i.law.name == "contact" for i in cut.scene.interfaces) > 1
     assert difference(whole, cut) < 1e-8
 
 

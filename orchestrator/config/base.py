@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, SerializeAsAny, Tag, WrapValidator, create_model
 
 # Marks the alternative of a union in pydantic's error locations; what follows is the sentence
 # shown to the user. No YAML key can start with it.
@@ -30,6 +31,65 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
     one, two = f"{TAG}1{expected}", f"{TAG}2{expected}"
     return Annotated[Annotated[first, Tag(one)] | Annotated[second, Tag(two)],
                      Discriminator(lambda value: one if is_first(value) else two)]
+
+
+@dataclass(frozen=True)
+class ByName:
+    """How the model of a mapping follows from what the mapping names.
+
+    Parameters
+    ----------
+    base : model that all others derive from; its default for ``key`` is what a mapping without one names
+    key : that names it
+    registry : name → thing
+    model_of : thing → its model
+    """
+
+    base: type[Part]
+    key: str
+    registry: Mapping[str, Any]
+    model_of: Callable[[Any], type[Part]]
+
+    def name(self, value: Any) -> Any:
+        """What a raw mapping names."""
+        default = self.base.model_fields[self.key].default
+        return value.get(self.key, default) if isinstance(value, dict) else default
+
+    def model(self, value: Any) -> type[Part]:
+        """The model for a raw value; where the name is unknown, one that says which are known."""
+        if not isinstance(value, dict):
+            return self.base
+        name = self.name(value)
+        if isinstance(name, str) and name in self.registry:
+            return self.model_of(self.registry[name])
+        field = self.base.model_fields[self.key]
+        loose = type(self.base.__name__, (self.base,), {"model_config": {"extra": "ignore"}})
+        return create_model(self.base.__name__, __base__=loose, **{
+            self.key: (Literal[tuple(self.registry)], Field(field.default, description=field.description))})
+
+    def owners(self, key: str) -> list[str]:
+        """The names whose models have a key of their own."""
+        return [name for name, thing in self.registry.items() if key in self.model_of(thing).model_fields]
+
+    def keys(self) -> list[str]:
+        """The keys that any of the names' models has."""
+        return list(dict.fromkeys(k for thing in self.registry.values() for k in self.model_of(thing).model_fields))
+
+    def validated(self, value: Any, _: Any) -> Part:
+        """The mapping, by its own model; null keys of other names count as absent."""
+        if isinstance(value, self.base):
+            return value
+        model = self.model(value)
+        if isinstance(value, dict):
+            value = {key: entry for key, entry in value.items()
+                     if entry is not None or key in model.model_fields or not self.owners(key)}
+        return model.model_validate(value)
+
+
+def by_name(base: type[Part], key: str, registry: Mapping[str, Any], model_of: Callable[[Any], type[Part]]) -> Any:
+    """A mapping that is validated by the model that belongs to what it names; parameters as in ``ByName``."""
+    chooser = ByName(base, key, registry, model_of)
+    return Annotated[SerializeAsAny[base], WrapValidator(chooser.validated), chooser]
 
 
 def auto_or(number: Any, expected: str) -> Any:

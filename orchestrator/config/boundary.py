@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from orchestrator.config.base import Name, Part, PartlyFree, Positive, Vector, as_list, either, one_or_per_step
+from orchestrator.config.base import Name, Part, PartlyFree, Vector, as_list, by_name, either, one_or_per_step
+from orchestrator.config.entry import Entry
+from orchestrator.registry import LAWS
 
 
 class Place(Part):
@@ -22,7 +24,6 @@ Where = either(Place, Name, lambda value: isinstance(value, (dict, Place)),
                "the name of a surface group, {plane: x, at: 0}, or {box: [[0, 0, 0], [1, 1, 1]]}")
 Displacement = one_or_per_step(PartlyFree, "three numbers (null: free), or a list of such, one per load step")
 Traction = one_or_per_step(Vector, "three numbers, or a list of such, one per load step")
-Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str), "a number, or geometry")
 
 
 class BoundaryCondition(Part):
@@ -44,20 +45,9 @@ class BodyForce(Part):
     history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")
 
 
-class InterfaceLaw(Part):
-    """The law between two parts; the last match wins."""
-
-    between: Annotated[list[Name], Field(min_length=2, max_length=2)] = Field(
-        ["*", "*"], description="names of the two parts, shell wildcards allowed, in either order")
-    law: Literal["perfect", "contact", "jump"] = Field("perfect", description="perfect: bonded, the undamaged body")
-    friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above, for contact; none: 0")
-    gap: Gap | None = Field(None, description=(
-        "initial gap for contact, negative for a press fit, or geometry: as far as the sides are apart; none: 0"))
-    within: Positive | None = Field(None, description=(
-        "search distance of gap: geometry, a length; none: twice the local element size"))
-    jump: Vector | None = Field(None, description="imposed jump from the first part to the second, for jump")
+Interfaces = list[by_name(Entry, "law", LAWS, lambda law: law.Parameters)]
 
 
-def everything_perfect() -> list[Any]:
+def everything_perfect() -> list[Entry]:
     """Default of ``interfaces``."""
-    return [InterfaceLaw()]
+    return [Entry()]

@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from orchestrator.config.entry import Entry
 from orchestrator.config.method import RATIO_RANGE, RUNS_ONCE
 from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
+from orchestrator.registry import LAWS
 
 # Mappings of which exactly one of some keys must be given.
 ONE_OF: dict[KeyPath, tuple[str, ...]] = {
@@ -22,7 +24,6 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("boundary", "*"): ("displacement", "traction", "pressure"),
 }
 ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",)}
-LAW_KEYS = {"friction": "contact", "gap": "contact", "jump": "jump"}
 
 
 def exactly_one(data: Any) -> Iterator[Problem]:
@@ -52,16 +53,8 @@ def belongs_to(data: Any) -> Iterator[Problem]:
             yield Problem((*path, "fraction"), f"fraction beside {fixed}", "fraction beside error: auto only",
                           "remove fraction, or write error: auto")
     for path, entry in find(data, ("interfaces", "*")):
-        law = entry.get("law", "perfect") if isinstance(entry, dict) else None
-        for key, partner in LAW_KEYS.items():
-            if isinstance(law, str) and entry.get(key) is not None and law != partner:
-                yield Problem((*path, key), f"{key} with law: {law}", f"{key} with law: {partner} only",
-                              f"remove {key}, or write law: {partner}")
-        if isinstance(law, str) and entry.get("within") is not None and entry.get("gap") != "geometry":
-            yield Problem((*path, "within"), "within without gap: geometry", "within beside gap: geometry only",
-                          "remove within, or write gap: geometry")
-        if law == "jump" and entry.get("jump") is None:
-            yield Problem(path, "law: jump without a jump", "jump: three numbers", "add jump: [0, 0, 0.01]")
+        for key, *told in law_of(entry).Parameters.broken(entry) if isinstance(entry, dict) else ():
+            yield Problem((*path, key), *told)
 
 
 def places(data: Any) -> Iterator[Problem]:
@@ -145,10 +138,10 @@ def prescribed_once(data: Any) -> Iterator[Problem]:
 
 
 def acceleration_fits(data: Any) -> Iterator[Problem]:
-    if get(data, "method", "acceleration") == "gmres" and any(
-            law != "perfect" for _, law in find(data, ("interfaces", "*", "law"))):
-        yield Problem(("method", "acceleration"), "gmres with laws other than perfect", "a linear problem for gmres",
-                      "use anderson")
+    if get(data, "method", "acceleration") == "gmres" and not all(
+            law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
+        yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect",
+                      "a linear problem for gmres", "use anderson")
 
 
 def blackboxes_fit(data: Any) -> Iterator[Problem]:
@@ -185,6 +178,12 @@ def _is_per_step(value: Any) -> bool:
 
 def _is_vectors(value: Any) -> bool:
     return _is_per_step(value) and all(isinstance(row, list) and all(map(_is_number, row)) for row in value)
+
+
+def law_of(entry: Any) -> Any:
+    """The class of the law that a raw entry of ``interfaces`` names; of none, or of an unknown one, the default."""
+    name = entry.get("law") if isinstance(entry, dict) else None
+    return LAWS[name if isinstance(name, str) and name in LAWS else Entry.model_fields["law"].default]
 
 
 def _dotted(path: KeyPath) -> str:

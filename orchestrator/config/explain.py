@@ -9,8 +9,9 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from orchestrator.config.base import TAG
+from orchestrator.config.base import TAG, ByName
 from orchestrator.config.model import Config
+from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem
 
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
@@ -19,9 +20,9 @@ BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="),
           "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
 
 
-def explained(error: ValidationError) -> list[Problem]:
-    """One problem per error, with the path in the YAML."""
-    return [_explain(entry) for entry in error.errors(include_url=False)]
+def explained(error: ValidationError, data: Any) -> list[Problem]:
+    """One problem per error, with the path in the YAML; ``data`` is what was validated."""
+    return [_explain(entry, data) for entry in error.errors(include_url=False)]
 
 
 def echo(value: Any) -> str:
@@ -30,11 +31,11 @@ def echo(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _explain(entry: Any) -> Problem:
+def _explain(entry: Any, data: Any) -> Problem:
     kind, context = entry["type"], entry.get("ctx", {})
     path: KeyPath = tuple(key for key in entry["loc"] if not str(key).startswith(TAG))
-    parent, _ = _meet(path[:-1])
-    model, field = _meet(path)
+    parent, _ = _meet(path[:-1], data)
+    model, field = _meet(path, data)
     about = field.description or "" if field else ""
     named = [key for key in path if not isinstance(key, int)]
     hint = f"{named[-1]}: {about}" if about else ""
@@ -42,7 +43,11 @@ def _explain(entry: Any) -> Problem:
     if kind == "missing":
         return Problem(path, f"no {path[-1]}", about or "a value", f"add {path[-1]}")
     if kind == "extra_forbidden":
-        return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys), nearest(str(path[-1]), keys))
+        if foreign := _foreign(path, data):
+            return foreign
+        chooser = _choice(path[:-1], data)
+        return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys),
+                       nearest(str(path[-1]), chooser.keys() if chooser else keys))
     if kind == "literal_error" and not _tagged(entry):
         options = [str(option).lower() if option is True else str(option) for option in _options(field)]
         return Problem(path, echo(entry["input"]), "one of " + ", ".join(options) if len(options) > 1 else options[0],
@@ -78,18 +83,46 @@ def _tagged(entry: Any) -> bool:
     return bool(entry["loc"]) and str(entry["loc"][-1]).startswith(TAG)
 
 
-def _meet(path: KeyPath) -> tuple[type[BaseModel] | None, FieldInfo | None]:
+def _foreign(path: KeyPath, data: Any) -> Problem | None:
+    """The problem with a key that other names than the mapping's own know, if there are such."""
+    chooser, value = _choice(path[:-1], data), get(data, *path[:-1])
+    owners = chooser.owners(str(path[-1])) if chooser else []
+    if not owners:
+        return None
+    key, name = chooser.key, chooser.name(value)
+    return Problem(path, f"{path[-1]} with {key}: {name}", f"{path[-1]} with {key}: {' or '.join(owners)} only",
+                   f"remove {path[-1]}, or write {key}: {owners[0]}")
+
+
+def _meet(path: KeyPath, data: Any) -> tuple[type[BaseModel] | None, FieldInfo | None]:
     """The model a path leads to, if it leads to one, and the last field met on the way."""
     model: type[BaseModel] | None = Config
     field: FieldInfo | None = None
-    for key in path:
+    for end, key in enumerate(path, 1):
         if isinstance(key, int):
-            continue  # the entries of a list share one model
+            continue  # the entries of a list share one field
         if model is None or (next_field := model.model_fields.get(key)) is None:
             return None, field
         field = next_field
-        model = next(_models(field.annotation), None)
+        end += end < len(path) and isinstance(path[end], int)
+        chooser = next(_marks(field.annotation, field.metadata), None)
+        model = chooser.model(get(data, *path[:end])) if chooser else next(_models(field.annotation), None)
     return model, field
+
+
+def _choice(path: KeyPath, data: Any) -> ByName | None:
+    """What chooses the model of the mapping at a path, if it depends on what the mapping names."""
+    _, field = _meet(path, data)
+    return next(_marks(field.annotation, field.metadata), None) if field else None
+
+
+def _marks(annotation: Any, metadata: Any = ()):
+    """The choosers inside an annotation."""
+    for part in (*metadata, *get_args(annotation)):
+        if isinstance(part, ByName):
+            yield part
+        else:
+            yield from _marks(part)
 
 
 def _models(annotation: Any):

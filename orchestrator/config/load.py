@@ -127,7 +127,7 @@ def config_from(data: Any) -> Config:
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
-        problems = explained(error)
+        problems = explained(error, data)
     # A misspelt key makes its mapping look incomplete too; the spelling is what to mend.
     misspelt = {problem.path[:-1] for problem in problems if problem.found.startswith("unknown key")}
     problems += [problem for problem in broken_rules(data) if problem.path not in misspelt]

@@ -91,7 +91,8 @@ class Skip(Part):
     superposition: bool = Field(True, description=(
         "perfect interfaces: load steps that are combinations of others follow from their solutions"))
     proportional: bool = Field(True, description=(
-        "contact without friction: load steps equal to another one, or without gaps proportional to it, follow from it"))
+        "laws without history, as contact without friction: load steps equal to another one, or where all laws scale "
+        "with the load proportional to it, follow from it"))
     frozen: bool = Field(True, description=(
         "perfect interfaces: load steps whose own error is below the tolerance are not solved on with the others"))
     bound: bool = Field(True, description=(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from orchestrator.config.base import Name, Part, either
-from orchestrator.config.boundary import BodyForce, BoundaryCondition, InterfaceLaw, everything_perfect
+from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interfaces, everything_perfect
 from orchestrator.config.mesh import Material, Mesh, Subdomains
 from orchestrator.config.method import BlackBox, BlackBoxOn, Method, Output
 
@@ -31,7 +31,7 @@ class Config(Part):
     histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
         {}, description="name: factors, one per load step; none: one load step")
     loads: list[BodyForce] = Field([], description="body forces; none by default")
-    interfaces: list[InterfaceLaw] = Field(default_factory=everything_perfect, description=(
+    interfaces: Interfaces = Field(default_factory=everything_perfect, description=(
         "laws between parts, the last match wins; perfect by default: the body as one piece"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
     blackbox: BlackBoxes = Field(BlackBox(), description=(

@@ -23,6 +23,9 @@ def find(data: Any, pattern: KeyPath, at: KeyPath = ()) -> Iterator[tuple[KeyPat
     elif pattern[0] == "*":
         for index, value in enumerate(data if isinstance(data, list) else []):
             yield from find(value, pattern[1:], (*at, index))
+    elif isinstance(pattern[0], int):
+        if isinstance(data, list) and pattern[0] < len(data):
+            yield from find(data[pattern[0]], pattern[1:], (*at, pattern[0]))
     elif isinstance(data, dict):
         yield from find(data.get(pattern[0]), pattern[1:], (*at, pattern[0]))
 

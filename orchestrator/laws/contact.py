@@ -12,41 +12,161 @@ Friction 0 is a slip without resistance: f̂_t = 0.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
 import numpy as np
+from pydantic import Field
 
-from orchestrator.laws.points import OPEN, SLIP, STICK, Answer, Points, dot
+from orchestrator.config.base import Positive, either
+from orchestrator.config.entry import Entry
+from orchestrator.laws.base import Law, Measure, Stages, Written
+from orchestrator.laws.points import Answer, Points, dot
+from orchestrator.laws.status import BONDED, Status
+
+OPEN = Status(0, "open", "#d0d0d0", normal=False, tangential=False)
+STICK = Status(1, "stick", "#0072B2", normal=True, tangential=True, pressed=True)
+SLIP = Status(2, "slip", "#E69F00", normal=True, tangential=False, pressed=True)
+
+Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str), "a number, or geometry")
 
 
-def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
-    """The force a contact carries.
+class Parameters(Entry):
+    """Unilateral contact with Coulomb friction."""
+
+    friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above; none: 0")
+    gap: Gap | None = Field(None, description=(
+        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0"))
+    within: Positive | None = Field(None, description=(
+        "search distance of gap: geometry, a length; none: twice the local element size"))
+
+    @property
+    def apart(self) -> str:
+        return "gap" if self.gap == "geometry" else ""
+
+    @property
+    def reach(self) -> float | None:
+        return self.within
+
+    @classmethod
+    def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+        if raw.get("within") is not None and raw.get("gap") != "geometry":
+            yield ("within", "within without gap: geometry", "within beside gap: geometry only",
+                   "remove within, or write gap: geometry")
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(Law):
+    """Unilateral contact with Coulomb friction.
 
     Parameters
     ----------
-    F : (3, P) predicted force on side 1
-    previous : (3, P) jump at the previous load step; its tangential part is where friction sticks
-    derivative : also return ∂f̂/∂F where the contact is closed
+    friction : Coulomb's coefficient
+    gap : (n,) initial gap along the normal, negative where the parts are pressed into each other
     """
-    p = points.along(F) + points.stiff_n * points.gap
-    active = np.flatnonzero(p < 0)
-    p, friction, n = p[active], points.friction[active], points.normal.take(active, axis=1)
-    trial = F.take(active, axis=1) - points.stiff_t[active] * previous.take(active, axis=1)
-    trial -= dot(trial, n) * n
-    size = np.sqrt(dot(trial, trial))
-    limit = friction * np.abs(p)
-    slips = (size > limit) | (friction == 0)
-    turn = limit / np.where(size > 0, size, 1.0)
-    result, status = np.zeros(F.shape), np.full(len(points.gap), OPEN)
-    result[:, active] = p * n + np.where(slips, turn, 1.0) * trial
-    status[active] = np.where(slips, SLIP, STICK)
-    if not derivative:
-        return Answer(result, status)
 
-    # stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force
-    e = trial / np.where(size > 0, size, 1.0)
-    turn = np.where(slips, np.where(size > 0, turn, 0.0), 1.0)
-    steep = np.where(slips, friction, 0.0) * e
-    curved = np.where(slips, turn, 0.0) * e
-    slope = ((1 - turn) * n - steep)[:, None, :] * n - curved[:, None, :] * e
-    for i in range(3):
-        slope[i, i] += turn
-    return Answer(result, status, active, slope)
+    friction: float
+    gap: np.ndarray
+
+    name = "contact"
+    Parameters = Parameters
+    formula = ("g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, "
+               "where equal: slip along f_t")
+    meaning = "unilateral contact with Coulomb friction"
+    statuses = (OPEN, STICK, SLIP, BONDED)
+    measures = (
+        Measure("penetration", "penetration", "max −(g₀ + n·d) / max |u|", "sides inside each other", length=1),
+        Measure("tension", "tension", "max (n·f / A) / max pressure", "sides that pull each other", pressure=1),
+        Measure("cone", "cone violation", "max (|f_t| − μ |f_n|) / A / max pressure",
+                "more friction than Coulomb's law allows", pressure=1),
+        Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · max |u|)",
+                "friction that does not oppose the slip Δs", length=1, pressure=1),
+    )
+
+    @property
+    def has_history(self) -> bool:
+        return self.friction > 0
+
+    @property
+    def homogeneous(self) -> bool:
+        return not self.gap.any()
+
+    @property
+    def distance(self) -> np.ndarray:
+        return self.gap
+
+    @property
+    def caution(self) -> str:
+        return f"with friction {self.friction:g}: from 1 on, convergence is not assured" if self.friction >= 1 else ""
+
+    @classmethod
+    def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Contact:
+        if entry.apart:  # faces that are shared touch: a gap read from the geometry is zero there
+            gap = np.zeros(count) if distance is None else distance
+        else:
+            gap = np.full(count, float(entry.gap or 0.0))
+        return cls(float(entry.friction or 0.0), gap)
+
+    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+        """Beside a shorter normal both the gap and the coefficient are larger."""
+        return {"gap": self.gap[chosen] / length, "friction": self.friction / length}
+
+    @staticmethod
+    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+        """The force a contact carries; the tangential part of ``previous`` is where friction sticks."""
+        p = points.along(F) + points.stiff_n * points["gap"]
+        active = np.flatnonzero(p < 0)
+        p, friction, n = p[active], points["friction"][active], points.normal.take(active, axis=1)
+        trial = F.take(active, axis=1) - points.stiff_t[active] * previous.take(active, axis=1)
+        trial -= dot(trial, n) * n
+        size = np.sqrt(dot(trial, trial))
+        limit = friction * np.abs(p)
+        slips = (size > limit) | (friction == 0)
+        turn = limit / np.where(size > 0, size, 1.0)
+        result, status = np.zeros(F.shape), np.full(len(points), OPEN)
+        result[:, active] = p * n + np.where(slips, turn, 1.0) * trial
+        status[active] = np.where(slips, SLIP, STICK)
+        if not derivative:
+            return Answer(result, status)
+
+        # stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force
+        e = trial / np.where(size > 0, size, 1.0)
+        turn = np.where(slips, np.where(size > 0, turn, 0.0), 1.0)
+        steep = np.where(slips, friction, 0.0) * e
+        curved = np.where(slips, turn, 0.0) * e
+        slope = ((1 - turn) * n - steep)[:, None, :] * n - curved[:, None, :] * e
+        for i in range(3):
+            slope[i, i] += turn
+        return Answer(result, status, active, slope)
+
+    @staticmethod
+    def idle(points: Points, F: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """Open pairs that stay open."""
+        return points.along(F) - change + points.stiff_n * points["gap"] >= 0
+
+    @staticmethod
+    def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Pressures, and the four measures."""
+        traction = at.force / points.area
+        normal, shear = points.along(traction), points.across(traction)
+        size = np.sqrt(dot(shear, shear))
+        slip = points.across(np.diff(at.answered, axis=0, prepend=at.before[None]))
+        rubbing = (at.status == SLIP) & (points["friction"] > 0)
+        return np.abs(normal), {
+            "penetration": -(points["gap"] + points.along(at.jump)),
+            "tension": normal,
+            "cone": size - points["friction"] * np.maximum(-normal, 0.0),
+            "slip_direction": (size * np.sqrt(dot(slip, slip)) - dot(slip, shear))[rubbing],
+        }
+
+    def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
+        """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open gap."""
+        gap, push = (self.gap[at.chosen] + at.opening) / length, at.pressure / pressure
+        shear = np.linalg.norm(at.shear, axis=2) / pressure
+        return {
+            "penetration": np.max(-gap, initial=0.0),
+            "tension": np.max(-push, initial=0.0),
+            "Coulomb's cone": np.max(shear - self.friction * np.maximum(push, 0.0), initial=0.0),
+            "complementarity": np.max(np.minimum(gap, push), initial=0.0),
+        }

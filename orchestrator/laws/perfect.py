@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.laws.points import BONDED, Answer, Points
+from orchestrator.config.entry import Entry
+from orchestrator.laws.base import Law
+from orchestrator.laws.points import Answer, Points
+from orchestrator.laws.status import BONDED
 
 
-def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
-    """f̂ = F.
+class Perfect(Law):
+    """Bonded: the undamaged body."""
 
-    Parameters
-    ----------
-    F : (3, P) predicted force on side 1
-    previous : (3, P) jump at the previous load step, of no influence here
-    derivative : also return ∂f̂/∂F
-    """
-    count = F.shape[1]
-    answer = Answer(F, np.full(count, BONDED))
-    if derivative:
-        answer.active, answer.derivative = np.arange(count), np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
-    return answer
+    name = "perfect"
+    Parameters = Entry
+    formula, meaning = "d = 0", "bonded"
+    perfect = True
+    joins, has_history, homogeneous = True, False, True
+
+    @classmethod
+    def of(cls, entry: Entry, count: int, direction: float, distance: np.ndarray | None = None) -> Perfect:
+        return cls()
+
+    @staticmethod
+    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+        """f̂ = F."""
+        count = F.shape[1]
+        answer = Answer(F, np.full(count, BONDED))
+        if derivative:
+            answer.active, answer.derivative = np.arange(count), np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
+        return answer

@@ -5,11 +5,9 @@ Vectors are rows of components, (3, P): numpy is several times faster along long
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 
 import numpy as np
-
-OPEN, STICK, SLIP, BONDED = 0, 1, 2, 3
 
 
 @dataclass
@@ -20,21 +18,26 @@ class Points:
     ----------
     normal : (3, P) unit normals
     stiff_n, stiff_t : (P,) keq = k₁k₂/(k₁ + k₂) of the search direction, along n and across it
-    gap : (P,) initial gap, negative for a press fit
-    friction : (P,) Coulomb's coefficient
-    jump : (3, P) imposed jump
+    area : (P,) share of the interface's area
+    own : name → (…, P), the law's parameters
     """
 
     normal: np.ndarray
     stiff_n: np.ndarray
     stiff_t: np.ndarray
-    gap: np.ndarray
-    friction: np.ndarray
-    jump: np.ndarray
+    area: np.ndarray
+    own: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.area)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.own[name]
 
     def some(self, part: slice | np.ndarray) -> Points:
         """Some of the points."""
-        return Points(*(getattr(self, f.name)[..., part] for f in fields(self)))
+        return Points(self.normal[:, part], self.stiff_n[part], self.stiff_t[part], self.area[part],
+                      {name: values[..., part] for name, values in self.own.items()})
 
     def along(self, x: np.ndarray) -> np.ndarray:
         """(…, P) normal components of (…, 3, P)."""
@@ -60,7 +63,7 @@ class Answer:
     Parameters
     ----------
     force : (3, P) f̂ on side 1
-    status : (P,) OPEN, STICK, SLIP or BONDED
+    status : (P,) int, one of the law's statuses
     active : (Q,) pairs whose force changes with F, only if the derivative is asked for
     derivative : (3, 3, Q) ∂f̂/∂F at these
     """

@@ -13,10 +13,10 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.method.coarse.correction import CoarseCorrection
-from orchestrator.method.local.stage import ContactStage
+from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
-from orchestrator.method.local.exchange import PerfectInterfaces
+from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.interface.pairs import make_pairs
@@ -56,7 +56,7 @@ class Decomposition:
     rims: list[RimStiffness]
     loading: Loading
     stage: LinearStage
-    local: PerfectInterfaces | ContactStage
+    local: Exchange | LawStage
     modes: list[np.ndarray]
     bound: ErrorBound | None
     coarse: CoarseCorrection | None
@@ -152,18 +152,15 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
     bound = coarse = None
     if all_perfect:
-        local = PerfectInterfaces(direction, method.search_direction.kplus)
+        local = Exchange(direction, method.search_direction.kplus)
         with watch("bound"):
             external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(own, traces)])
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
-        lawful = [i for i in scene.interfaces if i.law != "perfect"]
-        pairs = make_pairs(scene, space, direction.whole, lawful)
-        local = ContactStage(direction, pairs)
+        pairs = make_pairs(scene, space, direction.whole)
+        local = LawStage(direction, pairs.lawful)
         if method.coarse != "none":
             with watch("macro"):
-                if len(lawful) < len(scene.interfaces):
-                    pairs = make_pairs(scene, space, direction.whole, scene.interfaces)
                 coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
@@ -172,7 +169,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
 
 def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox) -> Macro | None:
     """The linear macro problem, on perfect interfaces or on all."""
-    wanted = [i.law == "perfect" or method.macro.on == "all" for i in scene.interfaces]
+    wanted = [i.law.perfect or method.macro.on == "all" for i in scene.interfaces]
     if method.macro.strategy == "none" or not any(wanted):
         return None
     kind = method.macro.basis

@@ -60,6 +60,7 @@ class Iteration:
         return self.target[1]
 
 
+COUNTED = ("open", "stick", "slip")  # statuses that every history and summary has, whatever the laws
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", "open", "stick", "slip",

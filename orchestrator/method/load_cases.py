@@ -2,8 +2,8 @@
 
 - All interfaces perfect: the problem is linear. The load vectors of all steps (prescribed displacements and
   nodal forces) are combinations of a few of them, and so are the solutions.
-- Contact without friction has no history: equal loads have equal solutions. Where nothing is apart or pressed
-  in before loading, the problem is also positively homogeneous, u(λ load) = λ u(load) for λ ≥ 0.
+- No law has a history: equal loads have equal solutions. Where all laws scale with the load, the problem is also
+  positively homogeneous, u(λ load) = λ u(load) for λ ≥ 0.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.laws.points import BONDED, OPEN
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.local.state import LocalState
+from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.model import Scene
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it
@@ -63,17 +62,13 @@ def load_cases(scene: Scene, skip) -> LoadCases:
     skip : ``method.skip`` of the configuration
     """
     if scene.steps > 1:
-        if all(i.law == "perfect" for i in scene.interfaces):
+        laws = [i.law for i in scene.interfaces]
+        if all(law.perfect for law in laws):
             if skip.superposition:
                 return _independent(_load_vectors(scene))
-        elif skip.proportional and not any(i.friction for i in scene.interfaces):
-            return _on_rays(_load_vectors(scene), not any(_starts_loaded(i) for i in scene.interfaces))
+        elif skip.proportional and not any(law.has_history for law in laws):
+            return _on_rays(_load_vectors(scene), all(law.homogeneous for law in laws))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
-
-
-def _starts_loaded(interface) -> bool:
-    """Whether there is a gap, an interference or an imposed jump."""
-    return any(value is not None and np.any(value) for value in (interface.gap, interface.jump))
 
 
 def _load_vectors(scene: Scene) -> np.ndarray:
@@ -139,9 +134,9 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
         bound = replace(d.bound(fields, complete=False), relative=bound.relative)
     else:
         status = local.status[weights.argmax(axis=0)]  # of the step that each one is a multiple of
-        status[~weights.any(axis=0)] = np.where(status[:1] == BONDED, BONDED, OPEN)  # unloaded: nothing presses
+        status[~weights.any(axis=0)] = d.local.at_rest  # unloaded
         everything = LocalState(local.s @ weights, tuple(h @ weights for h in local.hats),
-                                cases.all_steps(local.force), cases.all_steps(local.jump), status, local.mine)
+                                cases.all_steps(local.force), cases.all_steps(local.jump), status)
         bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, bound.repositioned @ weights,
                       bound.correction @ weights)
     return replace(iterated, fields=fields, local=everything, bound=bound)

@@ -10,6 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.laws.base import Law
+from orchestrator.laws.perfect import Perfect
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.geometry import tet_volumes
 
@@ -88,10 +90,7 @@ class Interface:
     triangles : (k, 3 or 6) int, indices into the patch's nodes, the corners first, oriented outward of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
     free : (n, 3) bool, components that no boundary condition prescribes
-    law : name of the interface law: "perfect", "contact" or "jump"
-    friction : Coulomb's coefficient (contact)
-    gap : (n,) initial gap along the normal, negative where the parts are pressed into each other (contact)
-    jump : (3,) imposed jump of displacement from E1 to E2 (jump)
+    law : the interface law, with its parameters
     normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
         larger one between bodies that are cut further
     """
@@ -104,10 +103,7 @@ class Interface:
     triangles: np.ndarray
     cells: np.ndarray
     free: np.ndarray
-    law: str = "perfect"
-    friction: float = 0.0
-    gap: np.ndarray | None = None
-    jump: np.ndarray | None = None
+    law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
 
     @property

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
-from orchestrator.method.local.stage import ContactStage
+from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.coarse.pair_fields import FIELDS, MONOMIALS, PairFields
 from orchestrator.method.interface.pairs import Pairs
@@ -61,7 +61,7 @@ class CoarseCorrection:
 
     def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs):
         self.stage, self.pairs = stage, pairs
-        self.predict = ContactStage(stage.direction, pairs)
+        self.predict = LawStage(stage.direction, pairs)
         space = stage.space
         self.team = space.team
         self.bodies, self.own = len(scene.subdomains), space.subdomains
@@ -100,13 +100,11 @@ class CoarseCorrection:
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
 
-    def start_from(self, local: ContactStage) -> None:
+    def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
         previous = np.zeros((3, len(self.pairs)))
-        begin = {i.index: a for i, a in zip(self.pairs.interfaces, self.pairs.bounds)}
-        for i, a, b in zip(local.pairs.interfaces, local.pairs.bounds[:-1], local.pairs.bounds[1:]):
-            previous[:, begin[i.index] : begin[i.index] + b - a] = local.previous[:, a:b]
-        self.predict = ContactStage(self.stage.direction, self.pairs, previous)
+        previous[:, : len(local.pairs)] = local.previous  # perfect ones come last
+        self.predict = LawStage(self.stage.direction, self.pairs, previous)
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.

@@ -109,10 +109,10 @@ class CoarseProblem:
         self.firsts, self.seconds = fields.bodies.T
         self.counted = np.flatnonzero(np.isin(self.firsts, own))  # interfaces that this rank adds up
         counted = [pairs.interfaces[i] for i in self.counted]
-        everyones = sum(team.all_gather([(i.law, i.index, *i.subdomains) for i in counted]), [])
+        everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in counted]), [])
         # the order in which blocks are added must not depend on the ranks
         self.order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
-        ends = np.array([everyones[i][2:] for i in self.order], dtype=int).reshape(-1, 2)
+        ends = np.array([everyones[i][1:] for i in self.order], dtype=int).reshape(-1, 2)
         self.pattern = BlockPattern(ends, bodies, FIELDS) if team.rank == 0 else None
         self.factors = StaleFactors(self.pattern) if team.rank == 0 else None
         self.farthest = np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W])

@@ -4,8 +4,7 @@
   the displacements of all nodes, which another back-substitution has given; both are ≥ 0;
 - repetition: the last back-substitution gives the interface displacements that the iterations have combined from
   all earlier ones; no error below what both, and the forces they stand for, differ by in energy norm can be claimed;
-- contact laws, node by node on the written fields: no penetration, no tension, Coulomb's cone, and no pressure
-  across an open gap.
+- interface laws, node by node on the written fields: what each law itself says is broken.
 
 The answers on the way are guarded where they arrive: finite numbers and the residual of a probe solve after each
 factorisation in ``blackbox.messages``, reciprocity and strain energies in ``answers``.
@@ -17,11 +16,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.method.stopping.law_residuals import REST
-from orchestrator.laws.points import BONDED
+from orchestrator.method.interface.pairs import pair_normals
 from orchestrator.method.iterated import Iterated
+from orchestrator.method.stopping.law_residuals import REST
 
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
 NOTICED = 0.2  # share of the bound from which on noise is part of it
@@ -115,20 +115,24 @@ def _works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> list
 
 
 def _laws(d: Decomposition, interfaces: InterfaceFields, reach: float, allowed: float) -> list[str]:
-    contact = np.repeat(interfaces.laws == "contact", np.diff(interfaces.offsets)) & (interfaces.status != BONDED)
-    if not contact.any():
-        return []
-    friction = np.repeat([i.friction for i in d.scene.interfaces if i.law != "perfect"], np.diff(interfaces.offsets))
-    gap, pressure = (np.where(contact, x, 0.0) for x in (interfaces.gap, interfaces.pressure))
-    shear = np.where(contact, np.linalg.norm(interfaces.friction_traction, axis=2), 0.0)
-    pairs = d.local.pairs
-    resting = REST * reach * (pairs.points.stiff_n / pairs.area).max(initial=0.0)
-    gap, push = gap / (reach or 1.0), max(np.abs(pressure).max(), resting) or 1.0
-    broken = {
-        "penetration": np.max(-gap),
-        "tension": np.max(-pressure) / push,
-        "Coulomb's cone": np.max(shear - friction * np.maximum(pressure, 0.0)) / push,
-        "complementarity": np.minimum(gap, pressure / push).max(),
-    }
-    return [f"{law} violated at a node by {value:.1e}, {allowed:.1e} allowed"
-            for law, value in broken.items() if not value <= allowed]
+    chosen, worst = [i for i in d.scene.interfaces if not i.law.perfect], {}
+    pressures = _pressures(d, interfaces, reach)
+    for i, start in zip(chosen, interfaces.offsets):
+        mobile = np.flatnonzero(i.free[i.corners].any(axis=1))
+        at, nodes = start + mobile, i.corners[mobile]
+        written = Written((interfaces.gap - interfaces.initial_gap)[:, at], interfaces.slip[:, at],
+                          interfaces.pressure[:, at], interfaces.friction_traction[:, at], nodes,
+                          pair_normals(d.scene.points(i), i)[1][nodes])
+        for what, value in i.law.violations(written, reach or 1.0, pressures[i.law.name]).items():
+            worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
+    return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
+            for what, value in worst.items() if not value <= allowed]
+
+
+def _pressures(d: Decomposition, interfaces: InterfaceFields, reach: float) -> dict[str, float]:
+    """Law → the largest pressure or shear on its interfaces, or what counts as next to nothing."""
+    points = d.local.pairs.points
+    resting = REST * reach * (points.stiff_n / points.area).max(initial=0.0)
+    size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
+    return {str(law): max(size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0), resting) or 1.0
+            for law in set(interfaces.laws)}

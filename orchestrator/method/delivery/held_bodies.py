@@ -1,9 +1,9 @@
 """Which bodies the supports hold at each load step, through interfaces that are closed there.
 
-A body is what perfect interfaces and imposed jumps join. A *detached* body has no way to a prescribed
-one over closed node pairs; a *weakly held* one has, but could still move as a rigid body without
-opening a closed pair or sliding where the sides stick. The rigid position of both is undetermined.
-Pairs that touch without pressing hold nothing: they count as open here.
+A body is what joining laws make one. A *detached* body has no way to a prescribed one over node pairs that hold;
+a *weakly held* one has, but could still move as a rigid body without opening a pair that is kept closed or sliding
+where the sides are kept from it. The rigid position of both is undetermined. What a status holds, it declares; one
+that needs pressure holds nothing where the sides touch without pressing.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.laws.points import BONDED, OPEN, SLIP
+from orchestrator.laws.status import Status, table
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import motions
 
@@ -24,27 +24,31 @@ FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as n
 def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
     count = len(scene.subdomains)
-    joined = np.array([i.subdomains for i in scene.interfaces if i.law != "contact"]).reshape(-1, 2)
+    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins]).reshape(-1, 2)
     bodies, body = _groups(count, joined)
     fixed = np.zeros(bodies, bool)
     fixed[body[[s.fixed.any() for s in scene.subdomains]]] = True
     ends = body[interfaces.subdomains]
     motion = _Motions(scene, interfaces, body) if bodies <= MOST_BODIES else None
     detached, weak = [], []
-    for status in _holding(interfaces):
-        touching = ends[np.logical_or.reduceat(status != OPEN, interfaces.offsets[:-1])]
+    for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces))):
+        touching = ends[np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])]
         _, group = _groups(bodies, touching)
         lost = ~np.isin(group, group[fixed])
-        loose = motion.free(status) & ~lost if motion else np.zeros(bodies, bool)
+        loose = motion.free(normal, tangential) & ~lost if motion else np.zeros(bodies, bool)
         for result, chosen in ((detached, lost), (weak, loose)):
             result.append(list(dict.fromkeys(s.body for s, b in zip(scene.subdomains, body) if chosen[b])))
     return detached, weak
 
 
-def _holding(interfaces: InterfaceFields) -> np.ndarray:
-    """(T, N) status, open also where nothing presses."""
+def _holding(interfaces: InterfaceFields, statuses: list[Status]) -> tuple[np.ndarray, np.ndarray]:
+    """(T, N) bool twice: where the sides are kept from moving along the normal, and across it."""
     idle = interfaces.pressure <= PRESSING * np.abs(interfaces.pressure).max(initial=0.0)
-    return np.where(idle & (interfaces.status != BONDED), OPEN, interfaces.status)
+    which = np.searchsorted(statuses, interfaces.status)
+    normal, tangential, pressed = (np.array([getattr(s, name) for s in statuses])[which]
+                                   for name in ("normal", "tangential", "pressed"))
+    idle &= pressed
+    return normal & ~idle, tangential & ~idle
 
 
 def _groups(count: int, edges: np.ndarray) -> tuple[int, np.ndarray]:
@@ -76,14 +80,13 @@ class _Motions:
             held = columns[scene.fixed[nodes]]
             self.support[b] = held.T @ held
 
-    def free(self, status: np.ndarray) -> np.ndarray:
-        """(bodies,) bool, whether each can move rigidly, for the status (N,) of one load step."""
-        slides = (status == SLIP)[:, None, None]
-        apart = []  # what the pairs forbid to change: the normal jump, and where they stick the whole one
+    def free(self, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
+        """(bodies,) bool, whether each can move rigidly where pairs hold along and across the normal, (N,) bool each."""
+        apart = []  # what the pairs forbid to change
         for columns in self.columns:
             along = np.einsum("ni,nij->nj", self.interfaces.normal, columns)
-            apart.append(np.where(slides, self.interfaces.normal[:, :, None] * along[:, None, :], columns)
-                         * (status != OPEN)[:, None, None])
+            opening = self.interfaces.normal[:, :, None] * along[:, None, :]
+            apart.append(normal[:, None, None] * opening + tangential[:, None, None] * (columns - opening))
         gram = np.zeros((self.bodies, 6, self.bodies, 6))
         gram[range(self.bodies), :, range(self.bodies), :] = self.support
         for one, two, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0)):

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.laws.points import BONDED, OPEN, SLIP, STICK
+from orchestrator.method.events import COUNTED
+from orchestrator.laws.status import BONDED
 from orchestrator.method.interface.pairs import PairTraces, node_areas, pair_normals
 from orchestrator.method.delivery.recovery import delivered
 from orchestrator.method.iterated import Iterated
@@ -36,7 +37,9 @@ class InterfaceFields:
     slip : (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded state
     pressure : (T, N) force/length², positive in compression
     friction_traction : (T, N, 3) force/length², tangential traction on side 1
-    status : (T, N) int: 0 open, 1 stick, 2 slip, 3 bonded (imposed jump, or held by boundary conditions)
+    status : (T, N) int, as the laws declare them: 0 open, 1 stick, 2 slip, 3 bonded (imposed jump, or held by boundary
+        conditions) …
+    kinds, kind_names, kind_colours : (K,) numbers, names and colours (#rrggbb) of the statuses that there may be
     resultant : (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
     """
 
@@ -56,6 +59,9 @@ class InterfaceFields:
     pressure: np.ndarray
     friction_traction: np.ndarray
     status: np.ndarray
+    kinds: np.ndarray
+    kind_names: np.ndarray
+    kind_colours: np.ndarray
     resultant: np.ndarray
 
     @property
@@ -69,9 +75,10 @@ class InterfaceFields:
 
     @property
     def counts(self) -> dict[str, list[int]]:
-        """Nodes that are open, stick and slip, per load step."""
-        return {name: (self.status == kind).sum(axis=1).tolist()
-                for name, kind in (("open", OPEN), ("stick", STICK), ("slip", SLIP))}
+        """Nodes that are open, stick, slip, or what else the laws know, per load step; bonded ones have no choice."""
+        found = {name: [0] * self.steps for name in COUNTED}
+        return found | {str(name): (self.status == kind).sum(axis=1).tolist()
+                        for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
 
 
 def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | None:
@@ -79,14 +86,14 @@ def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | N
     if d.all_perfect:
         return None
     pairs, steps = d.local.pairs, d.scene.steps
-    chosen = [i for i in d.scene.interfaces if i.law != "perfect"]
+    chosen = [i for i in d.scene.interfaces if not i.law.perfect]
     corners = [i.corners for i in chosen]  # mid-edge nodes are tied to them
     offsets = np.cumsum([0] + [len(c) for c in corners])
     place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
     normal, length = (np.concatenate([x[c] for x, c in zip(both, corners)])
                       for both in zip(*(pair_normals(d.scene.points(i), i) for i in chosen)))
     area = np.concatenate([node_areas(d.scene.points(i), i.triangles)[c] for i, c in zip(chosen, corners)])
-    initial = np.concatenate([np.zeros(len(c)) if i.gap is None else i.gap[c] for i, c in zip(chosen, corners)])
+    initial = np.concatenate([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
@@ -103,13 +110,13 @@ def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | N
     traction = (force - push[:, :, None] * normal) / area[:, None]
     resultant = np.stack([force[:, a:b].sum(axis=1) for a, b in zip(offsets[:-1], offsets[1:])], axis=1)
     return InterfaceFields(
-        np.array([i.name for i in chosen]), np.array([i.law for i in chosen]),
+        np.array([i.name for i in chosen]), np.array([i.law.name for i in chosen]),
         np.array([i.subdomains for i in chosen]), offsets,
         *(np.concatenate([d.scene.side_nodes(i, side)[c] for i, c in zip(chosen, corners)]) for side in (0, 1)),
         np.concatenate([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)]),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
         initial + length * opening, jump - opening[:, :, None] * normal, -push / (length * area), traction, status,
-        resultant)
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant)
 
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Node pairs of interfaces that need a law with history, and where their traces are.
+"""Node pairs of interfaces that a law answers for, and where their traces are.
 
 The diagonal search direction k⁺ has, at every pair, one stiffness along the normal and one across
 it. Both sides get the mean of their own k⁻, so that β₁ = β₂ = ½ and keq = k⁺/2.
@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.laws import LAWS
-from orchestrator.laws.points import OPEN, Answer, Points
+from orchestrator.laws.base import Law
+from orchestrator.laws.points import Answer, Points
+from orchestrator.laws.status import Status, table
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Interface, Scene
@@ -24,8 +25,24 @@ UPRIGHT = 1e-6
 
 
 @dataclass
+class Run:
+    """Neighbouring interfaces of the same law, worked on as one.
+
+    Parameters
+    ----------
+    law : its class
+    part : which of the pairs
+    points : geometry, search direction and the law's parameters
+    """
+
+    law: type[Law]
+    part: slice
+    points: Points
+
+
+@dataclass
 class Pairs:
-    """All node pairs of a set of interfaces, interface after interface.
+    """All node pairs of a set of interfaces, interface after interface; those of perfect interfaces come last.
 
     Parameters
     ----------
@@ -33,9 +50,10 @@ class Pairs:
     bounds : (interfaces + 1,) int, where each one's pairs start
     one, two : (3, P) int, trace dofs (ghosts included) of the pair on side 1 and 2; 0 where prescribed
     free : (3, P) bool, whether the trace dof exists
-    points : geometry, search direction and law parameters
-    area : (P,) share of the interface's area
+    runs : the laws and their points, in order
     mine : (P,) bool, pairs of interfaces whose first side is on this rank
+    laws : all laws of the scene that have measures
+    statuses : all that its laws know
     tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (q, T) and k⁺
         tie_stiffness (q,)
     """
@@ -45,20 +63,31 @@ class Pairs:
     one: np.ndarray
     two: np.ndarray
     free: np.ndarray
-    points: Points
-    area: np.ndarray
+    runs: list[Run]
     mine: np.ndarray
+    laws: list[type[Law]]
+    statuses: list[Status]
     tied: np.ndarray
     targets: np.ndarray
     tie_stiffness: np.ndarray
 
     def __len__(self) -> int:
-        return len(self.area)
+        return len(self.mine)
+
+    @cached_property
+    def points(self) -> Points:
+        """Geometry and search direction of all pairs."""
+        own = [run.points for run in self.runs]
+        if len(own) == 1:
+            return own[0]
+        none = Points(np.zeros((3, 0)), *np.zeros((3, 0)))
+        return Points(*(np.concatenate([getattr(points, name) for points in [none, *own]], axis=-1)
+                        for name in ("normal", "stiff_n", "stiff_t", "area")))
 
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law."""
-        parts = [(part, LAWS[law](points, F[:, part], previous[:, part], derivative))
-                 for law, part, points in self._runs]
+        parts = [(run.part, run.law.force(run.points, F[:, run.part], previous[:, run.part], derivative))
+                 for run in self.runs]
         if not parts:
             return _nothing(derivative)
         if len(parts) == 1 and self._all_free:
@@ -74,13 +103,28 @@ class Pairs:
 
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
-        kept = {name: getattr(self, name)[..., chosen] for name in ("one", "two", "free", "area", "mine")}
-        return replace(self, points=self.points.some(chosen), bounds=np.searchsorted(chosen, self.bounds),
+        kept = {name: getattr(self, name)[..., chosen] for name in ("one", "two", "free", "mine")}
+        ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
+        runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
+                for run, a, b in zip(self.runs, [0, *ends], ends)]
+        return replace(self, runs=runs, bounds=np.searchsorted(chosen, self.bounds),
                        tied=self.tied[:0], targets=self.targets[:0], tie_stiffness=self.tie_stiffness[:0], **kept)
+
+    @cached_property
+    def lawful(self) -> Pairs:
+        """The pairs that are not perfect."""
+        count = sum(not i.law.perfect for i in self.interfaces)
+        if count == len(self.interfaces):
+            return self
+        first = slice(0, int(self.bounds[count]))
+        kept = {name: getattr(self, name)[..., first] for name in ("one", "two", "free", "mine")}
+        return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1],
+                       runs=[run for run in self.runs if not run.law.perfect], **kept)
 
     def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
         """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
-        return self.force(F - change * self.points.normal, np.zeros_like(F)).status == OPEN
+        parts = [run.law.idle(run.points, F[:, run.part], change[run.part]) for run in self.runs]
+        return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
         """(…, 3, P) of trace vectors (…, D + G) on one side; zero where prescribed."""
@@ -97,17 +141,6 @@ class Pairs:
     @cached_property
     def _all_free(self) -> bool:
         return bool(self.free.all())
-
-    @cached_property
-    def _runs(self) -> list[tuple[str, slice, Points]]:
-        """Neighbouring interfaces of the same law are worked on as one."""
-        laws, runs, start = [i.law for i in self.interfaces], [], 0
-        for i, law in enumerate(laws):
-            if i + 1 == len(laws) or laws[i + 1] != law:
-                part = slice(int(self.bounds[start]), int(self.bounds[i + 1]))
-                runs.append((law, part, self.points.some(part)))
-                start = i + 1
-        return runs
 
 
 @dataclass
@@ -134,58 +167,69 @@ def _nothing(derivative: bool) -> Answer:
     return answer
 
 
-def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, wanted: list[Interface]) -> Pairs:
-    """Pairs of the wanted interfaces that a rank touches, ordered by law.
+def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array) -> Pairs:
+    """Pairs of the interfaces that a rank touches, ordered by law.
 
     Parameters
     ----------
     k : (D + G, D + G) search direction k⁻, ghosts included
     """
     here = set(space.subdomains)
-    wanted = sorted((i for i in wanted if here.intersection(i.subdomains)), key=lambda i: (i.law, i.index))
-    one, two, free, normal, area, gap, friction, jump = ([] for _ in range(8))
+    wanted = sorted((i for i in scene.interfaces if here.intersection(i.subdomains)),
+                    key=lambda i: (i.law.perfect, i.law.name, i.index))
+    one, two, free, normal, area, own = ([] for _ in range(6))
     for i in wanted:
         sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
         for side in (0, 1):
             sides[side][i.free] = space.slots[i.index][side]
         points = scene.points(i)
         mobile = i.free.any(axis=1)  # the others are prescribed: nothing is left to a law
-        if i.law != "perfect":
+        if not i.law.perfect:
             mobile &= np.isin(np.arange(len(mobile)), i.corners)
-        n = int(mobile.sum())
         one.append(sides[0][mobile])
         two.append(sides[1][mobile])
         free.append(i.free[mobile])
         upright, length = pair_normals(points, i)
         normal.append(upright[mobile])
         area.append(node_areas(points, i.triangles)[mobile])
-        gap.append((i.gap / length)[mobile] if i.gap is not None else np.zeros(n))
-        friction.append((i.friction / length)[mobile])
-        jump.append(np.broadcast_to(i.jump if i.jump is not None else np.zeros(3), (n, 3)))
-    bounds = np.cumsum([0] + [len(x) for x in area])
+        own.append(i.law.parameters(np.flatnonzero(mobile), length[mobile], area[-1]))
+    bounds = np.cumsum([0] + [len(a) for a in area])
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     none = np.zeros((0, 3))  # a rank may have no such interface
-    one, two, free, normal, jump = (np.concatenate([none.astype(t), *x]) for x, t in (
-        (one, int), (two, int), (free, bool), (normal, float), (jump, float)))
-    area, gap, friction = (np.concatenate([none[:, 0], *x]) for x in (area, gap, friction))
+    one, two, free, normal = (np.concatenate([none.astype(t), *x]) for x, t in (
+        (one, int), (two, int), (free, bool), (normal, float)))
     blocks = 0.5 * (_node_blocks(k, one, free) + _node_blocks(k, two, free))
     # a missing component takes the mean of the others
     trace = np.trace(blocks, axis1=1, axis2=2) * 3 / np.maximum(free.sum(axis=1), 1)
     stiff_n = np.einsum("pi,pij,pj->p", normal, blocks, normal)
     stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
     stiff_t = (trace - stiff_n) / 2
-    one, two, free, normal, jump = (np.ascontiguousarray(x.T) for x in (one, two, free, normal, jump))
-    points = Points(normal, stiff_n / 2, stiff_t / 2, gap, friction, jump)
+    one, two, free, normal = (np.ascontiguousarray(x.T) for x in (one, two, free, normal))
+    points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate([none[:, 0], *area]))
+    laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((0, scene.steps)), np.empty(0))
-    return Pairs(wanted, bounds, one, two, free, points, area, mine, *ties)
+    return Pairs(wanted, bounds, one, two, free, _runs(wanted, bounds, points, own), mine,
+                 [law for law in laws if law.measures], table(laws), *ties)
+
+
+def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: list[dict]) -> list[Run]:
+    """The interfaces' points joined, law after law; ``own`` has the laws' parameters, interface by interface."""
+    laws, runs, start = [type(i.law) for i in interfaces], [], 0
+    for end, law in enumerate(laws, 1):
+        if end == len(laws) or laws[end] is not law:
+            part = slice(int(bounds[start]), int(bounds[end]))
+            joined = {name: np.concatenate([values[name] for values in own[start:end]], axis=-1) for name in own[start]}
+            runs.append(Run(law, part, replace(points.some(part), own=joined)))
+            start = end
+    return runs
 
 
 def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (n, 3) from side 1 to side 2 within the components that are free, and the length (n,) left of each.
 
     What is prescribed on both sides neither opens nor slips: the law lives on the other components, where only
-    that part of the pressure is felt, so that gap and friction coefficient grow by 1/length. At the rim of a
+    that part of the pressure is felt, so that a gap and a friction coefficient grow by 1/length. At the rim of a
     symmetric half the facets' mean normal leans off the plane of symmetry; the true normal does not. Where the
     normal itself is prescribed it stays what it is: nothing presses.
     """

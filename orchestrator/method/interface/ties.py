@@ -97,7 +97,7 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
     """
     dofs, targets, rows, columns, supports = [], [], [], [], []
     for interface, own in zip(scene.interfaces, slots):
-        if interface.law == "perfect" or interface.triangles.shape[1] == 3:
+        if interface.law.perfect or interface.triangles.shape[1] == 3:
             continue
         ends, edge = edges_of(interface.triangles, TRIANGLE_EDGES)
         middle = np.empty(len(ends), dtype=int)

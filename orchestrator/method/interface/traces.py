@@ -96,7 +96,7 @@ class TraceSpace:
         partner = np.empty(count, dtype=int)
         for one, two in slots:
             partner[one], partner[two] = two, one
-        gather, perfect = _joined(gather), [i.law == "perfect" for i in scene.interfaces]
+        gather, perfect = _joined(gather), [i.law.perfect for i in scene.interfaces]
         return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, partner, [tuple(s) for s in slots],
                    _joined(owner), perfect, np.arange(count), count, len(sides),
                    _labels(slots, perfect, gather, int(ends[-1])), make_ties(scene, slots, count))

@@ -14,15 +14,17 @@ Three choices of k⁺:
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.local.state import LocalState
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning, factorised
+from orchestrator.method.local.state import LocalState
 
 
-class PerfectInterfaces:
-    """Local stage for interfaces that are all perfect.
+class Exchange:
+    """Local stage of perfect interfaces.
 
     Parameters
     ----------
@@ -30,32 +32,39 @@ class PerfectInterfaces:
     kplus : "exchange", "full" or "diagonal"
     """
 
-    def __init__(self, direction: SearchDirection, kplus: str):
+    def __init__(self, direction: SearchDirection, kplus: str = "exchange"):
         self.direction, self.kplus = direction, kplus
-        if kplus == "exchange":
-            self.k, self.k_other = direction.other, direction.k
-        elif kplus == "full":
-            self.k, self.k_other = direction.k, direction.other
-        else:
-            self.k, self.k_other = (sp.csr_array(sp.diags_array(k.diagonal())) for k in (direction.k, direction.other))
-        self._sum_solve = None
 
     def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
         """Next state s = f̂ + k⁻ŵ from the traces (D, T) of the linear stage."""
         if self.kplus == "exchange":
-            # the neighbour forms k w' − f', with our k: one message brings it
-            return LocalState(self.direction.space.swapped(self.k @ w - f))
+            return LocalState(self.state(*self.direction.space.extended(w, f)))
         w_hat, f_hat = self.hats(w, f)
         k_hat = self.direction.k @ w_hat
         return LocalState(f_hat + k_hat, (w_hat, f_hat, k_hat))
 
+    def state(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """(D, T) s = k⁻ w' − f' of ``exchange``, from traces with ghosts (D + G, T)."""
+        partner = self.direction.space.partner
+        return self.direction.k @ w[partner] - f[partner]
+
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (D, T)."""
-        if self._sum_solve is None:
-            self._sum_solve = factorised(sp.csr_array(self.k + self.k_other))
-        kw = self.k @ w - f
-        w_hat = self._sum_solve(kw + self.direction.space.swapped(kw))
-        return w_hat, f - self.k @ (w - w_hat)
+        k, solve = self._factors
+        kw = k @ w - f
+        w_hat = solve(kw + self.direction.space.swapped(kw))
+        return w_hat, f - k @ (w - w_hat)
+
+    def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
+        k, theirs = self.direction.diagonal[:, None], self.direction.other.diagonal()[:, None]
+        kw = k * w - f
+        w_hat = (kw + self.direction.space.swapped(kw)) / (k + theirs)
+        return w_hat, f - k * (w - w_hat)
+
+    def counts(self, local: LocalState) -> dict[str, int]:
+        """Nothing to count: perfect interfaces have one status."""
+        return {}
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺); both 1 but for the diagonal."""
@@ -64,9 +73,12 @@ class PerfectInterfaces:
         root = 1 / np.sqrt(self.direction.diagonal)
         return conditioning(self.direction.k, lambda x: root * x)
 
-    def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
-        k, theirs = self.direction.diagonal[:, None], self.direction.other.diagonal()[:, None]
-        kw = k * w - f
-        w_hat = (kw + self.direction.space.swapped(kw)) / (k + theirs)
-        return w_hat, f - k * (w - w_hat)
+    @cached_property
+    def _factors(self):
+        """k⁺ of this side, (D, D), and a solver of the sum of both sides'."""
+        k, other = self.direction.k, self.direction.other
+        if self.kplus == "exchange":
+            k, other = other, k
+        elif self.kplus == "diagonal":
+            k, other = (sp.csr_array(sp.diags_array(x.diagonal())) for x in (k, other))
+        return k, factorised(sp.csr_array(k + other))

@@ -1,7 +1,7 @@
-"""Local stage where interfaces open, stick and slip: pointwise, swept through the load steps.
+"""Local stage where some interfaces are not perfect: their laws, pointwise, swept through the load steps.
 
-The history of friction lives here alone: the linear stage stays parallel over the load steps.
-Perfect interfaces of the same scene keep the exchange of ``local_stage``.
+The laws' history lives here alone: the linear stage stays parallel over the load steps. Perfect interfaces of the
+same scene keep their exchange.
 
 With k = k⁺ on both sides, d = w₂ − w₁ and n from side 1 to side 2:
 
@@ -18,23 +18,25 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.method.local.state import LocalState
+from orchestrator.laws.status import BONDED
 from orchestrator.method.interface.pairs import Pairs, PairTraces
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning
+from orchestrator.method.local.exchange import Exchange
+from orchestrator.method.local.state import LocalState
 
 
-class ContactStage:
-    """Local stage for scenes with non-perfect interfaces.
+class LawStage:
+    """Local stage of a scene with interfaces that are not perfect.
 
     Parameters
     ----------
     direction : search direction k⁻
-    pairs : node pairs of all interfaces that are not perfect
+    pairs : node pairs that a law answers for: those of all interfaces that are not perfect
     previous : (3, P) jump before the first load step
     """
 
     def __init__(self, direction: SearchDirection, pairs: Pairs, previous: np.ndarray | None = None):
-        self.direction, self.pairs = direction, pairs
+        self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
         self.previous = np.zeros((3, len(pairs))) if previous is None else previous
 
     def conditioning(self) -> tuple[float, float]:
@@ -101,5 +103,16 @@ class ContactStage:
         k_hat = k @ w_hat
         s = f_hat + k_hat
         if len(alone):
-            s[alone] = (k @ w[space.partner] - f[space.partner])[alone]
-        return LocalState(s, (w_hat, f_hat, k_hat), force, jump, status, pairs.mine)
+            s[alone] = self.exchange.state(w, f)[alone]
+        return LocalState(s, (w_hat, f_hat, k_hat), force, jump, status)
+
+    @property
+    def at_rest(self) -> np.ndarray:
+        """(P,) int, status of pairs that nothing has moved."""
+        nothing = np.zeros((3, len(self.pairs)))
+        return self.pairs.force(nothing, nothing).status
+
+    def counts(self, local: LocalState) -> dict[str, int]:
+        """Per status that a law may give, this rank's pairs, summed over the steps."""
+        return {status.name: int((local.status == status)[:, self.pairs.mine].sum())
+                for status in self.pairs.statuses if status != BONDED}

@@ -30,7 +30,7 @@ class Measures:
     residual : ‖F(s) − s‖ / ‖F(s)‖, in the same norm
     macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to rounding,
         eq. (17); nan without macro problem
-    counts : pairs that are open, stick and slip, summed over the steps
+    counts : name of a status → pairs that have it, summed over the steps
     """
 
     indicator: float
@@ -38,7 +38,7 @@ class Measures:
     force_imbalance: float
     residual: float
     macro_imbalance: float
-    counts: tuple[int, int, int]
+    counts: dict[str, int]
 
 
 def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalState, residual: np.ndarray,
@@ -55,10 +55,11 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     direction, macro = stage.direction, stage.macro
     k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
+    counted = local_stage.counts(local)
     w_other, f_other = (x.take(space.partner, axis=0) for x in space.extended(w, f))
     parts = [*latin_parts(stage, local_stage, fields, local, exact),
              _square(w_other - w, k), _square(w, k), _square(f + f_other, 1 / k), _square(f, 1 / k),
-             _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(local.counts)]
+             _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(list(counted.values()))]
     if macro is not None:
         parts += [macro.C.T @ f, np.abs(macro.C).T @ np.abs(f)]
     sums = space.team.sum_later(*parts)
@@ -71,7 +72,7 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
             unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
             macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
         return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
-                        tuple(int(c) for c in counts))
+                        dict(zip(counted, counts.astype(int).tolist())))
 
     return cache(result)
 

@@ -2,27 +2,24 @@
 
 The linear stage satisfies equilibrium, the local stage the laws; the run has converged when one
 set of fields does both. Each measure is taken on the linear stage's fields, which are delivered.
-Forces and pressures are compared with the largest there are, or with a small share of k⁺ w where
-the interfaces carry next to nothing:
 
 - residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹, tied dofs included
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
-- penetration  largest −(g₀ + n·d) over the largest displacement
-- tension      largest tensile pressure over the largest pressure
-- cone         largest |f_t| − μ|f_n| (as pressure) over the largest pressure
-- direction    largest |f_t| |slip| − f_t·slip (friction not opposed to slip, per area) over the largest
-               pressure × the largest displacement
+- the laws' own measures, over powers of the largest displacement and of the law's largest pressure
+
+Forces and pressures are compared with the largest there are, or with a small share of k⁺ w where
+the interfaces carry next to nothing.
 """
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from orchestrator.method.local.state import LocalState
-from orchestrator.laws.points import SLIP, dot
+from orchestrator.laws.base import Stages
 from orchestrator.method.interface.pairs import Pairs, PairTraces
+from orchestrator.method.local.state import LocalState
 from orchestrator.parallel.team import ALONE, Team
 
 # Forces are differences of k w: below this share of it they count as none, as where all contacts are open.
@@ -31,19 +28,22 @@ REST = 1e-4
 
 @dataclass(frozen=True)
 class LawResiduals:
-    """The six measures."""
+    """Equilibrium, and the measures of the scene's laws by name."""
 
     residual: float
     imbalance: float
-    penetration: float
-    tension: float
-    cone: float
-    direction: float
+    measures: dict[str, float] = field(default_factory=dict)
 
     @property
     def largest(self) -> float:
-        """What the tolerance is compared with."""
-        return max(astuple(self))
+        """What the tolerance is compared with; nan if any is."""
+        return float(np.max([self.residual, self.imbalance, *self.measures.values()]))
+
+    @property
+    def named(self) -> dict[str, float]:
+        """As summary.json has them."""
+        return {"law_residual": self.largest, "interface_residual": self.residual, "imbalance": self.imbalance,
+                **self.measures}
 
 
 def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, scale: float,
@@ -57,7 +57,6 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     team : the ranks over which to sum and to take the largest
     """
     points, at = pairs.points, PairTraces.of(pairs, w, f)
-    contact = np.repeat([i.law == "contact" for i in pairs.interfaces], np.diff(pairs.bounds)).astype(bool)
 
     def squared(x: np.ndarray, scaled: np.ndarray) -> float:
         """Σ x · scaled, once for pairs between ranks."""
@@ -66,33 +65,47 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     def norm2(x: np.ndarray) -> float:
         return squared(x, points.compliance(x))
 
-    def largest(x: np.ndarray) -> float:
-        return max(x[..., contact].max(initial=0.0), 0.0)
-
     top = norm2(at.f1 - local.force) + norm2(at.f2 + local.force)
     bottom, unbalanced = norm2(at.f1) + norm2(at.f2), norm2(at.f1 + at.f2)
     moved = squared(at.w1, points.stiffness(at.w1)) + squared(at.w2, points.stiffness(at.w2))
-    reach = largest(points.stiff_n * np.abs(at.w1 + at.w2).max(axis=1) / pairs.area)
-    carried = 0.5 * (at.f1 - at.f2) / pairs.area
-    normal, shear = points.along(carried), points.across(carried)
-    size = np.sqrt(dot(shear, shear))
-    pressure, tension = largest(np.abs(normal)), largest(normal)
-    penetration = largest(-(points.gap + points.along(at.w2 - at.w1)))
-    cone = largest(size - points.friction * np.maximum(-normal, 0.0))
-    slip = points.across(np.diff(local.jump, axis=0, prepend=first_previous[None]))
-    rubbing = contact & (local.status == SLIP) & (points.friction > 0)
-    direction = (size * np.sqrt(dot(slip, slip)) - dot(slip, shear))[rubbing].max(initial=0.0)
     tied, weight = pairs.tied, 1 / pairs.tie_stiffness[:, None]
     if len(tied):
         top += float(np.sum(weight * (f[tied] - local.hats[1][tied]) ** 2))
     top, bottom, unbalanced, moved = (float(x) for x in team.sum(top, bottom, unbalanced, moved))
-    reach, pressure, penetration, tension, cone, direction = team.max(
-        reach, pressure, penetration, tension, cone, direction)
     bottom = max(bottom, REST**2 * moved)
-    pressure = max(pressure, REST * reach) or 1.0
-    scale = scale or 1.0
-    return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), penetration / scale, tension / pressure,
-                        cone / pressure, direction / (pressure * scale))
+    return LawResiduals(_root(top, bottom), _root(unbalanced, bottom),
+                        _measured(pairs, at, local, scale or 1.0, first_previous, team))
+
+
+def _measured(pairs: Pairs, at: PairTraces, local: LocalState, scale: float, before: np.ndarray,
+              team: Team) -> dict[str, float]:
+    """The measures of all laws of the scene; of measures that laws share, the largest."""
+    here = {run.law: run for run in pairs.runs}
+    largest: list[float] = []  # per law: what its forces are at rest, its pressure, its measures
+    for law in pairs.laws:
+        found = [0.0] * (2 + len(law.measures))
+        if law in here:
+            part, points = here[law].part, here[law].points
+            w, stiff = (at.w1 + at.w2)[..., part], points.stiff_n / points.area
+            pressure, values = law.residuals(points, Stages(
+                0.5 * (at.f1 - at.f2)[..., part], (at.w2 - at.w1)[..., part], local.jump[..., part], before[:, part],
+                local.status[:, part]))
+            found = [_largest(stiff * np.abs(w).max(axis=1)), *map(_largest, (
+                pressure, *(values[measure.name] for measure in law.measures)))]
+        largest += found
+    ends, result = iter(team.max(*largest)), {}
+    for law in pairs.laws:
+        rest, pressure = next(ends), next(ends)
+        pressure = max(pressure, REST * rest) or 1.0
+        for measure in law.measures:
+            value = next(ends) / (scale**measure.length * pressure**measure.pressure)
+            result[measure.name] = max(value, result.get(measure.name, value))
+    return result
+
+
+def _largest(values: np.ndarray) -> float:
+    """At least 0; nan if any is."""
+    return float(np.max(values, initial=0.0))
 
 
 def _root(top: float, bottom: float) -> float:

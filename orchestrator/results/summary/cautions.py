@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.laws.points import OPEN
+from orchestrator.laws.status import table
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import size_of
 
@@ -43,36 +43,39 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     if turned:
         result.append(f"{_some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
-    return result if interfaces is None else result + _of_contact(scene, interfaces)
+    return result if interfaces is None else result + _of_interfaces(scene, interfaces)
 
 
-def _of_contact(scene: Scene, interfaces: InterfaceFields) -> list[str]:
+def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
     result = []
-    contact = [i for i in scene.interfaces if i.law == "contact"]
-    rough = [i for i in contact if i.friction >= 1]
-    if rough:
-        result.append(f"{_some([i.name for i in rough])} with friction {max(i.friction for i in rough):g}: "
-                      "from 1 on, convergence is not assured")
+    said: dict[str, list[str]] = {}
+    for i in scene.interfaces:
+        if i.law.caution:
+            said.setdefault(i.law.caution, []).append(i.name)
+    result += [f"{_some(names)} {caution}" for caution, names in said.items()]
     slid = _slid_too_far(scene, interfaces)
     if slid:
         result.append(f"{_some(slid)} slid by more than an element: node pairs do not follow, "
                       "large sliding is outside small perturbations")
     volume = scene.mesh.volume
-    cut = [i for i in contact if (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
+    cut = [i for i in scene.interfaces
+           if not i.law.joins and (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
     if cut:
         parts = sorted({scene.mesh.volumes[v] for i in cut for v in volume[i.cells[:, 0]]})
-        result.append(f"contact on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({_some(parts)}): "
+        laws = " and ".join(sorted({i.law.name for i in cut}))
+        result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({_some(parts)}): "
                       "it can open and slip along cuts that the real part does not have")
     return result
 
 
 def _slid_too_far(scene: Scene, interfaces: InterfaceFields) -> list[str]:
-    """Names of the interfaces where closed pairs slid farther than the mean edge."""
+    """Names of the interfaces where pairs that hold slid farther than the mean edge."""
     corners = scene.mesh.nodes[interfaces.nodes][interfaces.triangles]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
     count = np.bincount(interfaces.owner)
     size = np.bincount(interfaces.owner, weights=edge) / count
-    slip = np.where(interfaces.status != OPEN, np.linalg.norm(interfaces.slip, axis=2), 0.0).max(axis=0)
+    holds = np.isin(interfaces.status, [s for s in table(i.law for i in scene.interfaces) if s.holds])
+    slip = np.where(holds, np.linalg.norm(interfaces.slip, axis=2), 0.0).max(axis=0)
     far = np.maximum.reduceat(slip, interfaces.offsets[:-1]) > size
     return [str(name) for name in interfaces.names[far]]
 

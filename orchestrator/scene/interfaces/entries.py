@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.registry import LAWS
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
 
@@ -43,28 +44,27 @@ class Laws:
         hits = self._matching(first, second)
         return hits[-1] if hits else -1
 
-    def apply(self, index: int, interface: Interface, first: Iterable[str]) -> None:
-        """Give an interface the law of an entry; it stays perfect when none matched.
+    def apply(self, index: int, interface: Interface, first: Iterable[str], distance: np.ndarray | None = None) -> None:
+        """Give an interface the law of an entry; it stays what it is when none matched.
 
         Parameters
         ----------
-        first : the names its first side goes by: they tell which way an imposed jump points
+        first : the names its first side goes by: they tell which way the entry's parts are ordered
+        distance : (n,) of the sides along the normal, where it has been read from the geometry
         """
         if index < 0:
             return
-        entry, count = self.entries[index], len(interface.global_nodes)
-        interface.law = entry.law
-        if entry.law == "contact":
-            interface.friction = float(entry.friction or 0.0)
-            # faces that are shared touch: a gap read from the geometry is zero there
-            interface.gap = np.full(count, 0.0 if entry.gap is None or self.measures(index) else float(entry.gap))
-        elif entry.law == "jump":
-            sign = 1.0 if self._any(entry.between[0], first) else -1.0
-            interface.jump = sign * np.asarray(entry.jump, dtype=float)
+        entry = self.entries[index]
+        direction = 1.0 if self._any(entry.between[0], first) else -1.0
+        interface.law = LAWS[entry.law].of(entry, len(interface.global_nodes), direction, distance)
 
-    def measures(self, index: int) -> bool:
-        """Whether an entry reads its gap from the geometry, so that sides may be apart."""
-        return index >= 0 and getattr(self.entries[index], "gap", None) == "geometry"
+    def apart(self, index: int) -> str:
+        """The key of an entry that has distances read from the geometry; empty where sides must touch."""
+        return self.entries[index].apart if index >= 0 else ""
+
+    def reach(self, index: int) -> float | None:
+        """How far apart an entry has sides sought, if it says so."""
+        return self.entries[index].reach if index >= 0 else None
 
     def refuse_within(self, cuts: Iterable[tuple[str, str]], problems: Problems) -> None:
         """Adds a problem for each entry whose law is meant for cuts through a body alone: these are perfect.
@@ -79,7 +79,7 @@ class Laws:
             if hit is None:
                 continue
             self.used[i] = True
-            if entry.law != "perfect":
+            if not LAWS[entry.law].perfect:
                 problems.add(("interfaces", i, "between"),
                              f"{entry.law} between {hit[0]} and {hit[1]}, pieces of one body",
                              "names of different bodies: their pieces are joined by perfect interfaces",
@@ -110,7 +110,7 @@ class Laws:
                          [f"{a} | {b}" for a, b in pairs]
                 cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
                     if pairs else "there are no interfaces at all"
-            where = "gap" if self.measures(i) and not unknown else "between"
+            where = "between" if unknown else entry.apart or "between"
             problems.add(("interfaces", i, where), found,
                          "names of two parts that share faces, or have opposite faces with matching nodes; "
                          "shell wildcards allowed", cure)

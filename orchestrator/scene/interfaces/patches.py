@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.interfaces.shared_normals import share_normals
@@ -61,7 +62,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
                                local.reshape(-1, triangles.shape[1]), cells[first:last], free))
         laws.apply(entry, found[-1], known[0])
     for entry in sorted(set(lost) - set(kept)):
-        if entry >= 0 and entries[entry].law != "perfect":
+        if entry >= 0 and not LAWS[entries[entry].law].perfect:
             problems.add(("interfaces", entry, "law"),
                          f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
                          "interfaces with nodes that are free to open or slip",
@@ -140,15 +141,15 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
 def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
               laws: Laws, problems: Problems) -> Iterator[tuple[Interface, tuple[str, str]]]:
     """Interfaces of parts that share no faces there, and the names of their subdomains."""
-    within = max((getattr(e, "within", None) or 0.0 for e in laws.entries), default=0.0)
+    within = max((e.reach or 0.0 for e in laws.entries), default=0.0)
     for pair in close_bodies(bodies, within):
         names = tuple(partition.names[b.subdomain] for b in pair)
         known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))
         index = laws.foreseen(*known)
-        measured, reach = laws.measures(index), getattr(laws.entries[index], "within", None) if index >= 0 else None
-        patches, mismatch = match(*pair, measured, reach)
+        apart = laws.apart(index)
+        patches, mismatch = match(*pair, bool(apart), laws.reach(index))
         if mismatch:
-            problems.add(("interfaces", index, "gap"), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
+            problems.add(("interfaces", index, apart), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
                          f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
                          f"{format_point(mismatch.point)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
                          "mesh both sides alike, or lower within: to what is meant to touch")
@@ -168,14 +169,14 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
                                   local.reshape(patch.triangles.shape), patch.cells, ~(fixed[nodes] | fixed[others]))
             if not interface.free.any():
                 continue
-            laws.apply(index, interface, known[0])
-            if measured:
-                interface.gap = _measured(mesh, interface, others, index, problems)
+            laws.apply(index, interface, known[0],
+                       _measured(mesh, interface, others, (index, apart), problems) if apart else None)
             yield interface, names
 
 
-def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, index: int, problems: Problems) -> np.ndarray:
-    """(n,) distance of the sides along the normal; zero where they coincide."""
+def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, key: tuple[int, str],
+              problems: Problems) -> np.ndarray:
+    """(n,) distance of the sides along the normal, which the entry and its key ask for; zero where they coincide."""
     one, two = mesh.nodes[interface.global_nodes], mesh.nodes[others]
     middle = (one + two) / 2
     gap = np.einsum("ij,ij->i", node_normals(middle, interface.triangles), two - one)
@@ -183,7 +184,7 @@ def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, index: int, 
     deep = gap < -rounding
     if deep.any():
         worst = int(gap.argmin())
-        problems.add(("interfaces", index, "gap"), f"{interface.name} penetrate each other in the initial geometry, at "
+        problems.add(("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at "
                      f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {format_point(middle[worst])}", "sides that touch or are apart",
                      "move the parts, or ask for a press fit by a number: gap: -0.01")
     return np.where(np.abs(gap) <= rounding * 1e-3, 0.0, np.maximum(gap, 0.0))
@@ -197,8 +198,8 @@ def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -
     if not found or len(found) > MOST:
         return ""
     distance, where, size = min(found, key=lambda f: f[0])
-    allowed = (f"faces are sought within {getattr(entry, 'within', None) or REACH * size:.3g} along the normal"
-               if getattr(entry, "gap", None) == "geometry" else f"nodes coincide within {COINCIDE * size:.3g}")
+    allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
+               if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
     return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"
 
 

@@ -83,7 +83,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
     points = scene.side_points(interface, side)
     quadratic = interface.triangles.shape[1] == 6
-    h = local_size(points, interface.triangles) / (2 if quadratic and interface.law == "perfect" else 1)
+    h = local_size(points, interface.triangles) / (2 if quadratic and interface.law.perfect else 1)
     if settings.thickness == "auto":
         thickness = h
     else:
@@ -92,7 +92,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
         nu = np.minimum(poisson.min(axis=1), 0.3)
     else:
         nu = np.full(len(young), float(settings.poisson))
-    if interface.law == "perfect":
+    if interface.law.perfect:
         ratio = settings.modulus_ratio
     else:
         reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())

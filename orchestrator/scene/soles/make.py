@@ -31,7 +31,7 @@ def make_soles(scene: Scene, settings, share: bool = True,
     for index, interface in enumerate(scene.interfaces):
         if wanted is not None and not wanted[index]:
             continue
-        kind = settings.contact if interface.law != "perfect" else kind_for(hard, interface) if hard else settings.kind
+        kind = settings.contact if not interface.law.perfect else kind_for(hard, interface) if hard else settings.kind
         together = np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
         if kind == "overlap" and together:
             soles[index] = (overlap(scene, interface, settings.modulus_ratio),) * 2

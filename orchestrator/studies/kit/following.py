@@ -243,4 +243,4 @@ def _coarse(d: Decomposition, scene: Scene):
     from orchestrator.method.coarse.correction import CoarseCorrection
     from orchestrator.method.interface.pairs import make_pairs
 
-    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, scene.interfaces))
+    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k))

@@ -80,7 +80,7 @@ def attempt(study: Study, hard: Hard, limit: int = LIMIT) -> dict[str, Any]:
 def _solved(data: Mapping[str, Any]) -> Solved:
     config = config_from(dict(data))
     scene = build_scene(config)
-    return solve(config, scene, reference=all(i.law == "perfect" for i in scene.interfaces))
+    return solve(config, scene, reference=all(i.law.perfect for i in scene.interfaces))
 
 
 def _judged(solved: Solved, data: Mapping[str, Any]) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def _unlawful(solved: Solved) -> list[str]:
     wrong, i = [], solved.interfaces
     reactions = np.array([r for r in solved.summary["reactions"] if np.size(r)])
     balance, size = np.abs(reactions.sum(axis=0)).max(), np.abs(reactions).max()
-    reach, friction = np.abs(solved.displacement).max() or 1.0, solved.scene.interfaces[0].friction
+    reach, friction = np.abs(solved.displacement).max() or 1.0, solved.scene.interfaces[0].law.friction
     stiff = max(m.young for m in solved.scene.materials)
     if balance > LAWFUL * max(size, 1e-6 * stiff * reach):
         wrong.append(f"reactions unbalanced by {balance / size:.0e}")

@@ -1,0 +1,182 @@
+"""What an interface law is: one object that answers every question the other rooms have about it.
+
+An instance holds the parameters of one interface. What works on node pairs is the same for all interfaces of a law,
+whose points are joined: these methods are static and find the parameters in ``Points``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from orchestrator.config.entry import Entry
+from orchestrator.laws.points import Answer, Points
+from orchestrator.laws.status import BONDED, Status
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A relative measure of how far fields are from a law.
+
+    Parameters
+    ----------
+    name : in history.csv and summary.json
+    label : in the convergence figure
+    formula, meaning : in the report
+    length, pressure : powers of the largest displacement and of the law's largest pressure that it is divided by
+    """
+
+    name: str
+    label: str
+    formula: str
+    meaning: str
+    length: int = 0
+    pressure: int = 0
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Both stages at the points of a law, T load steps.
+
+    Parameters
+    ----------
+    force, jump : (T, 3, P) force on side 1 and jump u₂ − u₁ of the linear stage
+    answered : (T, 3, P) jump of the local stage; before : (3, P) the jump before the first step
+    status : (T, P) int
+    """
+
+    force: np.ndarray
+    jump: np.ndarray
+    answered: np.ndarray
+    before: np.ndarray
+    status: np.ndarray
+
+
+@dataclass(frozen=True)
+class Written:
+    """What the results hold of one interface, T load steps, n nodes that are not prescribed altogether.
+
+    Parameters
+    ----------
+    opening : (T, n) what the sides have moved apart along the normal, a length
+    slip : (T, n, 3) tangential displacement of side 2 relative to side 1
+    pressure : (T, n) positive in compression
+    shear : (T, n, 3) tangential traction on side 1
+    chosen : (n,) int, where these nodes are among the interface's
+    length : (n,) what is left of the unit normal within the components that are free
+    """
+
+    opening: np.ndarray
+    slip: np.ndarray
+    pressure: np.ndarray
+    shear: np.ndarray
+    chosen: np.ndarray
+    length: np.ndarray
+
+
+class Law:
+    """An interface law; derive from it and enter the class in ``registry.LAWS``.
+
+    Attributes
+    ----------
+    name : in the YAML and in fields.npz
+    Parameters : model of its entry in the YAML
+    formula, meaning : in the report
+    perfect : the sides move as one: its local stage is an exchange, the error bound holds where all laws are so
+    joins : a body hangs on the interface whatever the load
+    has_history : the answer depends on earlier load steps, so that none may be left out
+    homogeneous : λ times the load has λ times the solution, λ ≥ 0
+    statuses : what its pairs can do
+    measures : of its residuals
+
+    Notes
+    -----
+    What is not overruled is on the safe side: history, no proportionality, a joint that holds nothing.
+    """
+
+    name: ClassVar[str]
+    Parameters: ClassVar[type[Entry]]
+    formula: ClassVar[str] = ""
+    meaning: ClassVar[str] = ""
+    perfect: ClassVar[bool] = False
+    joins: bool = False
+    has_history: bool = True
+    homogeneous: bool = False
+    statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
+    measures: ClassVar[tuple[Measure, ...]] = ()
+
+    @classmethod
+    def of(cls, entry: Entry, count: int, direction: float, distance: np.ndarray | None = None) -> Law:
+        """The law of one interface.
+
+        Parameters
+        ----------
+        entry : of the YAML
+        count : number of nodes n
+        direction : 1 where the entry's first part is side 1, −1 where it is side 2
+        distance : (n,) of the sides along the normal, where the entry has it read from the geometry (``apart``)
+            and they share no faces
+        """
+        raise NotImplementedError
+
+    @property
+    def distance(self) -> np.ndarray | float:
+        """(n,) or one for all: how far the sides are apart before loading; negative where pressed into each other."""
+        return 0.0
+
+    @property
+    def caution(self) -> str:
+        """What a reader of the results must know of these parameters, to follow the interfaces' names; or nothing."""
+        return ""
+
+    def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
+        """Name → (…, P) parameters at some of the nodes, for ``Points.own``.
+
+        Parameters
+        ----------
+        chosen : (P,) int, among the interface's n nodes
+        length : (P,) what is left of the unit normal within the components that are free: there a jump d along the
+            points' normal opens the interface by ``length`` d, and a pressure p has the force ``length`` p A
+        area : (P,)
+        """
+        return {}
+
+    @staticmethod
+    def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
+        """The force that the interface carries, with d = (F − f̂)/keq.
+
+        Parameters
+        ----------
+        F : (3, P) predicted force on side 1
+        previous : (3, P) jump at the previous load step
+        derivative : also return ∂f̂/∂F, wherever it is not zero
+        """
+        raise NotImplementedError
+
+    @staticmethod
+    def idle(points: Points, F: np.ndarray, change: np.ndarray) -> np.ndarray:
+        """(P,) bool, pairs that certainly carry no force while F n changes by at most ``change`` (P,), F otherwise at will."""
+        return np.zeros(len(points), dtype=bool)
+
+    @staticmethod
+    def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """How far the linear stage is from the law.
+
+        Returns
+        -------
+        pressures that tell the size of what the interface carries, force/length², and for each name of ``measures``
+        what is to be made relative; of all arrays the largest entries count
+        """
+        return np.zeros(0), {}
+
+    def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
+        """What the written fields break, in words, and by how much, relative.
+
+        Parameters
+        ----------
+        length, pressure : largest displacement of the structure; largest pressure on interfaces of this law, or what
+            counts as next to nothing
+        """
+        return {}
