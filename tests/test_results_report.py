@@ -1,5 +1,6 @@
 """Summary, figures, report and the result object; progress and what the console shows."""
 
+import base64
 import io
 import json
 import math
@@ -8,6 +9,7 @@ import re
 import shutil
 import sys
 from dataclasses import replace
+from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -23,6 +25,7 @@ from orchestrator.results.figures.drawing import Drawing
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.progress import Progress, fraction_done, seconds_left
+from orchestrator.results.report import document
 from orchestrator.results.report.report import report
 from orchestrator.results.result import Result
 from orchestrator.results.summary.summary import KEYS, memory_peak_mb, print_summary, read_summary, versions, write_summary
@@ -154,6 +157,61 @@ def test_report(tmp_path):
         assert (tmp_path / link).is_file()
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 3 and "src=\"figures" not in page
+
+
+class Reader(HTMLParser):
+    """Takes a page apart: texts by tag, rows of the tables, alignments of cells, sources of pictures."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.texts, self.rows, self.aligned, self.sources, self._open = [], [], [], [], []
+        self.feed(page)
+        assert not self._open, "every tag is closed"
+
+    def handle_starttag(self, tag, attributes):
+        if tag == "img":
+            self.sources.append(dict(attributes)["src"])
+        if tag in ("meta", "img", "br"):
+            return
+        self._open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+            self.aligned.append(dict(attributes).get("style"))
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+
+    def handle_endtag(self, tag):
+        assert self._open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append((self._open[-1] if self._open else "", data))
+        if self._open and self._open[-1] in ("td", "th"):
+            self.rows[-1][-1] += data
+
+
+def test_the_page_says_what_the_text_says(tmp_path):
+    """Names full of Markdown's marks come through as they are; the pictures in the page are the files."""
+    name = "a_b_ *c* `d` <i>e</i> &amp; f|g [h](i) \\_"
+    steps = [[1.0, 2.0, 3.0], [-1e-7, 0.0, 12345678.0]]
+    Result(case.summary(name=name, reactions=[steps], warnings=[f"{name} is odd"]), case.history()).write(tmp_path)
+    report(tmp_path)
+    page = Reader((tmp_path / "report.html").read_text())
+    assert ("h1", name) in page.texts and ("title", name) in page.texts and ("p", f"{name} is odd.") in page.texts
+    assert ["run", name] in page.rows
+    assert ["boundary[0]", "2", "-1e-07", "0", "1.2346e+07"] in page.rows
+    assert "text-align:right" in page.aligned
+    pictures = [base64.b64decode(source.removeprefix("data:image/png;base64,")) for source in page.sources]
+    assert pictures == [(tmp_path / "figures" / f"{name}.png").read_bytes() for name in ("convergence", "time")]
+    kept = json.loads(next(text for tag, text in page.texts if tag == "code"))
+    assert kept == case.summary()["config"]
+
+
+def test_lines_of_a_cell_are_rows_of_the_table():
+    assert document.table(("", "x"), [("a", "1\n2"), ("b", "3")], numeric=True).splitlines()[1:] == [
+        "| --- | ---: |", "| a | 1 |", "|  | 2 |", "| b | 3 |"]
 
 
 def test_report_of_a_run_that_failed_early(tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from orchestrator.results.report.document import Block, Heading, Paragraph, Table, number
+from orchestrator.results.report.document import heading, number, plain, table
 from orchestrator.results.summary.summary import hold_sentences, jsonable
 
 # quantity, its formula, what it tells; as in the report's table of residuals
@@ -26,44 +26,44 @@ _LAWS = {
 _MOST = 60  # interfaces with their own rows: of many, those with the largest resultants
 
 
-def contact_section(summary: Mapping[str, object]) -> list[Block]:
+def contact_section(summary: Mapping[str, object]) -> list[str]:
     """Laws, status, bodies that nothing holds, resultants; what is not known is left out."""
     summary = {key: jsonable(value) for key, value in summary.items() if key != "config"}
-    blocks: list[Block] = []
+    parts: list[str] = []
     warnings = summary.get("warnings") or ()
     if warnings:
-        blocks += [Heading("Warnings"), *(Paragraph(f"{text}.") for text in warnings)]
+        parts += [heading("Warnings"), *(plain(f"{text}.") for text in warnings)]
     resultants = summary.get("interface_resultants") or []
     found = sorted({entry["law"] for entry in resultants})
     if found:
-        blocks += [Heading("Interface laws"), Table(("law", "interfaces", "formula", "meaning"), [
+        parts += [heading("Interface laws"), table(("law", "interfaces", "formula", "meaning"), [
             (law, str(sum(entry["law"] == law for entry in resultants)), *_LAWS.get(law, ("", ""))) for law in found]),
-            Paragraph("d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on "
-                      "side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap.")]
+            "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on "
+            "side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap."]
     status = _status(summary.get("status_counts"))
-    if status is not None:
-        blocks += [Heading("Interface status"), status]
+    if status:
+        parts += [heading("Interface status"), status]
     held = hold_sentences(summary)
     if held:
-        blocks += [Heading("Bodies that are not held"), *(Paragraph(f"{text}.") for text in held)]
+        parts += [heading("Bodies that are not held"), *(plain(f"{text}.") for text in held)]
     if resultants:
-        blocks += [Heading("Interface resultants"), *_resultants(resultants)]
-    return blocks
+        parts += [heading("Interface resultants"), *_resultants(resultants)]
+    return parts
 
 
-def _status(counts: object) -> Table | None:
+def _status(counts: object) -> str:
     # per step a mapping, or a mapping of lists; none without contact
     if isinstance(counts, Mapping):
         names = [name for name in counts if isinstance(counts[name], list)]
         counts = [dict(zip(names, row)) for row in zip(*(counts[name] for name in names))]
     if not isinstance(counts, list) or not any(isinstance(c, Mapping) and any(c.values()) for c in counts):
-        return None
+        return ""
     names = ("open", "stick", "slip")
-    return Table(("load step", *names), [(str(step), *(str(c.get(n, 0)) for n in names))
-                                         for step, c in enumerate(counts, 1)], numeric=True)
+    rows = [(str(step), *(str(c.get(name, 0)) for name in names)) for step, c in enumerate(counts, 1)]
+    return table(("load step", *names), rows, numeric=True)
 
 
-def _resultants(entries: list[dict]) -> list[Block]:
+def _resultants(entries: list[dict]) -> list[str]:
     """Force on side 1, per interface and load step."""
     size = [max((abs(x or 0.0) for force in entry["resultant"] for x in force), default=0.0) for entry in entries]
     least = sorted(size, reverse=True)[min(_MOST, len(size)) - 1]
@@ -73,4 +73,4 @@ def _resultants(entries: list[dict]) -> list[Block]:
     text = "Force of the second body on the first; prescribed nodes on the interface are not counted."
     if len(kept) < len(entries):
         text += f" The {_MOST} interfaces with the largest of {len(entries)}; summary.json has all."
-    return [Paragraph(text), Table(("interface", "load step", "x", "y", "z"), rows, numeric=True)]
+    return [text, table(("interface", "load step", "x", "y", "z"), rows, numeric=True)]

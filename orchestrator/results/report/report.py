@@ -7,8 +7,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from orchestrator.results.report.document import Block, Heading, Listing, Paragraph, Picture, Table, number, to_html, to_markdown
 from orchestrator.results.report.contact_section import LAW_QUANTITIES, contact_section
+from orchestrator.results.report.document import heading, listing, number, page, picture, plain, table
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
@@ -65,27 +65,25 @@ def report(directory: str | os.PathLike[str]) -> Path:
     result = Result.read(directory)
     folder = ResultsFolder(directory)
     drawn = {path.name for path in write_figures(folder, result.summary, result.history, result.fields)}
-    blocks = _blocks(result)
-    pictures: list[Block] = [Picture(f"figures/{name}", text) for name, text in _PICTURES if name in drawn]
-    blocks[3:3] = pictures[:1]  # the structure first, the rest where the text has come to it
-    blocks += [Heading("Figures"), *pictures[1:]] if pictures[1:] else []
-    blocks += _configuration(result.summary)
-    folder.write("report.html", to_html(blocks, folder.path, str(result.summary.get("name"))))
-    return folder.write("report.md", to_markdown(blocks))
+    parts = _parts(result)
+    pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in drawn]
+    parts[3:3] = pictures[:1]  # the structure first, the rest where the text has come to it
+    parts += [heading("Figures"), *pictures[1:]] if pictures[1:] else []
+    text = "\n\n".join(parts + _configuration(result.summary)) + "\n"
+    folder.write("report.html", page(text, folder.path, str(result.summary.get("name"))))
+    return folder.write("report.md", text)
 
 
-def _blocks(result: Result) -> list[Block]:
+def _parts(result: Result) -> list[str]:
     summary = result.summary
-    blocks: list[Block] = [
-        Heading(str(summary.get("name") or "Run"), 1), Paragraph(_in_words(result)),
-        Table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers", "codes")])]
-    blocks += [Heading("How well"), _stopping(result), Heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
-    blocks += contact_section(summary)
+    parts = [heading(str(summary.get("name") or "Run"), 1), plain(_in_words(result)),
+             table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers", "codes")])]
+    parts += [heading("How well"), _stopping(result), heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
+    parts += contact_section(summary)
     for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
-        table = {"reactions": _reactions, "energy": _energy}[key](summary.get(key))
-        if table is not None:
-            blocks += [Heading(title), table]
-    return blocks
+        if found := {"reactions": _reactions, "energy": _energy}[key](summary.get(key)):
+            parts += [heading(title), found]
+    return parts
 
 
 def _in_words(result: Result) -> str:
@@ -100,7 +98,7 @@ def _in_words(result: Result) -> str:
             f"step(s). {ended} after {result.iterations} iterations.{waited}")
 
 
-def _stopping(result: Result) -> Table:
+def _stopping(result: Result) -> str:
     rows = []
     residuals = result.summary.get("residuals")
     known = {**(residuals if isinstance(residuals, Mapping) else {}), **result.summary}
@@ -114,10 +112,10 @@ def _stopping(result: Result) -> Table:
     rows += [(str(name).replace("_", " "), f"{value:.2e}", "", "") for name, value in
              (residuals.items() if isinstance(residuals, Mapping) else ())
              if name not in described and isinstance(value, (int, float))]
-    return Table(("quantity", "last value", "formula", "meaning"), rows)
+    return table(("quantity", "last value", "formula", "meaning"), rows)
 
 
-def _time(summary: Mapping[str, object]) -> Table:
+def _time(summary: Mapping[str, object]) -> str:
     timing = summary.get("timing") or {}
     total = timing.get("total") or 0.0
     rows = [(label, timing[stage]) for stage, label in STAGES.items() if timing.get(stage) is not None]
@@ -128,51 +126,51 @@ def _time(summary: Mapping[str, object]) -> Table:
     lines += [(f"black box: {stage}", f"{own[stage]:.2f}", "") for stage in BLACKBOX_STAGES if own.get(stage) is not None]
     if blackbox_seconds(timing):
         lines.append(("black box: all, on its own clock, summed over its workers", f"{blackbox_seconds(timing):.2f}", ""))
-    return Table(("stage", "seconds", "share"), lines, numeric=True)
+    return table(("stage", "seconds", "share"), lines, numeric=True)
 
 
-def _codes(summary: Mapping[str, object]) -> list[Block]:
+def _codes(summary: Mapping[str, object]) -> list[str]:
     rows = code_rows(summary)
-    return [Heading("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", 3),
-            Table(CODE_HEAD, rows, numeric=True)] if rows else []
+    return [heading("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", 3),
+            table(CODE_HEAD, rows, numeric=True)] if rows else []
 
 
-def _workload(summary: Mapping[str, object]) -> list[Block]:
-    record, blocks = summary.get("workload") or {}, []
+def _workload(summary: Mapping[str, object]) -> list[str]:
+    record, parts = summary.get("workload") or {}, []
     for period, name in PERIODS.items():
         if period not in record:
             continue
-        blocks += [Heading(f"Who did what: {name}, {record[period]['seconds']:.2f} s", 3),
-                   Table(STAGE_HEAD, stage_rows(record[period], STAGES), numeric=True)]
+        parts += [heading(f"Who did what: {name}, {record[period]['seconds']:.2f} s", 3),
+                  table(STAGE_HEAD, stage_rows(record[period], STAGES), numeric=True)]
         if record[period]["workers"]:
-            blocks.append(Table(WORKER_HEAD, worker_rows(record[period]), numeric=True))
+            parts.append(table(WORKER_HEAD, worker_rows(record[period]), numeric=True))
         if rows := rank_rows(record[period]):
-            blocks.append(Table(RANK_HEAD, rows, numeric=True))
-    if blocks:
-        blocks.append(Paragraph(
+            parts.append(table(RANK_HEAD, rows, numeric=True))
+    if parts:
+        parts.append(
             "Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
-            "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed."))
-    return blocks
+            "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed.")
+    return parts
 
 
-def _reactions(reactions: object) -> Table | None:
+def _reactions(reactions: object) -> str:
     if not reactions:
-        return None
+        return ""
     rows = [(f"boundary[{entry}]", str(step), *(number(component) for component in force))
             for entry, steps in enumerate(reactions) for step, force in enumerate(steps or (), 1)]
-    return Table(("entry", "load step", "x", "y", "z"), rows, numeric=True)
+    return table(("entry", "load step", "x", "y", "z"), rows, numeric=True)
 
 
-def _energy(energy: object) -> Table | None:
+def _energy(energy: object) -> str:
     if not isinstance(energy, list) or not energy:
-        return None
-    return Table(("load step", "energy"), [(str(step), number(e)) for step, e in enumerate(energy, 1)], numeric=True)
+        return ""
+    return table(("load step", "energy"), [(str(step), number(e)) for step, e in enumerate(energy, 1)], numeric=True)
 
 
-def _configuration(summary: Mapping[str, object]) -> list[Block]:
+def _configuration(summary: Mapping[str, object]) -> list[str]:
     found = summary.get("versions") or {}
-    blocks: list[Block] = [Heading("How it was computed"),
-                           Paragraph("Versions: " + ", ".join(f"{name} {v}" for name, v in found.items()) + ".")]
+    parts = [heading("How it was computed"),
+             plain("Versions: " + ", ".join(f"{name} {v}" for name, v in found.items()) + ".")]
     if summary.get("config"):
-        blocks.append(Listing("Configuration, defaults filled in", json.dumps(summary["config"], indent=1)))
-    return blocks
+        parts += [heading("Configuration, defaults filled in", 3), listing(json.dumps(summary["config"], indent=1))]
+    return parts
