@@ -53,14 +53,14 @@ def fields(mesh: Mesh | None = None) -> Fields:
 def iteration(i: int, **changes) -> Iteration:
     values = dict(iteration=i, sweeps=float(i + 5), seconds=0.1 * i, indicator=100.0**-i,
                   displacement_jump=10.0**-i / 3, force_imbalance=10.0**-i / 7, residual=10.0**-i,
-                  error_bound=np.float64(2 * 10.0**-i) if i > 2 else np.nan, open=0, stick=i, slip=2,
+                  error_bound=np.float64(2 * 10.0**-i) if i > 2 else np.nan, counts={"open": 0, "stick": i, "slip": 2},
                   target=("error_bound", 1e-6), state=np.full((4, 2), float(i)))
     return Iteration(**values | changes)
 
 
 def history(count: int = 7) -> dict[str, np.ndarray]:
-    events = [iteration(i) for i in range(1, count + 1)]
-    return {name: np.array([getattr(e, name) for e in events]) for name in HISTORY_COLUMNS}
+    rows = [iteration(i).row for i in range(1, count + 1)]
+    return {name: np.array([row[name] for row in rows]) for name in HISTORY_COLUMNS}
 
 
 def summary(**changes) -> dict[str, object]:

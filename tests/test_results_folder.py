@@ -135,6 +135,20 @@ def test_history_round_trip_and_every_line_at_once(tmp_path):
     assert read["stick"].dtype.kind == "i"
 
 
+def test_history_has_columns_for_what_the_laws_know(tmp_path):
+    """Further statuses are counts, measures are numbers; a resumed run goes on with the same columns."""
+    folder, laws = ResultsFolder(tmp_path), {"counts": {"open": 1, "worn": 3}, "laws": {"wear": 0.5}}
+    with HistoryWriter(folder) as writer:
+        for i in (1, 2):
+            writer.iteration(case.iteration(i, **laws))
+    with HistoryWriter(folder, resume_after=1) as writer:
+        writer.iteration(case.iteration(2, **laws))
+    read = read_history(tmp_path)
+    assert list(read) == [*HISTORY_COLUMNS, "worn", "wear"]
+    assert read["open"].tolist() == [1, 1] and read["slip"].tolist() == [0, 0] and read["wear"].tolist() == [0.5, 0.5]
+    assert read["worn"].tolist() == [3, 3] and read["worn"].dtype.kind == "i"
+
+
 def test_history_of_no_iteration(tmp_path):
     HistoryWriter(ResultsFolder(tmp_path)).close()
     assert all(len(column) == 0 for column in read_history(tmp_path).values())

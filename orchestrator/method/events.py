@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """One finished iteration. ``HISTORY_COLUMNS`` of it go to history.csv.
+    """One finished iteration; ``row`` goes to history.csv.
 
     Parameters
     ----------
@@ -23,11 +23,12 @@ class Iteration:
     force_imbalance : ‖A f‖ relative, weighted by the inverse search direction
     residual : ‖s_new − s‖ relative
     error_bound : guaranteed bound on the relative energy error; nan when not evaluated
-    open, stick, slip : node counts, summed over the steps (contact interfaces)
+    counts : name of a status → node pairs that have it, summed over the steps
     target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
     macro_imbalance : largest |Cᵀf| over the interfaces, relative; 0 to rounding, eq. (17)
     true_error : against the undecomposed solution, relative energy norm; nan without one
-    law_residual : with contact, the largest measure of ``law_residuals``; the next four are its parts
+    law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
+    laws : the interface laws' own measures among these, by name
     discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
     state : (dofs, steps) the state s to resume from
     """
@@ -40,32 +41,34 @@ class Iteration:
     force_imbalance: float
     residual: float
     error_bound: float
-    open: int
-    stick: int
-    slip: int
     target: tuple[str, float]
     state: np.ndarray
     macro_imbalance: float = math.nan
     true_error: float = math.nan
     law_residual: float = math.nan
-    penetration: float = math.nan
-    tension: float = math.nan
-    cone: float = math.nan
-    slip_direction: float = math.nan
     discretisation_error: float = math.nan
+    counts: Mapping[str, int] = field(default_factory=dict)
+    laws: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def tolerance(self) -> float:
         """The value that the run waits for; with ``error: auto`` it follows the estimate."""
         return self.target[1]
 
+    @property
+    def row(self) -> dict[str, float]:
+        """Column → value: ``HISTORY_COLUMNS``, then other statuses that the laws know, then their measures."""
+        counts = dict.fromkeys(COUNTED, 0) | dict(self.counts)
+        fixed = {name: counts.pop(name) if name in COUNTED else getattr(self, name) for name in HISTORY_COLUMNS}
+        return {**fixed, **counts, **self.laws}
 
-COUNTED = ("open", "stick", "slip")  # statuses that every history and summary has, whatever the laws
+
+# What every history has; columns for further statuses and for the laws' measures follow.
+COUNTED = ("open", "stick", "slip")
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
-    "residual", "error_bound", "open", "stick", "slip",
-    "macro_imbalance", "true_error", "law_residual", "penetration", "tension", "cone", "slip_direction",
-    "tolerance", "discretisation_error",
+    "residual", "error_bound", *COUNTED,
+    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error",
 ]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.method.acceleration.choice import make_acceleration
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.events import COUNTED, Finished, Iteration, Subscriber, Subscribers
+from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
@@ -135,11 +135,11 @@ def iterate_batch(d: Decomposition, method, told: Subscriber, watch: Stopwatch, 
 
 def _event(criterion: Criterion, verdict: Verdict, measures: Measures, **progress) -> Iteration:
     """What is told of an iteration."""
-    laws = {} if verdict.laws is None else {"law_residual": verdict.laws.largest, **verdict.laws.measures}
+    laws = {} if verdict.laws is None else {"law_residual": verdict.laws.largest, "laws": verdict.laws.measures}
     return Iteration(
         **progress, indicator=measures.indicator, displacement_jump=measures.displacement_jump,
         force_imbalance=measures.force_imbalance, residual=measures.residual, macro_imbalance=measures.macro_imbalance,
-        **{name: measures.counts.get(name, 0) for name in COUNTED}, target=(criterion.name, criterion.value),
+        counts=measures.counts, target=(criterion.name, criterion.value),
         error_bound=verdict.error_bound, discretisation_error=verdict.discretisation_error, **laws)
 
 

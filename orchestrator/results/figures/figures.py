@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestrator.method.events import HISTORY_COLUMNS
+from orchestrator.registry import LAWS
 from orchestrator.results.summary import codes
-
 from orchestrator.results.figures import deformed, panels
 from orchestrator.results.figures.drawing import Drawing
 from orchestrator.results.fields.fields import Fields
@@ -34,13 +35,10 @@ from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES
 # column, label, colour, marker
 _MAIN = {"error_bound", "law_residual"}
 _FLOOR = 1e-17  # rounding: values below only stretch the axis
+_OF_LAWS = [(SKY, "<"), ("0.5", ">"), (BROWN, "P"), (OLIVE, "X")]  # colours and markers of the laws' measures, in turn
 _CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
            ("law_residual", "law residual (the largest)", "black", "o"),
            ("true_error", "true error", RED, "*"),
-           ("penetration", "penetration", SKY, "<"),
-           ("tension", "tension", "0.5", ">"),
-           ("cone", "cone violation", BROWN, "P"),
-           ("slip_direction", "slip direction", OLIVE, "X"),
            ("residual", "residual ‖Δs‖", PURPLE, "v"),
            ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
            ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
@@ -100,15 +98,15 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
 
 def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> bytes:
     """PNG of the history's relative quantities over the iterations, with the tolerance."""
-    contact = np.isfinite(history.get("law_residual", np.nan)).any()  # more curves: their names beside them
-    figure = new_figure(9.2 if contact else 7.2, 4.6)
-    axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if contact else (0.1, 0.12, 0.86, 0.78))
+    laws = np.isfinite(history.get("law_residual", np.nan)).any()  # more curves: their names beside them
+    figure = new_figure(9.2 if laws else 7.2, 4.6)
+    axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if laws else (0.1, 0.12, 0.86, 0.78))
     x = np.asarray(history["iteration"])
     every = max(1, len(x) // 12)
-    for column, label, colour, marker in _CURVES:
+    for column, label, colour, marker in [*_CURVES[:3], *_of_laws(history), *_CURVES[3:]]:
         y = np.array(history.get(column, np.full(len(x), np.nan)), float)
         known = np.isfinite(y) & (y > _FLOOR)
-        if contact and column == "displacement_jump":  # interfaces that open are meant to jump
+        if laws and column == "displacement_jump":  # interfaces that open are meant to jump
             continue
         if known.any():
             main = column in _MAIN
@@ -130,9 +128,16 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
-    place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if contact else {"loc": "best"}
+    place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if laws else {"loc": "best"}
     axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
     return png(figure)
+
+
+def _of_laws(history: Mapping[str, np.ndarray]) -> list[tuple[str, str, str, str]]:
+    """Column, label, colour and marker of the measures that the laws of the scene have."""
+    labels = {measure.name: measure.label for law in LAWS.values() for measure in law.measures}
+    found = [name for name in history if name not in HISTORY_COLUMNS and history[name].dtype.kind == "f"]
+    return [(name, labels.get(name, name.replace("_", " ")), *_OF_LAWS[k % len(_OF_LAWS)]) for k, name in enumerate(found)]
 
 
 def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
@@ -142,8 +147,8 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
     given = (method or {}).get("tolerance")
     for key, value in (given.items() if isinstance(given, Mapping) else ()):
         if value:
-            contact = summary.get("status_counts") is not None
-            names = {"error": "law residual" if contact else "error bound", "indicator": "indicator η"}
+            laws = summary.get("status_counts") is not None
+            names = {"error": "law residual" if laws else "error bound", "indicator": "indicator η"}
             value = summary.get("tolerance") if value == "auto" else value
             return None if value is None else (names.get(key, key), float(value))
     return None

@@ -13,12 +13,11 @@ import numpy as np
 from orchestrator.results.figures import deformed, surface
 from orchestrator.results.figures.deformed import DPI, WIDTH, View
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.plotting import BLUE, GREEN, ORANGE, new_figure, png
+from orchestrator.results.figures.plotting import new_figure, png
 
 _MOST = 6  # panels of load steps; of more steps, evenly many are shown
 _MOST_INTERFACES = 4  # likewise, above each other: status and pressure
 _APART = 0.6  # how far interfaces are moved from the structure's centre, relative to where they are
-_STATUS = [("open", "#d0d0d0"), ("stick", BLUE), ("slip", ORANGE), ("bonded", GREEN)]
 _HEADING, _BELOW, _ABOVE = 0.26, 0.95, 0.42  # inches over each panel, below and above all
 
 
@@ -70,12 +69,13 @@ def interfaces(fields: Fields) -> Panels:
     outline = surface.box_edges(fields.nodes) if len(i.names) == 1 else np.empty((0, 2, 3))
 
     # the middle one of three: what most of the triangle does
-    status = [np.sort(i.status[step][i.triangles], axis=1)[:, 1] for step in steps]
+    which = np.searchsorted(i.kinds, i.status)
+    status = [np.sort(which[step][i.triangles], axis=1)[:, 1] for step in steps]
     pressure = [i.pressure[step][i.triangles].mean(axis=1) for step in steps]
     limits, beyond = deformed.colour_limits(np.concatenate(pressure))
-    palette = np.array([[int(colour[k:k + 2], 16) / 255 for k in (1, 3, 5)] for _, colour in _STATUS])
+    palette = np.array([[int(colour[k:k + 2], 16) / 255 for k in (1, 3, 5)] for colour in i.kind_colours])
     triangles = np.arange(corners.size // 3).reshape(-1, 3)
-    plain = View(corners.reshape(-1, 3), triangles, np.empty(0), lines, outline, camera, (-0.5, 3.5), (False, False),
+    plain = View(corners.reshape(-1, 3), triangles, np.empty(0), lines, outline, camera, (-0.5, len(palette) - 0.5), (False, False),
                  "", palette, WIDTH / columns, shaded=False)
     first = [replace(plain, stress=np.repeat(value.astype(float), 3)) for value in status]
     second = [replace(plain, stress=np.repeat(value, 3), limits=limits, beyond=beyond, palette=deformed.viridis())
@@ -83,7 +83,7 @@ def interfaces(fields: Fields) -> Panels:
     moved = "   ·   moved apart, seen from outside" if len(i.names) > 1 else ""
     most = i.friction_traction[steps]
     return Panels(first + second, 2 * _headings(fields, steps), columns,
-                  [(first[0], "status", [name for name, _ in _STATUS]), (second[0], "pressure", [])],
+                  [(first[0], "status", i.kind_names.tolist()), (second[0], "pressure", [])],
                   f"{len(i.names)} interfaces{moved}   ·   largest pressure {i.pressure[steps].max():.3g}   ·   "
                   f"largest friction traction {np.linalg.norm(most, axis=2).max(initial=0.0):.3g}")
 

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from orchestrator.registry import LAWS
 from orchestrator.results.report.document import heading, number, plain, table
-from orchestrator.results.summary.summary import hold_sentences, jsonable
+from orchestrator.results.summary.summary import hold_sentences, jsonable, shown_statuses
 
-# quantity, its formula, what it tells; as in the report's table of residuals
-LAW_QUANTITIES = [
-    ("law_residual", "the largest of the six below", "what the tolerance is compared with"),
-    ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
-     "forces in equilibrium against forces that obey the laws"),
-    ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance"),
-    ("penetration", "max −(g₀ + n·d) / max |u|", "sides inside each other"),
-    ("tension", "max (n·f / A) / max pressure", "sides that pull each other"),
-    ("cone", "max (|f_t| − μ |f_n|) / A / max pressure", "more friction than Coulomb's law allows"),
-    ("slip_direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · max |u|)", "friction that does not oppose the slip Δs"),
-]
-_LAWS = {
-    "contact": ("g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, "
-                "where equal: slip along f_t", "unilateral contact with Coulomb friction"),
-    "jump": ("d = given", "imposed jump of displacement"),
-}
 _MOST = 60  # interfaces with their own rows: of many, those with the largest resultants
+
+
+def law_quantities() -> list[tuple[str, str, str]]:
+    """Quantity, its formula and what it tells, as in the report's table of residuals."""
+    return [
+        ("law_residual", "the largest of those below", "what the tolerance is compared with"),
+        ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
+         "forces in equilibrium against forces that obey the laws"),
+        ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance"),
+        *((measure.name, measure.formula, measure.meaning) for law in LAWS.values() for measure in law.measures)]
 
 
 def contact_section(summary: Mapping[str, object]) -> list[str]:
@@ -37,7 +32,7 @@ def contact_section(summary: Mapping[str, object]) -> list[str]:
     found = sorted({entry["law"] for entry in resultants})
     if found:
         parts += [heading("Interface laws"), table(("law", "interfaces", "formula", "meaning"), [
-            (law, str(sum(entry["law"] == law for entry in resultants)), *_LAWS.get(law, ("", ""))) for law in found]),
+            (law, str(sum(entry["law"] == law for entry in resultants)), *_told(law)) for law in found]),
             "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on "
             "side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap."]
     status = _status(summary.get("status_counts"))
@@ -51,15 +46,16 @@ def contact_section(summary: Mapping[str, object]) -> list[str]:
     return parts
 
 
+def _told(law: str) -> tuple[str, str]:
+    """Formula and meaning of a law; nothing of one that is not registered here."""
+    return (LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")
+
+
 def _status(counts: object) -> str:
-    # per step a mapping, or a mapping of lists; none without contact
-    if isinstance(counts, Mapping):
-        names = [name for name in counts if isinstance(counts[name], list)]
-        counts = [dict(zip(names, row)) for row in zip(*(counts[name] for name in names))]
-    if not isinstance(counts, list) or not any(isinstance(c, Mapping) and any(c.values()) for c in counts):
+    names = shown_statuses(counts)
+    if not names:
         return ""
-    names = ("open", "stick", "slip")
-    rows = [(str(step), *(str(c.get(name, 0)) for name in names)) for step, c in enumerate(counts, 1)]
+    rows = [(str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)]
     return table(("load step", *names), rows, numeric=True)
 
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from orchestrator.results.report.contact_section import LAW_QUANTITIES, contact_section
+from orchestrator.results.report.contact_section import contact_section, law_quantities
 from orchestrator.results.report.document import heading, listing, number, page, picture, plain, table
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.figures import tolerance, write_figures
@@ -37,7 +37,6 @@ _QUANTITIES = [
     ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
     ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
     ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
-    *LAW_QUANTITIES,
 ]
 _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: borders of the "
                               "subdomains; grey: the undeformed outline."),
@@ -99,16 +98,16 @@ def _in_words(result: Result) -> str:
 
 
 def _stopping(result: Result) -> str:
-    rows = []
+    rows, quantities = [], [*_QUANTITIES, *law_quantities()]
     residuals = result.summary.get("residuals")
     known = {**(residuals if isinstance(residuals, Mapping) else {}), **result.summary}
-    for name, formula, meaning in _QUANTITIES:
+    for name, formula, meaning in quantities:
         value = known.get(name)
         if value is None and len(result.history.get(name, ())):
             value = float(result.history[name][-1])
         if value is not None and value == value:
             rows.append((name.replace("_", " "), f"{value:.2e}", formula, meaning))
-    described = {name for name, _, _ in _QUANTITIES}
+    described = {name for name, _, _ in quantities}
     rows += [(str(name).replace("_", " "), f"{value:.2e}", "", "") for name, value in
              (residuals.items() if isinstance(residuals, Mapping) else ())
              if name not in described and isinstance(value, (int, float))]

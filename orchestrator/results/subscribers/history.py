@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.method.events import HISTORY_COLUMNS, Iteration, Subscriber
+from orchestrator.method.events import COUNTED, HISTORY_COLUMNS, Iteration, Subscriber
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "history.csv"
-_COUNTS = {"iteration", "open", "stick", "slip"}
+_COUNTS = {"iteration", *COUNTED}
 
 
 class HistoryWriter(Subscriber):
@@ -32,13 +32,23 @@ class HistoryWriter(Subscriber):
             history = read_history(folder / NAME)
             keep = history["iteration"] <= resume_after
             kept = {name: column[keep] for name, column in history.items()}
-        write_history(folder, kept or {})
-        with folder.guarded(NAME):
-            self._file = open(folder / NAME, "ab", buffering=0)
+        self._begin(kept or {name: np.zeros(0) for name in HISTORY_COLUMNS})
+
+    def _begin(self, kept: dict[str, np.ndarray]) -> None:
+        self._columns = list(kept)
+        write_history(self._folder, kept)
+        with self._folder.guarded(NAME):
+            self._file = open(self._folder / NAME, "ab", buffering=0)
 
     def iteration(self, event: Iteration) -> None:
-        if not self._file.closed:
-            self._append(_line([getattr(event, name) for name in HISTORY_COLUMNS]))
+        if self._file.closed:
+            return
+        row = event.row
+        if list(row) != self._columns:  # the first one tells which laws there are
+            self.close()
+            known = read_history(self._folder / NAME)
+            self._begin({name: known.get(name, np.full(len(known["iteration"]), np.nan)) for name in row})
+        self._append(_line(list(row.values())))
 
     def _append(self, line: bytes) -> None:
         with self._folder.guarded(NAME):
@@ -63,8 +73,7 @@ class HistoryWriter(Subscriber):
 
 def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path:
     """Writes a whole history (column name → (iterations,) array; {} for none) atomically."""
-    rows = zip(*(history[name] for name in HISTORY_COLUMNS)) if history else ()
-    return folder.write(NAME, b"".join([_line(HISTORY_COLUMNS), *map(_line, rows)]))
+    return folder.write(NAME, b"".join([_line(list(history) or HISTORY_COLUMNS), *map(_line, zip(*history.values()))]))
 
 
 def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -88,14 +97,14 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         if missing:
             raise ValueError(f"its first line lacks the columns {', '.join(missing)}")
         # What follows the last line end is empty, or half a line.
-        table = np.array([[float(x) for x in line.split(",")] for line in lines[:-1]])
-        table = table.reshape(-1, len(names))
+        texts = [line.split(",") for line in lines[:-1]]
+        table = np.array([[float(x) for x in row] for row in texts]).reshape(-1, len(names))
     except (OSError, ValueError) as error:
         raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}",
                                  "a history.csv written by a run",
                                  "name the results folder of an earlier run")) from error
-    return {name: column.astype(int) if name in _COUNTS else column
-            for name, column in zip(names, table.T)}
+    whole = _COUNTS | {name for name, *column in zip(names, *texts) if column and all(map(str.isdigit, column))}
+    return {name: column.astype(int) if name in whole else column for name, column in zip(names, table.T)}
 
 
 def _line(values: list[object] | tuple[object, ...]) -> bytes:

@@ -14,6 +14,7 @@ import numpy as np
 
 import orchestrator
 from orchestrator.errors import InputError, Problem
+from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.codes import codes_text
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.summary.workload import idle_text
@@ -155,7 +156,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
             ("law residual", _law_text(summary)),
             ("mesh's error", _mesh_text(summary)),
-            ("contact", _status_text(summary)),
+            ("interfaces", _status_text(summary)),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
             ("size", ", ".join(f"{shown(key)} {word if summary[key] == 1 else word + 's'}"
@@ -187,16 +188,23 @@ def _mesh_text(summary: Mapping[str, object]) -> str | None:
     return text
 
 
+def shown_statuses(counts: object) -> list[str]:
+    """Names of the statuses that say something: open, stick and slip only where there are such."""
+    if not isinstance(counts, Mapping):
+        return []
+    usual = [name for name in COUNTED if counts.get(name)]
+    return (usual if any(any(counts[name]) for name in usual) else []) + [n for n in counts if n not in COUNTED]
+
+
 def _status_text(summary: Mapping[str, object]) -> str | None:
-    """Node pairs that are open, stick and slip at the last load step."""
+    """Node pairs that are open, stick, slip … at the last load step."""
     counts = summary.get("status_counts")
-    if not isinstance(counts, Mapping) or not all(counts.get(name) for name in ("open", "stick", "slip")):
+    names = shown_statuses(counts)
+    if not names:  # imposed jumps alone
         return None
-    if not any(any(column) for column in counts.values()):  # imposed jumps alone
-        return None
-    steps = len(counts["open"])
+    steps = len(counts[names[0]])
     when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
-    return ", ".join(f"{counts[name][-1]:,} {name}" for name in ("open", "stick", "slip")) + when
+    return ", ".join(f"{counts[name][-1]:,} {name}" for name in names) + when
 
 
 def hold_sentences(summary: Mapping[str, object]) -> list[str]:
