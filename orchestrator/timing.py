@@ -17,6 +17,14 @@ class Stopwatch:
         self.seconds: dict[str, float] = defaultdict(float)
         self.calls: dict[str, int] = defaultdict(int)
 
+    @classmethod
+    def since_launch(cls) -> Stopwatch:
+        """One that has run since this process was started; what has passed is the stage ``startup``."""
+        watch = cls()
+        watch.seconds["startup"] = seconds_since_launch()
+        watch.start -= watch.seconds["startup"]
+        return watch
+
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
         begin = time.perf_counter()

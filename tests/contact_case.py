@@ -12,7 +12,8 @@ from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdom
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.run import Solved, solve
+from orchestrator.results.solution import Solution
+from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import session
@@ -38,15 +39,15 @@ def contact(friction=0.0, *, gap=None, poisson=0.3, error=1e-10, law=None, worke
     return Config.model_validate({**data, **changes})
 
 
-def converged(made: Config) -> Solved:
+def converged(made: Config) -> Solution:
     """The solution of a configuration; its laws hold at every node and step."""
     solved = solve(made, build_scene(made))
-    assert solved.outcome.converged, solved.outcome.stop_reason
+    assert solved.converged, solved.stop_reason
     assert_lawful(solved, 10 * made.method.tolerance.error)
     return solved
 
 
-def monolithic(solved: Solved, made: Config) -> Monolithic:
+def monolithic(solved: Solution, made: Config) -> Monolithic:
     """The same scene in one piece."""
     with make_blackbox(made.blackbox) as blackbox:
         return Monolithic(solved.scene, blackbox)
@@ -102,7 +103,7 @@ class Contacts:
         return x - np.einsum("tpi,pi->tp", x, self.normal)[..., None] * self.normal
 
 
-def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
+def forces(solved: Solution) -> list[tuple[np.ndarray, np.ndarray]]:
     """Per interface the forces (T, n, 3) on either side; zero where prescribed, and on tied mid-edge nodes."""
     scene = solved.scene
     sides = sides_by_subdomain(scene)
@@ -111,21 +112,21 @@ def forces(solved: Solved) -> list[tuple[np.ndarray, np.ndarray]]:
     for interface, slots in zip(scene.interfaces, space.slots):
         pair = np.zeros((2, scene.steps, *interface.free.shape))
         for side, slot in enumerate(slots):
-            pair[side][:, interface.free] = solved.outcome.fields.f[slot].T
+            pair[side][:, interface.free] = solved.iterated.fields.f[slot].T
         if not interface.law.perfect:
             pair[:, :, ~np.isin(np.arange(len(interface.free)), interface.triangles[:, :3])] = 0.0  # tied
         result.append((pair[0], pair[1]))
     return result
 
 
-def contacts(solved: Solved) -> Contacts:
+def contacts(solved: Solution) -> Contacts:
     """The contact interfaces of a solution, in the order that the local stage keeps."""
     scene, found, start = solved.scene, [], 0
     both = forces(solved)
     for i in sorted((i for i in scene.interfaces if not i.law.perfect), key=lambda i: (i.law.name, i.index)):
         mobile = i.free.any(axis=1) & np.isin(np.arange(len(i.free)), i.triangles[:, :3])
         end = start + int(mobile.sum())
-        status = solved.outcome.local.status[:, start:end]
+        status = solved.iterated.local.status[:, start:end]
         start = end
         if i.law.name != "contact":
             continue
@@ -142,7 +143,7 @@ def contacts(solved: Solved) -> Contacts:
                     *(np.concatenate(parts) for parts in zip(*(f[1] for f in found))))
 
 
-def assert_lawful(solved: Solved, tolerance: float) -> None:
+def assert_lawful(solved: Solution, tolerance: float) -> None:
     """Signorini's and Coulomb's conditions at every node and step, relative to largest pressure and displacement."""
     if all(i.law.name != "contact" for i in solved.scene.interfaces):
         return
@@ -161,7 +162,7 @@ def assert_lawful(solved: Solved, tolerance: float) -> None:
     assert np.abs(p[c.status == OPEN]).max(initial=0.0) <= tolerance * most
 
 
-def start_from(solved: Solved) -> list[tuple[list[np.ndarray], np.ndarray]]:
+def start_from(solved: Solution) -> list[tuple[list[np.ndarray], np.ndarray]]:
     """Displacements and pair forces per step, for the monolithic solver."""
     force = np.concatenate([0.5 * (one - two) for one, two in forces(solved)], axis=1)
     return [([u[t] for u in solved.parts], force[t]) for t in range(solved.scene.steps)]

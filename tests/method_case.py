@@ -8,7 +8,8 @@ import numpy as np
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.method.decomposition import Decomposition, prepare
-from orchestrator.run import Solved, solve
+from orchestrator.results.solution import Solution
+from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Mesh, Scene
 from orchestrator.scene.soles.make import make_soles
@@ -35,7 +36,7 @@ def method(sole=None, **changes) -> dict:
     return {"method": {"sole": sole or {}, **changes}}
 
 
-def solved(reference=True, **changes) -> Solved:
+def solved(reference=True, **changes) -> Solution:
     """The solution of a changed bar, by default with the undecomposed one beside it."""
     made = config(**changes)
     return solve(made, build_scene(made), reference=reference)

@@ -23,7 +23,7 @@ from orchestrator.results.figures.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import read_history
 from orchestrator.results.report.report import report
-from orchestrator.results.result import Result
+from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import STAGES, jsonable, read_summary, summary_rows
 from orchestrator.run import run
 
@@ -57,12 +57,12 @@ def loose():
 
 
 def fields_of(solved) -> Fields:
-    return Fields.of(solved.scene, solved.displacement, solved.sides, solved.interfaces)
+    return Fields.of(solved.scene, solved.displacement, solved.fields.sides, solved.interfaces)
 
 
 def test_statuses_agree_with_gaps_pressures_and_friction(pressed):
     i = pressed.interfaces
-    assert pressed.outcome.converged and (i.steps, len(i.nodes)) == (3, 9)
+    assert pressed.converged and (i.steps, len(i.nodes)) == (3, 9)
     small, top = 1e-6 * np.abs(pressed.displacement).max(), i.pressure.max()
     tangential = np.linalg.norm(i.friction_traction, axis=2)
     limit = FRICTION * i.pressure
@@ -98,7 +98,7 @@ def test_residuals_of_the_laws(pressed):
     r = pressed.summary["residuals"]
     parts = ("interface_residual", "imbalance", "penetration", "tension", "cone", "slip_direction")
     assert r["law_residual"] == max(r[p] for p in parts) <= 1e-8
-    assert r["law_residual"] == pytest.approx(pressed.outcome.last.law_residual, rel=1e-12)
+    assert r["law_residual"] == pytest.approx(pressed.iterated.last.law_residual, rel=1e-12)
     assert jsonable(pressed.summary)["error_bound"] is None
 
 
@@ -194,7 +194,7 @@ def test_contact_beside_perfect_interfaces():
 
 def test_perfect_runs_have_none_of_it(tmp_path):
     found = case.solved(False)
-    assert found.interfaces is None and found.sides is None and found.summary["warnings"] == []
+    assert found.interfaces is None and found.fields.sides is None and found.summary["warnings"] == []
     assert not {"status_counts", "detached", "interface_resultants"} & set(found.summary)
     write_fields(ResultsFolder(tmp_path), fields_of(found))
     assert sorted(p.name for p in (tmp_path / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu"]
@@ -240,7 +240,7 @@ def test_from_the_configuration_to_the_report(tmp_path, capsys):
     assert {p.name for p in (out / "figures").iterdir()} == {"convergence.png", "deformed.png", "interfaces.png", "time.png"}
     assert np.isfinite(read_history(out)["law_residual"]).all()
 
-    again = Result.read(out)
+    again = Solution.read(out)
     assert isinstance(again.fields.interfaces, InterfaceFields)
     text = report(out).read_text()
     for part in ("Interface laws", "Interface resultants", "Bodies that are not held", "block 0-0-1", "penetration",
@@ -251,4 +251,4 @@ def test_from_the_configuration_to_the_report(tmp_path, capsys):
 def test_pictures_without_vtk(loose, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     names = [p.name for p in write_figures(ResultsFolder(tmp_path), jsonable(loose.summary), {}, fields_of(loose))]
-    assert names == ["deformed.png", "interfaces.png"]
+    assert names == ["time.png", "deformed.png", "interfaces.png"]

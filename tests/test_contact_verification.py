@@ -131,9 +131,9 @@ def test_frictionless_contact_transmits_no_shear():
     solved = converged(contact(0.0))
     force = np.array(solved.summary["reactions"])
     assert np.abs(contacts(solved).shear).max() < 1e-9 * contacts(solved).pressure.max()
-    assert np.abs(solved.outcome.local.force[:, :2]).max() == 0
+    assert np.abs(solved.iterated.local.force[:, :2]).max() == 0
     assert np.abs(force[..., :2]).max() < 1e-9 * np.abs(force).max()
-    assert not np.any(solved.outcome.local.status == STICK)
+    assert not np.any(solved.iterated.local.status == STICK)
 
 
 FLAT = {"mesh": {"box": {"size": [4, 4, 2], "cells": [8, 8, 4]}}, "subdomains": {"grid": [1, 1, 2]},
@@ -159,7 +159,7 @@ def test_block_holds_below_the_threshold(share):
 def test_block_slides_above_the_threshold():
     """T > μN has no equilibrium: nothing sticks, and the run says that it does not converge."""
     made = slider(1.001 * 20.0, method={"tolerance": {"error": 1e-6}, "max_iterations": 60})
-    outcome = solve(made, build_scene(made)).outcome
+    outcome = solve(made, build_scene(made)).iterated
     assert not outcome.converged and np.all(outcome.local.status == SLIP)
 
 
@@ -203,7 +203,7 @@ def test_interfaces_that_carry_nothing(name):
     """No force, no strain: that is a solution like any other."""
     made = NOTHING[name]
     solved = solve(made, build_scene(made))
-    assert solved.outcome.converged, solved.outcome.stop_reason
+    assert solved.converged, solved.stop_reason
     for u in solved.parts:
         assert np.abs(u - u[:, :1]).max() < 1e-10
 

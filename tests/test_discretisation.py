@@ -78,7 +78,7 @@ def test_ten_node_tets():
 
 def test_cells_add_up_and_units_do_not_matter():
     run, other = solved(bent(2.5)), solved({**bent(2.5), "materials": [{"young": 200e9, "poisson": 0.3}]})
-    cells = run.discretisation.cells
+    cells = run.fields.discretisation_error
     assert cells.shape == (1, len(run.scene.mesh.cells)) and (cells >= 0).all()
     assert np.sqrt((cells**2).sum()) == pytest.approx(run.summary["discretisation_error"])
     assert other.summary["discretisation_error"] == pytest.approx(run.summary["discretisation_error"], rel=1e-6)
@@ -114,8 +114,8 @@ def test_stops_at_a_fraction_of_the_estimate(tmp_path):
     estimate, summary = auto.summary["discretisation_error"], auto.summary
     assert estimate == pytest.approx(fixed.summary["discretisation_error"], rel=0.02)
     assert summary["tolerance"] == pytest.approx(0.1 * estimate)
-    assert summary["error_bound"] <= summary["tolerance"] and auto.outcome.iterations < fixed.outcome.iterations
-    history = auto.outcome.history
+    assert summary["error_bound"] <= summary["tolerance"] and auto.iterations < fixed.iterations
+    history = auto.iterated.history
     assert np.isnan(history[0].discretisation_error) and history[-1].discretisation_error == pytest.approx(estimate)
     assert history[-1].target == ("error_bound", summary["tolerance"])
     assert history[-2].error_bound > history[-2].tolerance or np.isnan(history[-2].error_bound)
@@ -129,7 +129,7 @@ def test_exact_in_the_elements():
     """Uniform tension: nothing to estimate, and the tolerance does not follow it down to rounding."""
     problem = {**layered("perfect"), "subdomains": {"grid": [2, 1, 2]}}
     run = solved(problem)
-    assert run.outcome.converged and run.summary["tolerance"] == LEAST
+    assert run.converged and run.summary["tolerance"] == LEAST
     assert run.summary["discretisation_error"] < 1e-6
 
 
@@ -146,9 +146,9 @@ def contact(tolerance):
 def test_contact():
     auto, exact = solved(contact("auto")), solved(contact(1e-9))
     estimate = auto.summary["discretisation_error"]
-    assert auto.outcome.converged and auto.outcome.iterations < exact.outcome.iterations
+    assert auto.converged and auto.iterations < exact.iterations
     assert estimate == pytest.approx(exact.summary["discretisation_error"], rel=0.02)
-    assert auto.outcome.last.target == ("law_residual", auto.summary["tolerance"])
+    assert auto.iterated.last.target == ("law_residual", auto.summary["tolerance"])
     estimator = Estimator(exact.scene)
     size, gap = (max(estimator.energy(sides)) for sides in (
         exact.sides, [a - b for a, b in zip(auto.sides, exact.sides)]))
@@ -158,7 +158,7 @@ def test_contact():
 def test_steps_in_batches():
     problem = contact("auto")
     run = solved({**problem, "method": {**problem["method"], "increment": 1}})
-    assert run.outcome.converged and 0 < run.summary["discretisation_error"] < 1
+    assert run.converged and 0 < run.summary["discretisation_error"] < 1
 
 
 def test_files(tmp_path):

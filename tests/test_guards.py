@@ -61,7 +61,7 @@ def test_corrupted_answers(tmp_path, monkeypatch, fault):
                   mesh={"box": {"size": [4.0, 1, 1], "cells": [2, 1, 1]}}, blackbox={"transport": "file", "workers": 1})
     scene = build_scene(made)
     if fault == "the sign":  # the same problem is solved by the code itself
-        assert solve(made, scene).outcome.converged
+        assert solve(made, scene).converged
     monkeypatch.setenv("ORCHESTRATOR_FREEFEM", str(path))
     with pytest.raises(BlackBoxError, match=message) as caught:
         solve(made, scene)
@@ -109,11 +109,11 @@ def test_answers_of_few_digits(digits, trusted):
                   mesh={"box": {"size": [4.0, 1, 1], "cells": [4, 1, 1]}}, blackbox={"transport": "file", "workers": 1})
     with traces_of(digits):
         solved = solve(made, build_scene(made), reference=True)
-    assert solved.outcome.converged == trusted
+    assert solved.converged == trusted
     if trusted:
         assert solved.summary["true_error"] <= solved.summary["error_bound"]
     else:
-        assert "no error below" in solved.outcome.stop_reason
+        assert "no error below" in solved.stop_reason
 
 
 @pytest.mark.parametrize("modulus, tolerance", [(1e3, 1e-7), (1e4, 1e-6), (1e6, 1e-6)])
@@ -124,4 +124,4 @@ def test_rounding_in_stiff_soles_is_part_of_the_bound(modulus, tolerance):
     solved = solve(stiff, build_scene(stiff), reference=True)
     true, bound = solved.summary["true_error"], solved.summary["error_bound"]
     assert true <= bound
-    assert solved.outcome.converged == (bound <= tolerance) or "rounding" in solved.outcome.stop_reason
+    assert solved.converged == (bound <= tolerance) or "rounding" in solved.stop_reason

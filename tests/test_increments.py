@@ -30,7 +30,7 @@ def solved(**method):
 def test_batches_of_load_steps_continue_the_history(size):
     """Reactions and statuses agree with all steps solved together; friction makes them depend on the path."""
     together, batches = solved(), solved(increment=size)
-    assert together.outcome.converged and batches.outcome.converged
+    assert together.converged and batches.converged
     ours, theirs = np.array(batches.summary["reactions"]), np.array(together.summary["reactions"])
     assert np.abs(ours - theirs).max() <= 1e-7 * np.abs(theirs).max()
     assert batches.summary["status_counts"] == together.summary["status_counts"]

@@ -97,7 +97,7 @@ def test_forces_are_macro_balanced_after_every_stage(mesh, basis):
     """Wᵀ A f = 0, eq. (17), to 1e-10 of the largest resultant, whatever the state of the iterations."""
     result = solved(reference=False, **MESHES[mesh],
                     **method(macro={"basis": basis}, tolerance={"error": 1e-5}, max_iterations=40))
-    history = result.outcome.history
+    history = result.iterated.history
     assert len(history) > 3
     assert max(e.macro_imbalance for e in history) <= 1e-10
 
@@ -211,8 +211,8 @@ def test_all_combinations_converge_to_the_true_solution(short_bar, strategy, acc
                      relaxation=0.25 if slow else 0.5 if kplus == "diagonal" else "auto")
     made = config(**changes, **{key: getattr(made, key) for key in ("mesh", "subdomains", "boundary")})
     result = solve(made, scene)
-    assert result.outcome.converged
-    assert exact.relative_error(result.displacement) <= result.outcome.bound.relative <= tolerance
+    assert result.converged
+    assert exact.relative_error(result.displacement) <= result.iterated.bound.relative <= tolerance
 
 
 def test_gmres_is_anderson_with_full_memory():
@@ -220,7 +220,7 @@ def test_gmres_is_anderson_with_full_memory():
     runs = [solved(reference=False, **CUBES, **BENT, **method(**kind, tolerance={"error": 1e-8}))
             for kind in ({"acceleration": "gmres"}, {"acceleration": "anderson", "memory": 1000},
                          {"acceleration": "anderson", "memory": 2})]
-    gmres, full, short = ([e.residual for e in r.outcome.history] for r in runs)
+    gmres, full, short = ([e.residual for e in r.iterated.history] for r in runs)
     assert np.allclose(gmres, full, rtol=1e-6, atol=0)
     assert len(short) > len(gmres)
 
@@ -247,7 +247,7 @@ def test_gmres_solves_a_linear_problem_in_its_dimension():
 def test_residuals_of_gmres_never_grow():
     """The weighted residual is minimised over growing spaces."""
     result = solved(reference=False, **CUBES, **BENT, **method(acceleration="gmres", tolerance={"error": 1e-9}))
-    residuals = [e.residual for e in result.outcome.history]
+    residuals = [e.residual for e in result.iterated.history]
     assert all(b <= 1.05 * a for a, b in zip(residuals, residuals[1:]))  # relative to a size that still settles
     assert residuals[-1] < 1e-6 * residuals[0]
 
@@ -481,7 +481,7 @@ def test_sweeps_are_counted():
     sweeps, iterations = result.summary["sweeps"], result.summary["iterations"]
     assert sweeps["total"] == sweeps["setup"] + sweeps["iterations"]
     assert iterations - 1 < sweeps["iterations"] <= iterations - 1 + 3 * 12
-    counted = [e.sweeps for e in result.outcome.history]
+    counted = [e.sweeps for e in result.iterated.history]
     assert counted == sorted(counted) and counted[-1] == sweeps["total"]
 
 

@@ -132,7 +132,7 @@ def test_uniform_tension_is_exact(tmp_path):
                        {"on": {"plane": "y", "at": 0.0}, "displacement": [None, 0, None]},
                        {"on": {"plane": "z", "at": 0.0}, "displacement": [None, None, 0]},
                        {"on": {"plane": "x", "at": 4.0}, "traction": [10.0, 0.0, 0.0]}])
-    assert found.outcome.converged
+    assert found.converged
     assert close(found.displacement[0], found.scene.mesh.nodes * [5e-5, -1.5e-5, -1.5e-5], 1e-8)
     sigma = fields_of(found).corner_stress(0)
     assert close(sigma, np.broadcast_to([10.0, 0, 0, 0, 0, 0], sigma.shape), 1e-7)
@@ -150,7 +150,7 @@ def test_pure_bending_is_exact(tmp_path):
     for s in scene.subdomains:
         s.prescribed[:] = scene.prescribed[:, s.nodes]
     found = solve(made, scene)
-    assert found.outcome.converged
+    assert found.converged
     assert close(found.displacement[0], exact, 1e-8)
     fields = fields_of(found)
     corners = scene.mesh.nodes[scene.mesh.cells[:, :4], 2] - 1
@@ -171,9 +171,9 @@ CASES = {"slices": {"mesh": {"box": {"size": [8, 1, 1], "cells": [16, 2, 2]}},
 def test_the_undecomposed_solution_is_found(case):
     """True error below 1e-8, and at every iteration that has a bound: error ≤ bound ≤ 5 × error."""
     found = solved(**CASES[case], **P2, **method(tolerance={"error": 1e-8}))
-    assert found.outcome.converged and found.summary["true_error"] <= 1e-8
-    assert found.outcome.iterations <= {"slices": 16, "cubes": 26, "metis": 34}[case]
-    known = [e for e in found.outcome.history if np.isfinite(e.error_bound) and e.true_error > 1e-9]
+    assert found.converged and found.summary["true_error"] <= 1e-8
+    assert found.iterations <= {"slices": 16, "cubes": 26, "metis": 34}[case]
+    known = [e for e in found.iterated.history if np.isfinite(e.error_bound) and e.true_error > 1e-9]
     assert known and all(e.true_error <= e.error_bound <= 5 * e.true_error for e in known)
 
 
@@ -215,8 +215,8 @@ def test_units_and_numbering(tmp_path):
                     subdomains=cut, materials=[{"young": 200e9, "poisson": 0.3}],
                     boundary=[CLAMP, {"on": {"plane": "x", "at": 0.004}, "traction": [10e6, 1e6, 0.0]}])
     for other in (shuffled, metres):
-        assert other.outcome.iterations == plain.outcome.iterations
-        assert close([e.residual for e in other.outcome.history], [e.residual for e in plain.outcome.history])
+        assert other.iterations == plain.iterations
+        assert close([e.residual for e in other.iterated.history], [e.residual for e in plain.iterated.history])
     assert close(metres.displacement, plain.displacement / 1000)
     here, there = (np.lexsort(run.scene.mesh.nodes.round(6).T) for run in (plain, shuffled))
     assert close(shuffled.displacement[:, there], plain.displacement[:, here])
@@ -231,7 +231,7 @@ def test_parts_with_separate_coincident_nodes(tmp_path):
     mesh.nodes, mesh.cells = mesh.nodes[keys % len(mesh.nodes)], cells.reshape(-1, 4)
     apart = solved(reference=False, mesh=saved(mesh, tmp_path / "two.meshb"), subdomains="groups", **P2)
     assert [len(i.global_nodes) for i in apart.scene.interfaces] == [25]
-    assert close(apart.outcome.bound.energy, whole.outcome.bound.energy, 1e-9)
+    assert close(apart.iterated.bound.energy, whole.iterated.bound.energy, 1e-9)
     end = [run.scene.mesh.nodes[:, 0] > 4 - 1e-9 for run in (apart, whole)]
     assert close(apart.displacement[0, end[0]].sum(axis=0), whole.displacement[0, end[1]].sum(axis=0), 1e-5)
 
@@ -329,7 +329,7 @@ def test_patch_of_linear_pressure(tmp_path):
     for s in scene.subdomains:
         s.prescribed[:] = scene.prescribed[:, s.nodes]
     found = solve(made, scene)
-    assert found.outcome.converged
+    assert found.converged
     for s, u in zip(scene.subdomains, found.parts):
         assert u[0] == pytest.approx(exact[s.nodes], abs=1e-8 * np.abs(exact).max())
     (interface,) = scene.interfaces
@@ -354,7 +354,7 @@ def test_an_imposed_jump_is_one_everywhere():
     found = solved(reference=False, mesh={"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}},
                    subdomains={"grid": [2, 1, 1]}, boundary=[CLAMP], interfaces=[{"law": "jump", "jump": [0.01, 0.02, -0.01]}], **P2,
                    **method(tolerance={"error": 1e-9}))
-    assert found.outcome.converged
+    assert found.converged
     assert close(found.sides[1], np.broadcast_to([0.01, 0.02, -0.01], found.sides[1].shape), 1e-7)
     assert np.abs(found.sides[0]).max() < 1e-9
 

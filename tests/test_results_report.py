@@ -27,7 +27,7 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.progress import Progress, fraction_done, seconds_left
 from orchestrator.results.report import document
 from orchestrator.results.report.report import report
-from orchestrator.results.result import Result
+from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import KEYS, memory_peak_mb, print_summary, read_summary, versions, write_summary
 
 
@@ -135,19 +135,19 @@ def test_surface_of_a_box():
 
 
 def test_result_round_trip(tmp_path):
-    first = Result(case.summary(), case.history(), case.fields())
+    first = Solution(case.summary(), case.history(), case.fields())
     first.write(tmp_path)
-    second = Result.read(tmp_path)
+    second = Solution.read(tmp_path)
     assert second.converged and second.iterations == 7 and "converged after 7" in repr(second)
     np.testing.assert_array_equal(second.displacement, first.displacement)
     for name, column in first.history.items():
         np.testing.assert_array_equal(second.history[name], column)
-    third = Result.read(second.write(tmp_path / "again"))
+    third = Solution.read(second.write(tmp_path / "again"))
     assert third.summary == second.summary
 
 
 def test_report(tmp_path):
-    Result(case.summary(), case.history(), case.fields()).write(tmp_path)
+    Solution(case.summary(), case.history(), case.fields()).write(tmp_path)
     path = report(tmp_path)
     text = path.read_text()
     for part in ("# made_up", "189 dofs", "tolerance was 1e-06 on the error bound", "‖u_D − u₂‖_K", "2.00e-07",
@@ -196,7 +196,7 @@ def test_the_page_says_what_the_text_says(tmp_path):
     """Names full of Markdown's marks come through as they are; the pictures in the page are the files."""
     name = "a_b_ *c* `d` <i>e</i> &amp; f|g [h](i) \\_"
     steps = [[1.0, 2.0, 3.0], [-1e-7, 0.0, 12345678.0]]
-    Result(case.summary(name=name, reactions=[steps], warnings=[f"{name} is odd"]), case.history()).write(tmp_path)
+    Solution(case.summary(name=name, reactions=[steps], warnings=[f"{name} is odd"]), case.history()).write(tmp_path)
     report(tmp_path)
     page = Reader((tmp_path / "report.html").read_text())
     assert ("h1", name) in page.texts and ("title", name) in page.texts and ("p", f"{name} is odd.") in page.texts
@@ -216,7 +216,7 @@ def test_lines_of_a_cell_are_rows_of_the_table():
 
 def test_report_of_a_run_that_failed_early(tmp_path):
     early = {"name": "early", "converged": False, "stop_reason": "interrupted", "iterations": 0, "timing": None}
-    Result(early, {}).write(tmp_path)
+    Solution(early, {}).write(tmp_path)
     assert "WITHOUT" in report(tmp_path).read_text()
 
 

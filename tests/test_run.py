@@ -17,7 +17,7 @@ from method_case import CLAMP, CUBES, METIS, config, method, solved
 from processes import begin
 
 from orchestrator.method.events import HISTORY_COLUMNS
-from orchestrator.results.result import Result
+from orchestrator.results.solution import Solution
 from orchestrator.scene.mesh.structured import bricks
 
 ROOT = Path(__file__).parents[1]
@@ -35,8 +35,8 @@ def close(a, b, tolerance=1e-9):
 
 def same_run(one, two, tolerance=1e-9):
     """Same iterations, same history, same reactions and energies."""
-    assert one.outcome.iterations == two.outcome.iterations
-    assert close([e.residual for e in one.outcome.history], [e.residual for e in two.outcome.history], tolerance)
+    assert one.iterations == two.iterations
+    assert close([e.residual for e in one.iterated.history], [e.residual for e in two.iterated.history], tolerance)
     assert close(one.summary["reactions"], two.summary["reactions"], tolerance)
 
 
@@ -171,7 +171,7 @@ def test_the_shipped_example(tmp_path, temporary):
     assert (out / "fields" / "step_0001.vtu").is_file() and list((out / "fields").glob("*.pvd"))
     for figure in ("convergence", "deformed", "time"):
         assert (out / "figures" / f"{figure}.png").stat().st_size > 5000
-    result = Result.read(out)
+    result = Solution.read(out)
     assert result.displacement.shape == (1, 129 * 81, 3)
     assert not (out / "checkpoint.npz").exists(), "nothing to resume"
     assert "converged" in shown and "error bound" in shown and str(out) in shown.replace("\n", "")
@@ -305,7 +305,7 @@ def test_not_converged(tmp_path, temporary):
     assert (out / "fields.npz").is_file() and lines_of(out / "history.csv") == 4
     code, *_ = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
                             "--set", "method.max_iterations=100"))
-    resumed = Result.read(out)
+    resumed = Solution.read(out)
     assert code == 0 and list(resumed.history["iteration"]) == list(range(1, resumed.iterations + 1))
     assert np.all(np.diff(resumed.history["sweeps"]) >= 1), "the sweeps of both runs are counted"
     assert nothing_left(temporary)
@@ -328,7 +328,7 @@ def test_interrupted_and_resumed(blow, tmp_path, temporary):
     code, _, err = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
                                 "--set", "method.tolerance.error=1e-6"))
     assert code == 0, err
-    resumed = Result.read(out)
+    resumed = Solution.read(out)
     assert list(resumed.history["iteration"]) == list(range(1, resumed.iterations + 1))
     assert resumed.iterations > summary["iterations"] and not (out / "checkpoint.npz").exists()
     undisturbed = solved(reference=False, **BENT)

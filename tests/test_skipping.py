@@ -38,7 +38,7 @@ def saved(result) -> dict:
 
 def same(one, two, tolerance=1e-10):
     """Displacements and reactions."""
-    assert one.outcome.converged and two.outcome.converged
+    assert one.converged and two.converged
     assert np.abs(one.displacement - two.displacement).max() <= tolerance * np.abs(two.displacement).max()
     forces, others = np.array(one.summary["reactions"]), np.array(two.summary["reactions"])
     assert np.abs(forces - others).max() <= tolerance * np.abs(others).max()
@@ -82,7 +82,7 @@ def test_congruent_subdomains_share(case, factorised):
     """Slices: both ends and one for all between; a grid: one per position beside the outer faces; METIS: none."""
     plain, shared = with_skip({}, **case), with_skip({"congruent": True}, **case)
     same(shared, plain)
-    assert shared.outcome.iterations == plain.outcome.iterations
+    assert shared.iterations == plain.iterations
     count = saved(shared).get("congruent", {}).get("factorisations", 0)
     assert len(shared.scene.subdomains) - count == factorised
 
@@ -137,7 +137,7 @@ def test_compliance_changes_nothing(case, monkeypatch):
     monkeypatch.setattr(cost, "compliance_pays", lambda *arguments, **more: True)
     explicit = with_skip({"congruent": True, "compliance": True}, **case)
     same(explicit, plain)
-    assert explicit.outcome.iterations == plain.outcome.iterations
+    assert explicit.iterations == plain.iterations
     assert "compliance" in saved(explicit)
 
 
@@ -167,7 +167,7 @@ def test_superposition_of_load_cases():
     energy = np.array(every.summary["energy"])
     assert np.allclose(few.summary["energy"], energy, rtol=1e-9, atol=1e-9 * energy.max())
     assert few.displacement.shape == every.displacement.shape
-    assert few.outcome.last.state.shape[1] == 2 and few.summary["load_steps"] == 5
+    assert few.iterated.last.state.shape[1] == 2 and few.summary["load_steps"] == 5
 
 
 def test_the_bound_of_a_superposition():
@@ -195,8 +195,8 @@ def test_the_second_part_of_the_bound_waits_for_the_first():
     few = solved(**METIS, **method(tolerance={"error": 1e-10}))
     same(few, every)
     count = saved(few)["bound"]["evaluations of the bound's second part"]
-    assert count >= few.outcome.iterations - 3 and "bound" not in saved(every)
-    assert all(event.true_error <= event.error_bound for event in every.outcome.history)
+    assert count >= few.iterations - 3 and "bound" not in saved(every)
+    assert all(event.true_error <= event.error_bound for event in every.iterated.history)
 
 
 PRESS = {"mesh": {"box": {"size": [1.0, 1.0, 2.0], "cells": [3, 3, 6]}}, "subdomains": {"grid": [1, 1, 2]}}

@@ -89,6 +89,6 @@ def test_hard_cases_before_and_after(tmp_path, case):
     iterations = {}
     for name, settings in (("before", method({"kind": "symmetric"}, macro={"basis": "affine"})), ("auto", method())):
         run = solved(**{**data, **settings})
-        assert run.outcome.converged and run.summary["true_error"] <= run.summary["error_bound"] <= 1e-6
-        iterations[name] = run.outcome.iterations
+        assert run.converged and run.summary["true_error"] <= run.summary["error_bound"] <= 1e-6
+        iterations[name] = run.iterations
     assert iterations["auto"] < 0.6 * iterations["before"] and iterations["auto"] <= 30, iterations

@@ -41,15 +41,15 @@ def pressed(mesh, above, **changes):
 
 def converged(made: Config):
     solved = solve(made, build_scene(made))
-    assert solved.outcome.converged, solved.outcome.stop_reason
+    assert solved.converged, solved.stop_reason
     return solved
 
 
 def difference(one, two) -> float:
     """Largest difference of displacement, body by body, relative to the largest displacement."""
-    whole = {s.name: (s, u) for s, u in zip(one.scene.subdomains, one.sides or one.parts)}
+    whole = {s.name: (s, u) for s, u in zip(one.scene.subdomains, one.fields.sides or one.parts)}
     apart = 0.0
-    for s, u in zip(two.scene.subdomains, two.sides or two.parts):
+    for s, u in zip(two.scene.subdomains, two.fields.sides or two.parts):
         body, expected = whole[s.body]
         apart = max(apart, np.abs(expected[:, np.searchsorted(body.nodes, s.nodes)] - u).max())
     return apart / np.abs(one.displacement).max()

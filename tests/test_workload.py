@@ -11,6 +11,7 @@ from rich.console import Console
 from orchestrator.blackbox.pool.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
+from orchestrator.parallel.team import Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import write_history
 from orchestrator.results.report.report import report
@@ -96,9 +97,11 @@ def test_ranks_are_joined_and_shown(solved, tmp_path):
 
 def test_period_without_work():
     """Nothing but waiting for another rank."""
-    waited = iter([1.0, 1.5])
+    team = Team()
+    team.rank, team.waited = 3, 1.0
     with make_blackbox(settings(workers=1)) as pool:
-        workload = Workload(pool.usage, Stopwatch(), rank=3, waited=lambda: next(waited))
+        workload = Workload(pool.usage, Stopwatch(), team)
+        team.waited += 0.5
         workload.end("iterations")
     (rank,) = workload.record["iterations"]["ranks"]
     assert rank["rank"] == 3 and rank["waiting"] == 0.5

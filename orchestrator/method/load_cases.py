@@ -17,6 +17,8 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.bound import Bound
+from orchestrator.parallel.team import Team
+from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it
@@ -69,6 +71,19 @@ def load_cases(scene: Scene, skip) -> LoadCases:
         elif skip.proportional and not any(law.has_history for law in laws):
             return _on_rays(_load_vectors(scene), all(law.homogeneous for law in laws))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
+
+
+def common_load_cases(scene: Scene, skip, savings: Savings, team: Team) -> LoadCases:
+    """The same for all ranks: rank 0 decides, since rounding may differ from machine to machine.
+
+    Parameters
+    ----------
+    savings : where the steps left out are noted
+    """
+    cases = team.share(load_cases(scene, skip) if team.rank == 0 else None)
+    if team.rank == 0:
+        savings.add(cases.switch, "load steps", cases.left_out)
+    return cases
 
 
 def _load_vectors(scene: Scene) -> np.ndarray:

@@ -28,10 +28,10 @@ from orchestrator.timing import Stopwatch
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
 INCREMENT = 4
 
-# (fields, bound) → relative energy error, where the exact solution is known
-TrueError = Callable[[Admissible, Bound | None], float]
-# (decomposition of some load steps, fields, bound) → estimated discretisation error; for ``error: auto``
-Estimate = Callable[[Decomposition, Admissible, Bound], float]
+# (fields, bound) → relative energy error
+ErrorOf = Callable[[Admissible, Bound | None], float]
+# (decomposition of some load steps, fields, bound) → estimated discretisation error, relative, energy norm
+EstimateOf = Callable[[Decomposition, Admissible, Bound], float]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Start:
 
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(), *,
-            true_error: TrueError | None = None, estimate: Estimate | None = None,
+            true_error: ErrorOf | None = None, estimate: EstimateOf | None = None,
             savings: Savings | None = None) -> Iterated:
     """Solve all load steps, batch after batch; with perfect interfaces there is one batch.
 
@@ -60,6 +60,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
         load steps make a batch. Each starts from the state that the one before ended with, and from its jumps:
         the history of friction goes on. A batch that does not converge does not keep the next ones from being tried
     subscribers : told of every ``Iteration``, and that they have ``Finished``
+    true_error : of what would be delivered, where the exact solution is known; it is called after every stage
+    estimate : of the discretisation error; needed for ``tolerance: {error: auto}``
     savings : where it is noted what need not be done
     """
     told, batches = Subscribers(subscribers), _batches(d, method.increment)
@@ -86,7 +88,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
 
 
 def iterate_batch(d: Decomposition, method, told: Subscriber, watch: Stopwatch, start: Start, *,
-                  true_error: TrueError | None = None, estimate: Estimate | None = None) -> Iterated:
+                  true_error: ErrorOf | None = None, estimate: EstimateOf | None = None) -> Iterated:
     """Alternate linear and local stages until the stopping criterion holds for all steps of a batch.
 
     Parameters as for ``iterate``; ``start`` has a state.

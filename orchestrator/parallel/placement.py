@@ -3,12 +3,69 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pymetis
 import scipy.sparse as sp
 
+from orchestrator.cost import predicted_cost
+from orchestrator.errors import InputError, Problem
+from orchestrator.parallel.team import Team
+
+if TYPE_CHECKING:
+    from orchestrator.config.model import BlackBox
+    from orchestrator.scene.model import Scene
+
 UNITS = 10_000  # METIS takes integers: the total cost in these units
+
+
+@dataclass(frozen=True)
+class Placement:
+    """The ranks' subdomains, as one rank sees it.
+
+    Parameters
+    ----------
+    rank_of : (subdomains,) int, the rank of each
+    touched : (interfaces,) bool, whether a side of it is this rank's
+    codes : which codes of the configuration this rank asks: those of its subdomains and of their neighbours
+    """
+
+    rank_of: np.ndarray
+    touched: list[bool]
+    codes: list[int]
+
+    @classmethod
+    def of(cls, scene: Scene, team: Team) -> Placement:
+        """By predicted cost and neighbourhood.
+
+        Raises
+        ------
+        InputError : more ranks than subdomains
+        """
+        rank_of = _ranks_of(scene, team.size)
+        touched = [team.rank in rank_of[list(i.subdomains)] for i in scene.interfaces]
+        near = {e for i, here in zip(scene.interfaces, touched) if here for e in i.subdomains}
+        near |= set(np.flatnonzero(rank_of == team.rank))
+        return cls(rank_of, touched, sorted({scene.subdomains[e].code for e in near}))
+
+
+def _ranks_of(scene: Scene, ranks: int) -> np.ndarray:
+    """(subdomains,) int."""
+    count = len(scene.subdomains)
+    if ranks > count:
+        raise InputError(Problem(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",
+                                 "at least one subdomain for every rank",
+                                 f"mpiexec -n {count} at most, or cut into more subdomains"))
+    costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
+    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks)
+
+
+def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
+    """Settings of codes, where ``workers: auto`` has become the number of cores that this rank may call its own."""
+    share = max(1, int(team.cores()))
+    return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in codes]
 
 
 def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int) -> np.ndarray:

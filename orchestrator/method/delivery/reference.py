@@ -10,7 +10,13 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.recovery import recover
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.load_cases import LoadCases
+from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.model import Scene
+from orchestrator.timing import Stopwatch
 
 
 @dataclass
@@ -33,6 +39,14 @@ class Reference:
         gap = _energies(self.stiffness, displacement - self.displacement)
         size = self.energy.max(initial=0.0)
         return float(np.sqrt(gap.max() / size)) if size > 0 else float(np.sqrt(gap.max(initial=0.0)))
+
+
+def check_reference(scene: Scene) -> None:
+    """Raises InputError where the undecomposed solution is that of another problem."""
+    if not all(i.law.perfect for i in scene.interfaces):
+        raise InputError(Problem(("interfaces",), "--reference with interfaces that are not perfect",
+                                 "perfect interfaces: the undecomposed solution has no other",
+                                 "leave out --reference; judge by the law residuals in the summary"))
 
 
 def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
@@ -67,6 +81,34 @@ def undecomposed(scene: Scene, blackbox: BlackBox, stiffness: sp.csr_array | Non
         forces = forces - (stiffness @ lift.T).T
     forces = np.where(scene.fixed.ravel(), 0.0, forces)
     return (lift + blackbox.fields({0: forces})[0]).reshape(scene.steps, -1, 3)
+
+
+class TrueError:
+    """Follows the true error of the iterations; the loop calls it.
+
+    Parameters
+    ----------
+    d : the decomposition that is iterated
+    cases : how all load steps follow from its own
+    exact : the undecomposed solution; on rank 0
+
+    Attributes
+    ----------
+    asked : seconds that the black box has been asked for it
+    """
+
+    def __init__(self, d: Decomposition, cases: LoadCases, exact: Reference | None, watch: Stopwatch):
+        self.d, self.cases, self.exact, self.watch = d, cases, exact, watch
+        self.asked = 0.0
+
+    def __call__(self, fields: Admissible, bound: Bound) -> float:
+        """Of what would be delivered; costs one back-substitution per subdomain and load step."""
+        asked = self.d.blackbox.usage.asked
+        with self.watch("reference"):
+            found = self.cases.all_steps(recover(self.d, fields, bound)[0])
+            error = self.d.space.team.share(self.exact and self.exact.relative_error(found))
+        self.asked += self.d.blackbox.usage.asked - asked
+        return error
 
 
 def _energies(stiffness: sp.csr_array, displacement: np.ndarray) -> np.ndarray:

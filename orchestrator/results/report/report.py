@@ -12,7 +12,7 @@ from orchestrator.results.report.document import heading, listing, number, page,
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.result import Result
+from orchestrator.results.solution import Solution
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, summary_rows
 from orchestrator.results.summary.workload import (
     PERIODS,
@@ -61,23 +61,23 @@ def report(directory: str | os.PathLike[str]) -> Path:
     ------
     InputError : missing folder, or not one that a run has written; disk full or folder not writable
     """
-    result = Result.read(directory)
+    solution = Solution.read(directory)
     folder = ResultsFolder(directory)
-    drawn = {path.name for path in write_figures(folder, result.summary, result.history, result.fields)}
-    parts = _parts(result)
+    drawn = {path.name for path in write_figures(folder, solution.summary, solution.history, solution.fields)}
+    parts = _parts(solution)
     pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in drawn]
     parts[3:3] = pictures[:1]  # the structure first, the rest where the text has come to it
     parts += [heading("Figures"), *pictures[1:]] if pictures[1:] else []
-    text = "\n\n".join(parts + _configuration(result.summary)) + "\n"
-    folder.write("report.html", page(text, folder.path, str(result.summary.get("name"))))
+    text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"
+    folder.write("report.html", page(text, folder.path, str(solution.summary.get("name"))))
     return folder.write("report.md", text)
 
 
-def _parts(result: Result) -> list[str]:
-    summary = result.summary
-    parts = [heading(str(summary.get("name") or "Run"), 1), plain(_in_words(result)),
+def _parts(solution: Solution) -> list[str]:
+    summary = solution.summary
+    parts = [heading(str(summary.get("name") or "Run"), 1), plain(_in_words(solution)),
              table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers", "codes")])]
-    parts += [heading("How well"), _stopping(result), heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
+    parts += [heading("How well"), _stopping(solution), heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
     parts += contact_section(summary)
     for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
         if found := {"reactions": _reactions, "energy": _energy}[key](summary.get(key)):
@@ -85,26 +85,26 @@ def _parts(result: Result) -> list[str]:
     return parts
 
 
-def _in_words(result: Result) -> str:
-    summary = result.summary
+def _in_words(solution: Solution) -> str:
+    summary = solution.summary
     split = " and ".join(f"{summary[key]:,} {key}" for key in ("subdomains", "interfaces") if summary.get(key) is not None)
     size = f" of {summary['dofs']:,} dofs" if summary.get("dofs") else ""
-    ended = "It converged" if result.converged else \
+    ended = "It converged" if solution.converged else \
         f"It stopped WITHOUT converging ({summary.get('stop_reason')}); what follows is its last state"
     target = tolerance(summary)
     waited = f" The tolerance was {target[1]:g} on the {target[0]}." if target else ""
     return (f"A structure{size} in {split or 'subdomains'} was computed for {summary.get('load_steps') or 1} load "
-            f"step(s). {ended} after {result.iterations} iterations.{waited}")
+            f"step(s). {ended} after {solution.iterations} iterations.{waited}")
 
 
-def _stopping(result: Result) -> str:
+def _stopping(solution: Solution) -> str:
     rows, quantities = [], [*_QUANTITIES, *law_quantities()]
-    residuals = result.summary.get("residuals")
-    known = {**(residuals if isinstance(residuals, Mapping) else {}), **result.summary}
+    residuals = solution.summary.get("residuals")
+    known = {**(residuals if isinstance(residuals, Mapping) else {}), **solution.summary}
     for name, formula, meaning in quantities:
         value = known.get(name)
-        if value is None and len(result.history.get(name, ())):
-            value = float(result.history[name][-1])
+        if value is None and len(solution.history.get(name, ())):
+            value = float(solution.history[name][-1])
         if value is not None and value == value:
             rows.append((name.replace("_", " "), f"{value:.2e}", formula, meaning))
     described = {name for name, _, _ in quantities}

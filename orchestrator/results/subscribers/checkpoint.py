@@ -18,6 +18,7 @@ from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "checkpoint.npz"
+SELDOM, OFTEN = 30.0, 2.0  # seconds between savings; with several ranks often: a launcher that ends them waits little
 SPARING = 50  # pause between two savings at least, over the time that one takes
 # When to stop, where to write and who computes may change between a run and its continuation.
 _FREE = {"name", "output", "blackbox.workers", "blackbox.transport",
@@ -54,7 +55,7 @@ class Checkpoint(Subscriber):
 
     wants_states = True
 
-    def __init__(self, folder: ResultsFolder, fingerprint: str, every: float = 30.0,
+    def __init__(self, folder: ResultsFolder, fingerprint: str, every: float = SELDOM,
                  clock: Callable[[], float] = time.monotonic):
         self._folder, self._fingerprint, self._every, self._clock = folder, fingerprint, every, clock
         self._last: SavedState | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,12 @@ class HistoryWriter(Subscriber):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def columns(events: Sequence[Iteration]) -> dict[str, np.ndarray]:
+    """Iterations as ``read_history`` gives them: column name → (iterations,) array."""
+    return {name: np.array([getattr(event, name) for event in events], int if name in _COUNTS else float)
+            for name in HISTORY_COLUMNS}
 
 
 def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path:

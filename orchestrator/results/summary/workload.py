@@ -7,10 +7,11 @@ putting their lists one after the other (``joined``).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from orchestrator.blackbox.usage import Activity, Usage
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.timing import Stopwatch
 
 STAGE_HEAD = ("stage", "rank", "calls", "seconds", "share")
@@ -30,13 +31,11 @@ class Workload:
     Parameters
     ----------
     usage, watch : what is observed: the black box's workers, and the stages
-    rank : of this process
-    waited : seconds it has waited for other ranks so far; they are part of its stages
+    team : the ranks; what this one waits for others is part of its stages
     """
 
-    def __init__(self, usage: Usage, watch: Stopwatch, rank: int = 0,
-                 waited: Callable[[], float] = lambda: 0.0):
-        self.usage, self.watch, self.rank, self.waited = usage, watch, rank, waited
+    def __init__(self, usage: Usage, watch: Stopwatch, team: Team = ALONE):
+        self.usage, self.watch, self.team = usage, watch, team
         self.record: Record = {}
         self._note()
 
@@ -47,17 +46,17 @@ class Workload:
         self._note()
         waited += self._waited
         wall = self._begin - begin
-        stages = [{"rank": self.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
+        stages = [{"rank": self.team.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
                    "seconds": spent, "share": spent / wall}
                   for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
-        workers = [_row(self.rank, now.since(then)) for now, then in zip(self._activity, before)]
-        ranks = [{"rank": self.rank, "seconds": wall, "waiting": waited, "share": waited / wall}]
+        workers = [_row(self.team.rank, now.since(then)) for now, then in zip(self._activity, before)]
+        ranks = [{"rank": self.team.rank, "seconds": wall, "waiting": waited, "share": waited / wall}]
         self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
 
     def _note(self) -> None:
         self._begin = time.perf_counter()
         self._seconds, self._calls = dict(self.watch.seconds), dict(self.watch.calls)
-        self._activity, self._waited = self.usage.activity(), self.waited()
+        self._activity, self._waited = self.usage.activity(), self.team.waited
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:

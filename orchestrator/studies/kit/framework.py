@@ -18,7 +18,8 @@ from rich.console import Console
 from orchestrator.config import config_from
 from orchestrator.method.events import Iteration
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.run import Solved, solve
+from orchestrator.results.solution import Solution
+from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.studies.kit.table import Target, print_table, print_targets
@@ -82,7 +83,7 @@ class Study:
             self._scenes[key] = build_scene(config_from(dict(config)))
         return self._scenes[key]
 
-    def solve(self, case: Case, measure: Callable[[Solved], Mapping[str, Any]] = lambda solved: {}) -> Solved:
+    def solve(self, case: Case, measure: Callable[[Solution], Mapping[str, Any]] = lambda solved: {}) -> Solution:
         """Solve a case beside its undecomposed reference, add its row and its curves, write both.
 
         Parameters
@@ -95,7 +96,7 @@ class Study:
                 scene = self.scene(case.config)
             solved = solve(config, scene, reference=True, watch=watch)
         row = {**_measured(solved), "seconds": round(watch.total - watch.seconds["reference"], 2), **measure(solved)}
-        self.add(case, row, solved.outcome.history, f"true error {row['true_error']:.1e}")
+        self.add(case, row, solved.iterated.history, f"true error {row['true_error']:.1e}")
         return solved
 
     def add(self, case: Case, row: Mapping[str, Any], history: list[Iteration], accuracy: str) -> None:
@@ -143,17 +144,17 @@ def first(history: Iterable[Iteration], quantity: str, value: float) -> Iteratio
     return next((event for event in history if getattr(event, quantity) <= value), None)
 
 
-def _measured(solved: Solved) -> dict[str, Any]:
+def _measured(solved: Solution) -> dict[str, Any]:
     """The columns that every study has."""
-    history, summary = solved.outcome.history, solved.summary
+    history, summary = solved.iterated.history, solved.summary
     eta, accurate = first(history, "indicator", ETA), first(history, "true_error", ACCURATE)
     true, bound = summary["true_error"], summary["error_bound"]
     return {
-        "subdomains": summary["subdomains"], "dofs": summary["dofs"], "iterations": solved.outcome.iterations,
+        "subdomains": summary["subdomains"], "dofs": summary["dofs"], "iterations": solved.iterations,
         "stages_to_eta": eta and eta.iteration, "true_error_at_eta": eta and eta.true_error,
         "stages_to_true_error": accurate and accurate.iteration,
         "true_error": true, "error_bound": bound, "effectivity": bound / true if true else math.nan,
-        "stop_reason": solved.outcome.stop_reason,
+        "stop_reason": solved.stop_reason,
     }
 
 

@@ -15,7 +15,7 @@ from orchestrator.method.stopping.stress import shape_gradients, strain, stress
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.plotting import BLUE, ORANGE, new_figure, png, tidy
 from orchestrator.results.figures.surface import outer_faces
-from orchestrator.run import Solved
+from orchestrator.results.solution import Solution
 from orchestrator.scene.model import Scene
 from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.studies.problems.cases import NEVER, beam, defaults, paper, with_method
@@ -67,7 +67,7 @@ def run(study: Study) -> None:
     study.figure(_picture(scene, seen))
 
 
-def _axial(solved: Solved) -> np.ndarray:
+def _axial(solved: Solution) -> np.ndarray:
     """(m,) σxx of the subdomains' own displacements."""
     scene = solved.scene
     result = np.empty(len(scene.mesh.cells))
@@ -77,7 +77,7 @@ def _axial(solved: Solved) -> np.ndarray:
     return result
 
 
-def _deviation(solved: Solved) -> dict[str, float]:
+def _deviation(solved: Solution) -> dict[str, float]:
     """Largest and root mean square deviation of σxx from the undecomposed solution, over the traction."""
     scene = solved.scene
     exact = Fields.of(scene, solved.reference.displacement)

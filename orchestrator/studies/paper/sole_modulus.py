@@ -33,7 +33,7 @@ def _run(study: Study, strategy: str) -> None:
                 defaults(strategy, modulus_ratio=ratio, error=None, iterations=CUT)
             study.solve(Case(with_method(beam(32), method), {
                 "settings": settings, "factor": factor, "modulus_ratio": ratio}),
-                lambda solved: {name: getattr(solved.outcome.last, name) for name in list(QUANTITIES)[:2]})
+                lambda solved: {name: getattr(solved.iterated.last, name) for name in list(QUANTITIES)[:2]})
     _targets(study)
     study.figure(_picture(study, strategy))
 

@@ -153,11 +153,11 @@ def _ours(study: Study, blocks: int, elements: int, skip: bool) -> None:
         error = _true_error(config, solved)
     summary = solved.summary
     row = {"case": f"{blocks * elements}³ bricks",
-           "method": "decomposed" if skip else "decomposed, no use of congruence", "dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": solved.outcome.iterations,
-           "true_error": error, "error_bound": summary["error_bound"], "stop_reason": solved.outcome.stop_reason,
+           "method": "decomposed" if skip else "decomposed, no use of congruence", "dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": solved.iterations,
+           "true_error": error, "error_bound": summary["error_bound"], "stop_reason": solved.stop_reason,
            "memory_mb": round(summary["memory_peak_mb"]), "cpu_seconds": round(cpu, 2), "seconds": round(seconds, 2)}
     study.rows.append(row)
-    study.histories.append(solved.outcome.history)
+    study.histories.append(solved.iterated.history)
     study.write()
     study.console.print(f"  {len(study.rows):3}  {blocks}³ subdomains{'' if skip else ', no use of congruence'}: "
                         f"{row['iterations']} iterations, {row['stop_reason']}, true error {error:.1e}, "

@@ -121,11 +121,10 @@ def _solve(study: Study, case: Case, exact: Exact) -> None:
             _leave_out(study, case, f"more than {LARGEST_PAPER} dofs")
             return
         solved = solve(config, scene)
-        row = {"iterations": solved.outcome.iterations, "stop_reason": solved.outcome.stop_reason,
+        row = {"iterations": solved.iterations, "stop_reason": solved.stop_reason,
                "error_bound": solved.summary["error_bound"], "estimate": solved.summary["discretisation_error"],
                "seconds": time.perf_counter() - begin}
-        sides = solved.sides or [solved.displacement[:, s.nodes] for s in scene.subdomains]
-        _add(study, case, scene, sides, exact, row, solved.outcome.history)
+        _add(study, case, scene, solved.sides, exact, row, solved.iterated.history)
 
 
 def _leave_out(study: Study, case: Case, reason: str) -> None:

@@ -12,7 +12,8 @@ from orchestrator.blackbox.pool.diagnosis import difference
 from orchestrator.config import config_from, load_config
 from orchestrator.results.figures.plotting import new_figure, png, tidy
 from orchestrator.results.summary.codes import PALETTE, label
-from orchestrator.run import Solved, solve
+from orchestrator.results.solution import Solution
+from orchestrator.run import solve
 from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.studies.problems.cases import cube
 from orchestrator.timing import Stopwatch
@@ -46,7 +47,7 @@ def run(study: Study, elements: int = 5) -> None:
     study.columns = ("scene", "codes", "iterations", "difference", "resultants", "statuses", "code_seconds",
                      "orchestrator_seconds", "unit_loads", "stop_reason", "seconds")
     spent: Spent = []
-    first: Solved | None = None
+    first: Solution | None = None
     for name, blackbox in {**ALONE, "mixed": MIXED}.items():
         solved = _solve(study, "eight cubes", name, {**cube(2, elements), "blackbox": blackbox}, first, spent)
         if first is not None:
@@ -66,14 +67,14 @@ def run(study: Study, elements: int = 5) -> None:
     study.figure(_picture(spent))
 
 
-def _solve(study: Study, scene: str, name: str, data: Mapping[str, Any], first: Solved | None,
-           spent: Spent) -> Solved:
+def _solve(study: Study, scene: str, name: str, data: Mapping[str, Any], first: Solution | None,
+           spent: Spent) -> Solution:
     """Solve, and compare with the first case of the scene."""
     watch, config = Stopwatch(), config_from(dict(data))
     with study.console.status(name):
         solved = solve(config, study.scene(data), watch=watch)
     summary, base = solved.summary, first or solved
-    row = {"iterations": solved.outcome.iterations, "stop_reason": solved.outcome.stop_reason,
+    row = {"iterations": solved.iterations, "stop_reason": solved.stop_reason,
            "difference": difference(solved.displacement, base.displacement),
            "resultants": difference(np.array(summary["reactions"]), np.array(base.summary["reactions"])),
            "statuses": solved.interfaces and int((solved.interfaces.status != base.interfaces.status).sum()),
@@ -81,7 +82,7 @@ def _solve(study: Study, scene: str, name: str, data: Mapping[str, Any], first: 
            "orchestrator_seconds": round(watch.total - summary["asking_seconds"], 2),
            "unit_loads": sum(note["unit_loads"] for c in summary["codes"] for note in c["compliances"]),
            "seconds": round(watch.total, 2)}
-    study.add(Case(data, {"scene": scene, "codes": name}), row, solved.outcome.history,
+    study.add(Case(data, {"scene": scene, "codes": name}), row, solved.iterated.history,
               f"{row['difference']:.1e} from the first")
     spent.append((f"{scene}: {name}", {**{label(c): c["seconds"]["total"] for c in summary["codes"]},
                                        "orchestrator": row["orchestrator_seconds"]}))

@@ -18,7 +18,8 @@ import numpy as np
 from orchestrator.config import config_from
 from orchestrator.errors import InputError, OrchestratorError
 from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, new_figure, png, tidy
-from orchestrator.run import Solved, solve
+from orchestrator.results.solution import Solution
+from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.studies.problems.cases import CONTACT_RATIO
@@ -64,7 +65,7 @@ def attempt(study: Study, hard: Hard, limit: int = LIMIT) -> dict[str, Any]:
         with np.errstate(all="ignore"), traces_of(hard.digits) if hard.digits else nullcontext():
             solved = _solved(data)
             row |= _judged(solved, data)
-            history = solved.outcome.history
+            history = solved.iterated.history
     except InputError as error:
         row |= {"outcome": REFUSED, "message": f"{error.problems[0].found}"}
     except OrchestratorError as error:
@@ -77,15 +78,15 @@ def attempt(study: Study, hard: Hard, limit: int = LIMIT) -> dict[str, Any]:
     return study.rows[-1]
 
 
-def _solved(data: Mapping[str, Any]) -> Solved:
+def _solved(data: Mapping[str, Any]) -> Solution:
     config = config_from(dict(data))
     scene = build_scene(config)
     return solve(config, scene, reference=all(i.law.perfect for i in scene.interfaces))
 
 
-def _judged(solved: Solved, data: Mapping[str, Any]) -> dict[str, Any]:
+def _judged(solved: Solution, data: Mapping[str, Any]) -> dict[str, Any]:
     """Outcome of a finished run, and what is silently wrong with it."""
-    summary, outcome = solved.summary, solved.outcome
+    summary, outcome = solved.summary, solved.iterated
     row: dict[str, Any] = {"iterations": outcome.iterations, "outcome": CONVERGED if outcome.converged else STOPPED,
                            "message": "" if outcome.converged else _cause(summary)}
     if solved.interfaces is None:
@@ -110,7 +111,7 @@ def _cause(summary: Mapping[str, Any]) -> str:
     return summary["stop_reason"] + known + (f", nothing holds {', '.join(loose)}" if loose else "")
 
 
-def _unlawful(solved: Solved) -> list[str]:
+def _unlawful(solved: Solution) -> list[str]:
     """What the written fields of a contact run break."""
     wrong, i = [], solved.interfaces
     reactions = np.array([r for r in solved.summary["reactions"] if np.size(r)])
@@ -128,14 +129,14 @@ def _unlawful(solved: Solved) -> list[str]:
     return wrong + [f"{name} {value:.0e}" for name, value in broken.items() if not value <= LAWFUL]
 
 
-def _unlike(solved: Solved, data: Mapping[str, Any]) -> list[str]:
+def _unlike(solved: Solution, data: Mapping[str, Any]) -> list[str]:
     """Whether a run with stiffer soles ends elsewhere; bodies that came loose may be anywhere."""
     if any(solved.summary["detached"]):
         return []
     method = dict(data["method"])
     method["sole"] = {**method.get("sole", {}), "contact_ratio": OTHER_SOLES * CONTACT_RATIO, "allow_extreme": True}
     other = _solved({**data, "method": method})
-    if not other.outcome.converged:
+    if not other.converged:
         return []
     apart = np.abs(other.displacement - solved.displacement).max() / (np.abs(solved.displacement).max() or 1.0)
     return [f"other soles: {apart:.0e} apart"] if apart > ALIKE else []

@@ -1,0 +1,79 @@
+"""From the last iteration to what is delivered: fields of all load steps, forces, and guards on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
+from orchestrator.method.delivery.guards import failed_guards, with_noise
+from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
+from orchestrator.method.delivery.recovery import reactions, recover
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.load_cases import LoadCases, expanded
+from orchestrator.method.stopping.criteria import LawCriterion
+from orchestrator.method.stopping.discretisation import Estimate
+from orchestrator.method.stopping.law_residuals import LawResiduals
+from orchestrator.timing import Stopwatch
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """What the method hands over: complete on rank 0, elsewhere that rank's part.
+
+    Parameters
+    ----------
+    iterated : what the iterations ended with, for all load steps, with the noise of the answers in its bound; not
+        converged where a guard is broken
+    displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean
+        of the sides
+    parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
+    sides : per subdomain (T, n_E, 3), continuous over perfect interfaces; None where no interface opens
+    interfaces : what happens on the interfaces that are not perfect; None where there are none
+    laws : how well the laws hold there
+    reactions : per boundary entry, per load step, its resultant force
+    discretisation : its estimated error, if asked for
+    """
+
+    iterated: Iterated
+    displacement: np.ndarray
+    parts: list[np.ndarray | None]
+    sides: list[np.ndarray | None] | None
+    interfaces: InterfaceFields | None
+    laws: LawResiduals | None
+    reactions: list[list[list[float]]]
+    discretisation: Estimate | None
+
+
+def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, tolerance,
+            estimate: DiscretisationEstimate | None, watch: Stopwatch) -> Delivered:
+    """Recover what is delivered, and judge it.
+
+    Parameters
+    ----------
+    d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
+    tolerance : ``method.tolerance`` of the configuration
+    estimate : estimates the discretisation error; None: it is not wanted
+    """
+    with watch("linear_stage"):
+        displacement, parts = recover(chosen, iterated.fields, iterated.bound)
+        displacement = cases.all_steps(displacement)
+        parts = [part if part is None else cases.all_steps(part) for part in parts]
+        iterated = expanded(d, iterated, cases)
+    discretisation = own = laws = None
+    if estimate is not None:
+        with watch("bound"):
+            discretisation = estimate.of_parts(d, iterated.bound, parts)
+    interfaces = interface_fields(d, iterated)
+    if d.all_perfect:
+        iterated = with_noise(d, iterated, parts)
+    else:
+        displacement, own = sides(d, iterated, parts)
+        laws = LawCriterion(d, tolerance).laws(iterated.fields, iterated.local)
+    broken = failed_guards(d, iterated, parts, interfaces)
+    if broken:
+        iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
+    return Delivered(iterated, displacement, parts, own, interfaces, laws, reactions(d, parts, iterated.fields.f),
+                     discretisation)

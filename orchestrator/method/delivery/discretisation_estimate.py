@@ -1,0 +1,54 @@
+"""The estimated discretisation error of displacements that are, or would be, delivered; among all ranks."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.recovery import delivered, recover
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.load_cases import LoadCases
+from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.discretisation import Estimate, Estimator
+from orchestrator.scene.model import Scene
+
+
+class DiscretisationEstimate:
+    """Rank 0 brings the displacements together and estimates; it begins to prepare that when first asked.
+
+    Parameters
+    ----------
+    scene : of four-node or ten-node tets
+    cases : how all load steps follow from those that are solved
+    """
+
+    def __init__(self, scene: Scene, cases: LoadCases):
+        self.scene, self.cases = scene, cases
+
+    @cached_property
+    def estimator(self) -> Estimator:
+        """On rank 0 alone."""
+        return Estimator(self.scene)
+
+    def __call__(self, d: Decomposition, fields: Admissible, bound: Bound) -> float:
+        """Relative, energy norm, if these fields were delivered; shared with all ranks.
+
+        It costs one back-substitution per subdomain and load step.
+
+        Parameters
+        ----------
+        d : for the load steps of the fields
+        """
+        parts = delivered(d, bound, recover(d, fields, bound)[1])
+        if d.space.team.rank:
+            return d.space.team.share(None)
+        if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
+            parts = [self.cases.all_steps(u) for u in parts]
+        return d.space.team.share(self.estimator(parts).relative)
+
+    def of_parts(self, d: Decomposition, bound: Bound, parts: list[np.ndarray | None]) -> Estimate | None:
+        """Of recovered displacements, on rank 0; None elsewhere."""
+        whole = delivered(d, bound, parts)
+        return None if d.space.team.rank else self.estimator(whole)

@@ -1,0 +1,80 @@
+"""The files of a run: those that it keeps up to date while it lasts, and those that it ends with."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from orchestrator.config import Config
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.figures.artist import Artist
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.solution import Solution
+from orchestrator.results.subscribers.checkpoint import OFTEN, SELDOM, Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.subscribers.history import HistoryWriter, read_history
+from orchestrator.results.subscribers.remains import Remains
+from orchestrator.results.summary.content import note_time
+from orchestrator.results.summary.summary import write_summary
+from orchestrator.scene.model import Scene
+from orchestrator.timing import Stopwatch
+
+
+class Record:
+    """What a run leaves in its folder while it lasts; as a context manager it is closed on leaving.
+
+    Parameters
+    ----------
+    folder : cleared of an earlier run's results, unless this one goes on from there
+    resume : go on from the checkpoint in the folder
+    ranks : how many solve together: of several, checkpoints are written more often
+
+    Attributes
+    ----------
+    start : where the run goes on from; None at the beginning
+    subscribers : history, checkpoint, and what remains if the run dies
+
+    Raises
+    ------
+    InputError : nothing to resume from, folder not writable, disk full
+    """
+
+    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False,
+                 ranks: int = 1):
+        key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
+        self.start = load_checkpoint(folder, key) if resume else None
+        if not resume:
+            folder.clear()
+        checkpoint = Checkpoint(folder, key, OFTEN if ranks > 1 else SELDOM)
+        self._history = HistoryWriter(folder, self.start and self.start.iteration)
+        self.subscribers = [self._history, checkpoint, Remains(folder, config, scene, watch)]
+
+    def __enter__(self) -> Record:
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._history.close()
+
+
+def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, fields: bool,
+                  artist: Artist | None) -> None:
+    """Fields, figures and summary of a finished run.
+
+    Parameters
+    ----------
+    solution : in its summary, the time that all this takes is noted
+    fields : whether they are wanted
+    artist : who draws the figures; None: nobody
+
+    Raises
+    ------
+    InputError : folder not writable, disk full
+    """
+    with watch("output"):
+        if artist:
+            note_time(solution.summary, watch)
+            artist.begin(folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
+        if fields:
+            write_fields(folder, solution.fields)
+        if artist:
+            artist.finish()
+    note_time(solution.summary, watch)
+    write_summary(folder, solution.summary)

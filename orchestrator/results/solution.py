@@ -1,0 +1,143 @@
+"""One run as one object: summary, history and fields; as solved, or read from the files of its folder."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.method.delivery.deliver import Delivered
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.reference import Reference
+from orchestrator.method.iterated import Iterated
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.npz import read_npz, write_npz
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.subscribers.history import columns, read_history, write_history
+from orchestrator.results.summary.summary import read_summary, write_summary
+from orchestrator.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a run has found; T load steps, n nodes.
+
+    Parameters
+    ----------
+    summary : the content of summary.json
+    history : column of history.csv → (iterations,) array
+    fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz; None if none were
+        asked for
+    directory : the folder that it was read from
+    scene : what was solved; None, as all that follows, where it was read from a folder
+    iterated : what the iterations ended with: traces and interface forces, statuses, error bound, events
+    parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are averaged
+    reference : the undecomposed solution, if asked for
+
+    Examples
+    --------
+    What ``orchestrator run configs/traction_beam.yaml`` has written:
+
+    >>> solution = Solution.read("results/traction_beam")              # doctest: +SKIP
+    >>> solution.history["error_bound"][-1], solution.displacement     # doctest: +SKIP
+    """
+
+    summary: dict[str, object]
+    history: dict[str, np.ndarray]
+    fields: Fields | None = None
+    directory: Path | None = None
+    scene: Scene | None = None
+    iterated: Iterated | None = None
+    parts: list[np.ndarray] | None = None
+    reference: Reference | None = None
+
+    @classmethod
+    def of(cls, scene: Scene, delivered: Delivered, summary: dict[str, object], reference: Reference | None) -> Solution:
+        """Of a run that has just been finished; nothing is written."""
+        estimate = delivered.discretisation
+        fields = Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces,
+                           estimate and estimate.cells)
+        return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
+                   delivered.parts, reference)
+
+    @classmethod
+    def read(cls, directory: str | os.PathLike[str]) -> Solution:
+        """Reads a results folder.
+
+        Raises
+        ------
+        InputError : missing folder, or not one that a run has written
+        """
+        summary = read_summary(directory)  # first: its message says best what is wrong with a foreign folder
+        return cls(summary, read_history(directory), read_npz(directory), Path(directory))
+
+    def write(self, directory: str | os.PathLike[str]) -> Path:
+        """Writes summary.json, history.csv and fields.npz; ``read`` gives the same back.
+
+        Raises
+        ------
+        InputError : folder not writable, or disk full
+        """
+        folder = ResultsFolder(directory)
+        write_history(folder, self.history)
+        if self.fields is not None:
+            write_npz(folder, self.fields)
+        write_summary(folder, self.summary)
+        return folder.path
+
+    @property
+    def converged(self) -> bool:
+        return bool(self.summary["converged"])
+
+    @property
+    def stop_reason(self) -> str:
+        """Why it ended: converged, max_iterations, diverged, stagnated …, guard: …, interrupted, failed: …"""
+        return str(self.summary["stop_reason"])
+
+    @property
+    def iterations(self) -> int:
+        return int(self.summary["iterations"])
+
+    @property
+    def error_bound(self) -> float:
+        """Guaranteed bound on the relative error in the energy norm; nan where there is none, as with contact."""
+        bound = self.summary.get("error_bound")
+        return math.nan if bound is None else float(bound)
+
+    @property
+    def energy(self) -> np.ndarray:
+        """(T,) strain energy, force × length."""
+        return np.array(self.summary["energy"], float)
+
+    @property
+    def reactions(self) -> np.ndarray:
+        """(entries, T, 3) resultant force on every entry of ``boundary``, in their order: what supports carry, or
+        what the loads add up to."""
+        return np.array(self.summary["reactions"], float).reshape(len(self.summary["reactions"]), -1, 3)
+
+    @property
+    def displacement(self) -> np.ndarray | None:
+        """(T, n, 3) in the node order of the input mesh, where interfaces open the mean of the sides; None without
+        fields."""
+        return None if self.fields is None else self.fields.displacement
+
+    @property
+    def sides(self) -> list[np.ndarray] | None:
+        """Per subdomain (T, n_E, 3) on its own nodes, continuous over perfect interfaces; None without fields."""
+        if self.fields is None or self.fields.sides is not None:
+            return self.fields and self.fields.sides
+        split = self.fields.numbering
+        return [self.fields.displacement[:, nodes] for nodes in np.split(split.nodes, split.offsets[1:-1])]
+
+    @property
+    def interfaces(self) -> InterfaceFields | None:
+        """Gap, slip, pressure, friction and status on the interfaces that are not perfect; None where there are none."""
+        return None if self.fields is None else self.fields.interfaces
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else f"stopped ({self.summary.get('stop_reason')})"
+        bound = "" if math.isnan(self.error_bound) else f", error bound {self.error_bound:.1e}"
+        return f"Solution({self.summary.get('name')}: {state} after {self.iterations} iterations{bound})"

@@ -1,0 +1,78 @@
+"""What summary.json says of a finished run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from orchestrator.config import Config
+from orchestrator.method.delivery.deliver import Delivered
+from orchestrator.method.delivery.held_bodies import held_bodies
+from orchestrator.method.delivery.reference import Reference
+from orchestrator.results.summary.cautions import cautions
+from orchestrator.results.summary.spent import Spent, total
+from orchestrator.scene.model import Scene
+from orchestrator.timing import Stopwatch
+
+
+def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: float, exact: Reference | None,
+              ranks: Sequence[Spent], watch: Stopwatch) -> dict[str, object]:
+    """The content of summary.json, where numbers may be numpy's, nan and infinite.
+
+    Parameters
+    ----------
+    setup_sweeps : back-substitutions per subdomain and load step before the first iteration
+    exact : the undecomposed solution, if asked for
+    ranks : what each rank has spent
+    """
+    iterated, estimated = delivered.iterated, delivered.discretisation
+    last, contact = iterated.last, _contact(scene, delivered)
+    summary = {
+        "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
+        "iterations": iterated.iterations,
+        "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
+        "indicator": last.indicator, "error_bound": iterated.bound.relative,
+        "true_error": exact.relative_error(delivered.displacement) if exact else None,
+        "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
+        "residuals": {name: getattr(last, name) for name in
+                      ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
+        | (delivered.laws.named if delivered.laws else {}),
+        **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
+        "warnings": cautions(scene, delivered.sides or delivered.parts, delivered.interfaces,
+                             contact.get("detached", ())),
+        **total(ranks, scene), "config": config.complete(),
+    }
+    note_time(summary, watch)
+    return summary
+
+
+def problem_size(scene: Scene) -> dict[str, int]:
+    """The part of the summary that says how large the problem is."""
+    return {
+        "dofs": 3 * len(scene.mesh.nodes), "dofs_decomposed": 3 * sum(len(s.nodes) for s in scene.subdomains),
+        "subdomains": len(scene.subdomains), "interfaces": len(scene.interfaces),
+        "interface_nodes": sum(len(i.global_nodes) for i in scene.interfaces), "load_steps": scene.steps,
+    }
+
+
+def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
+    """Seconds of all stages so far; to be noted again when more has been done."""
+    summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {})}
+    # what is left when no code is at work; the reference is neither's
+    summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get("reference", 0.0)
+
+
+def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
+    """What happens on interfaces that are not perfect; empty where all are."""
+    interfaces = delivered.interfaces
+    if interfaces is None:
+        return {}
+    detached, weakly_held = held_bodies(scene, interfaces)
+    return {
+        "status_counts": interfaces.counts,
+        "interface_resultants": [
+            {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law),
+             "resultant": force}
+            for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
+                                              interfaces.resultant.swapaxes(0, 1).tolist())],
+        "detached": detached, "weakly_held": weakly_held,
+    }
