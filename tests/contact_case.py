@@ -109,10 +109,10 @@ def forces(solved: Solution) -> list[tuple[np.ndarray, np.ndarray]]:
     sides = sides_by_subdomain(scene)
     space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, own) for s, own in zip(scene.subdomains, sides)])
     result = []
-    for interface, slots in zip(scene.interfaces, space.slots):
+    for interface, traces in zip(scene.interfaces, space.sides):
         pair = np.zeros((2, scene.steps, *interface.free.shape))
-        for side, slot in enumerate(slots):
-            pair[side][:, interface.free] = solved.iterated.fields.f[slot].T
+        for side, own in enumerate(traces):
+            pair[side][:, interface.free] = solved.iterated.fields.f[:, own]
         if not interface.law.perfect:
             pair[:, :, ~np.isin(np.arange(len(interface.free)), interface.triangles[:, :3])] = 0.0  # tied
         result.append((pair[0], pair[1]))

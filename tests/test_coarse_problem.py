@@ -6,6 +6,7 @@ from contact_case import contact
 from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
+from orchestrator.method.interface.pairs import PairTraces
 from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.stale_factors import ACCURACY, StaleFactors
 from orchestrator.scene.build import build_scene
@@ -36,8 +37,8 @@ def coarse(request, tmp_path_factory):
 def steps(coarse):
     """Per load step what the coarse problem is asked at the first iteration."""
     stage = coarse.stage
-    fields = stage(np.zeros((stage.space.size, stage.loaded.shape[1])))
-    F0 = coarse.predict.predicted(coarse.predict.traces(fields.w, fields.f))
+    fields = stage(np.zeros((len(stage.loaded), stage.space.size)))
+    F0 = coarse.predict.predicted(PairTraces.of(coarse.pairs, *fields.extended))
     return list(zip(F0, coarse._of_all(coarse._resultants(fields.f)).swapaxes(0, 1)))
 
 
@@ -45,7 +46,7 @@ def test_moments_do_the_work_of_the_fields(coarse, steps):
     """T, Tᵀf̂ and ΣTᵀ(∂f̂/∂F)L as they are written."""
     pairs, at = coarse.pairs, coarse.problem.fields
     U = coarse.response.U
-    T = np.concatenate([U[pairs.one.T], -U[pairs.two.T]], axis=2)
+    T = np.concatenate([pairs.transfer.first(U), -pairs.transfer.second(U)]).transpose(2, 1, 0)
     free = pairs.free.T
     assert np.abs(at.at_pairs()[free] - T[free]).max() < 1e-12 * np.abs(T).max()
     answer = pairs.force(steps[0][0], np.zeros((3, len(pairs))), derivative=True)

@@ -12,6 +12,7 @@ from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.solver import Start, iterate
+from orchestrator.method.stopping.dual_energy import dual_energy
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.timing import Stopwatch
@@ -111,15 +112,15 @@ def test_the_condition_of_each_strategy(strategy, kind):
     rng = np.random.default_rng(0)
     with box_of(made) as blackbox:
         d = prepared(made, scene, blackbox)
-        s = rng.standard_normal((d.space.size, scene.steps)) * 10
+        s = rng.standard_normal((scene.steps, d.space.size)) * 10
         fields = d.stage(s)
     k = d.stage.direction.k + d.stage.direction.other
     violated, other = [], []
-    for interface, (one, two) in zip(scene.interfaces, d.space.slots):
+    for interface, (one, two) in zip(scene.interfaces, d.space.sides):
         W = interface_basis(scene.mesh.nodes[interface.global_nodes], interface.free, "affine")
-        force = W.T @ (fields.f[one] + fields.f[two]) / np.linalg.norm(fields.f)
+        force = (fields.f[:, one] + fields.f[:, two]) @ W / np.linalg.norm(fields.f)
         F = k[one][:, one] @ W
-        jump = F.T @ (fields.w[two] - fields.w[one]) / (np.linalg.norm(F) * np.linalg.norm(fields.w))
+        jump = (fields.w[:, two] - fields.w[:, one]) @ F / (np.linalg.norm(F) * np.linalg.norm(fields.w))
         violated.append(np.abs(force if strategy == "equilibrium" else jump).max())
         other.append(np.abs(jump if strategy == "equilibrium" else force).max())
     assert max(violated) <= 1e-11
@@ -133,20 +134,20 @@ def test_subdomains_are_in_equilibrium_after_every_stage():
     with box_of(made) as blackbox:
         d = prepared(made, scene, blackbox)
         naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
-        s = np.random.default_rng(1).standard_normal((d.space.size, 1))
+        s = np.random.default_rng(1).standard_normal((1, d.space.size))
         fields = d.stage(s)
-        robin = d.space.scatter @ d.stage.robin_force(s, fields.alpha)
+        robin = d.space.loads(d.stage.robin_force(s, fields.alpha))
         requests = {}
         for e, (trace, force) in enumerate(zip(d.traces, d.loading.forces)):
             requests[e] = np.zeros((1, 3 * d.node_counts[e]))
             requests[e][:, : force.shape[1]] = force
-            requests[e][:, trace] += robin[d.space.boundary[e]].T
+            requests[e][:, trace] += robin[:, d.space.boundary[e]]
         u = blackbox.fields(requests)
-    forces = d.space.scatter @ fields.f
+    forces = d.space.loads(fields.f)
     for e, subdomain in enumerate(scene.subdomains):
         size, trace = 3 * len(subdomain.nodes), d.traces[e]
         external = subdomain.loads[0].ravel().copy()
-        external[trace] += forces[d.space.boundary[e], 0]
+        external[trace] += forces[0, d.space.boundary[e]]
         free = ~subdomain.fixed.ravel()
         residual = (naked[e] @ u[e][0, :size] - external)[free]
         assert np.abs(residual).max() <= 1e-9 * np.abs(external).max()
@@ -168,16 +169,16 @@ def test_the_fixed_point_is_the_undecomposed_solution(strategy, kplus, kind):
     with box_of(made) as blackbox:
         d = prepared(made, scene, blackbox)
         naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
-        f, w = np.empty((d.space.size, 1)), np.empty((d.space.size, 1))
+        f, w = np.empty((1, d.space.size)), np.empty((1, d.space.size))
         for e, subdomain in enumerate(scene.subdomains):  # slices: no cross points, forces are unique
             u = exact.displacement[0, subdomain.nodes].ravel()
             force = (naked[e] @ u - subdomain.loads[0].ravel())[d.traces[e]]
-            slots = np.flatnonzero(d.space.owner == e)
-            local = d.space.gather[slots] - d.space.boundary[e].start
-            f[slots, 0], w[slots, 0] = force[local], u[d.traces[e]][local]
-        s = f + d.stage.direction.k @ w
+            own = np.flatnonzero(d.space.owner == e)
+            local = d.space.gather[own] - d.space.boundary[e].start
+            f[0, own], w[0, own] = force[local], u[d.traces[e]][local]
+        s = f + d.stage.direction.times(w)
         fields = d.stage(s)
-        image = d.local(fields.w, fields.f).s
+        image = d.local(fields).s
         outcome = iterate(d, made.method, (), Stopwatch(), Start(s))
     assert np.abs(fields.w - w).max() <= 1e-9 * np.abs(w).max()
     assert np.abs(fields.f - f).max() <= 1e-9 * np.abs(f).max()
@@ -226,19 +227,19 @@ def test_gmres_is_anderson_with_full_memory():
 
 
 def test_gmres_solves_a_linear_problem_in_its_dimension():
-    """Residual minimisation over n + 1 evaluations of an affine map of dimension n is exact, column by column."""
+    """Residual minimisation over n + 1 evaluations of an affine map of dimension n is exact, row by row."""
     rng = np.random.default_rng(0)
-    matrix, shift = rng.standard_normal((6, 6)), rng.standard_normal((6, 3))
-    solution = np.linalg.solve(np.eye(6) - matrix, shift)
+    matrix, shift = rng.standard_normal((6, 6)), rng.standard_normal((3, 6))
+    solution = np.linalg.solve(np.eye(6) - matrix, shift.T).T
 
     def fields(s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
-        return Admissible(s, u, alpha, u, s)
+        return Admissible(s, u, alpha, u, s, None)
 
     gmres = ResidualMinimisation(fields, rng.uniform(0.5, 2, 6), None, 1.0)
-    s = np.zeros((6, 3))
+    s = np.zeros((3, 6))
     for _ in range(7):
-        image = matrix @ s + shift
-        _, best = gmres.take(fields(s, image, np.zeros((0, 3))), image)
+        image = s @ matrix.T + shift
+        _, best = gmres.take(fields(s, image, np.zeros((3, 0))), image)
         s = gmres.next()
     assert np.abs(best.s - solution).max() < 1e-9 * np.abs(solution).max()
     assert np.abs(best.u - solution).max() < 1e-9 * np.abs(solution).max(), "affine functions of s are combined alike"
@@ -294,14 +295,14 @@ def test_dual_energy(mesh, kind, ratio):
         d = prepared(made, scene, blackbox)
         naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
         s = iterate(d, made.method, (), Stopwatch()).fields.f
-        balanced = 0.5 * (s - s[d.space.partner])
-        h = d.space.scatter @ (s - balanced)
-        estimate, _ = d.bound._dual_energy(h, np.zeros(1), 0.0)
+        balanced = 0.5 * (s - d.space.across(s))
+        h = d.space.loads(s - balanced)
+        estimate, _ = dual_energy(d.stage, h, np.zeros(1), 0.0)
     exact = 0.0
     for e, subdomain in enumerate(scene.subdomains):
         free = ~subdomain.fixed.ravel()
         force = np.zeros(len(free))
-        force[d.traces[e]] = h[d.space.boundary[e], 0]
+        force[d.traces[e]] = h[0, d.space.boundary[e]]
         modes = d.modes[e][free]  # in balance with the force: stiffening them changes nothing
         stiffness = naked[e][free][:, free].toarray() + 200e3 * modes @ modes.T
         exact += force[free] @ np.linalg.solve(stiffness, force[free])

@@ -9,6 +9,7 @@ from orchestrator.laws.contact import Contact
 from orchestrator.laws.points import Points
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.interface.pairs import Pairs, Run
+from orchestrator.method.interface.transfer import Matching
 
 GAP, PUSH = 0.5, 0.1
 
@@ -17,10 +18,11 @@ def pushed_body(friction: float = 0.0) -> Body:
     """A body free along x and y, pushed by ``PUSH``, with a wall of stiffness 1 at the distance ``GAP`` in x."""
     normal = np.array([[1.0], [0], [0]])
     points = Points(normal, *np.ones((3, 1)), {"gap": np.full(1, GAP), "friction": np.full(1, friction)})
-    none, dofs = np.zeros(0), np.zeros((3, 1), int)
-    pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], np.array([0, 1]), dofs, dofs,
-                  np.ones((3, 1), bool), [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact],
-                  list(Contact.statuses), none.astype(int), np.zeros((0, 1)), none)
+    none, dofs, bounds = np.zeros(0), np.zeros((3, 1), int), np.array([0, 1])
+    transfer = Matching(dofs, dofs, 1, 1, bounds, np.ones((3, 1), bool))
+    pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], bounds, transfer,
+                  [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], list(Contact.statuses),
+                  none.astype(int), np.zeros((1, 0)), none)
     fields = np.zeros((1, 3, 12))
     fields[0, 0, 0] = fields[0, 1, 1] = 1.0
     stiffness = np.diag(np.r_[0.0, 0.0, np.ones(10)])  # what the body lacks stays at rest

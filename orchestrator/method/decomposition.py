@@ -75,7 +75,7 @@ class Decomposition:
     @property
     def steps(self) -> int:
         """Number of load steps that are solved together."""
-        return self.loading.boundary.shape[1]
+        return len(self.loading.boundary)
 
     def batch(self, steps: slice | np.ndarray, previous: np.ndarray | None = None) -> "Decomposition":
         """The same decomposition for some of the load steps.
@@ -154,7 +154,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     if all_perfect:
         local = Exchange(direction, method.search_direction.kplus)
         with watch("bound"):
-            external = np.vstack([s.loads.reshape(scene.steps, -1)[:, t].T for s, t in zip(own, traces)])
+            external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
         pairs = make_pairs(scene, space, direction.whole)

@@ -30,7 +30,7 @@ class Iteration:
     law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
     laws : the interface laws' own measures among these, by name
     discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
-    state : (dofs, steps) the state s to resume from
+    state : (steps, dofs) the state s to resume from
     """
 
     iteration: int

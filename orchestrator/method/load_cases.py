@@ -144,14 +144,14 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
     if not cases.left_out:
         return iterated
     weights, local, bound = cases.weights, iterated.local, iterated.bound
-    fields, everything = iterated.fields.combined(weights), LocalState(local.s @ weights)
+    fields, everything = iterated.fields.combined(weights), LocalState(weights.T @ local.s)
     if d.all_perfect:
         bound = replace(d.bound(fields, complete=False), relative=bound.relative)
     else:
         status = local.status[weights.argmax(axis=0)]  # of the step that each one is a multiple of
         status[~weights.any(axis=0)] = d.local.at_rest  # unloaded
-        everything = LocalState(local.s @ weights, tuple(h @ weights for h in local.hats),
+        everything = LocalState(everything.s, tuple(weights.T @ h for h in local.hats),
                                 cases.all_steps(local.force), cases.all_steps(local.jump), status)
-        bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, bound.repositioned @ weights,
-                      bound.correction @ weights)
+        bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, weights.T @ bound.repositioned,
+                      weights.T @ bound.correction)
     return replace(iterated, fields=fields, local=everything, bound=bound)

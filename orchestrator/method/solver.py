@@ -40,7 +40,7 @@ class Start:
 
     Parameters
     ----------
-    state : (D, T) s; None: zero, and in batches of load steps the last state of the batch before
+    state : (T, D) s; None: zero, and in batches of load steps the last state of the batch before
     iteration, sweeps : done so far, set-up not counted
     """
 
@@ -65,7 +65,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     savings : where it is noted what need not be done
     """
     told, batches = Subscribers(subscribers), _batches(d, method.increment)
-    state = np.zeros((d.space.size, d.steps)) if start.state is None else start.state.copy()
+    state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
     ended: list[Iterated] = []
     for steps in batches:
         view, listener = d, told
@@ -73,9 +73,9 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
             view = d.batch(steps, ended[-1].local.jump[-1] if ended else None)
             listener = _PartOfAll(told, state, steps)
         if ended and start.state is None:
-            state[:, steps] = ended[-1].fields.s[:, -1:]
+            state[steps] = ended[-1].fields.s[-1:]
         so_far = (ended[-1].iterations, ended[-1].sweeps) if ended else (start.iteration, start.sweeps)
-        ended.append(iterate_batch(view, method, listener, watch, Start(state[:, steps], *so_far),
+        ended.append(iterate_batch(view, method, listener, watch, Start(state[steps], *so_far),
                                    true_error=true_error, estimate=estimate))
     result = Iterated.joined(ended)
     if savings is not None and d.space.team.rank == 0:
@@ -109,7 +109,7 @@ def iterate_batch(d: Decomposition, method, told: Subscriber, watch: Stopwatch, 
             with watch("coarse"):
                 evaluated = d.coarse(evaluated)
         with watch("local_stage"):
-            local = d.local(evaluated.w, evaluated.f)
+            local = d.local(evaluated)
         with watch("acceleration"):
             residual, best = acceleration.take(evaluated, local.s)
         with watch("bound"):
@@ -147,7 +147,7 @@ def _event(criterion: Criterion, verdict: Verdict, measures: Measures, **progres
 
 def _freeze(s: np.ndarray, asked: np.ndarray, done: np.ndarray) -> int:
     """Where load steps are done, s becomes what has been asked for: the answers are remembered. How many they are."""
-    s[:, done] = asked[:, done]
+    s[done] = asked[done]
     return int(done.sum())
 
 
@@ -168,5 +168,5 @@ class _PartOfAll(Subscriber):
         self.told, self.state, self.steps = told, state, steps
 
     def iteration(self, event: Iteration) -> None:
-        self.state[:, self.steps] = event.state
+        self.state[self.steps] = event.state
         self.told.iteration(replace(event, state=self.state))

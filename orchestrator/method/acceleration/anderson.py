@@ -29,7 +29,7 @@ class Anderson:
     """
 
     def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE):
-        self.root = np.sqrt(weight)[:, None]
+        self.root = np.sqrt(weight)
         self.memory, self.relaxation, self.team = memory, relaxation, team
         self.change: list[np.ndarray] = []  # of s + β r, where the step starts
         self.dr: list[np.ndarray] = []

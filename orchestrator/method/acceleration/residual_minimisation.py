@@ -1,4 +1,4 @@
-"""Accelerations of the fixed point s = F(s), a column (load step) at a time.
+"""Accelerations of the fixed point s = F(s), a row (load step) at a time.
 
 Every evaluation gives a residual r = F(s) − s. ``none`` relaxes, eq. (12). The others minimise the
 residual over affine combinations of the evaluations so far. Written with orthonormal residual
@@ -19,6 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
 
@@ -60,7 +61,7 @@ class ResidualMinimisation:
 
     def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
                  team: Team = ALONE):
-        self.complete, self.root = complete, np.sqrt(weight)[:, None]
+        self.complete, self.root = complete, np.sqrt(weight)
         self.memory, self.relaxation, self.team = memory, relaxation, team
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.r: np.ndarray | None = None
@@ -80,23 +81,23 @@ class ResidualMinimisation:
             scale, size = self.r, dr.copy()
             for _ in range(2):  # twice is enough
                 # all products at once: one message among the ranks
-                coefficients = self.team.sum(*(_dot(q, dr) for q, _ in self.directions))
+                coefficients = self.team.sum(*(dots(q, dr) for q, _ in self.directions))
                 for (q, p), c in zip(self.directions, coefficients):
-                    dr -= q * c
+                    dr -= q * c[:, None]
                     for a, b in zip(dp, p):
-                        a -= b * c
-            norm, size, scale, along = self.team.sum(_dot(dr, dr), _dot(size, size), _dot(scale, scale),
-                                                     _dot(dr, self.r))
+                        a -= b * c[:, None]
+            norm, size, scale, along = self.team.sum(dots(dr, dr), dots(size, size), dots(scale, scale),
+                                                     dots(dr, self.r))
             norm, size = np.sqrt(norm), np.sqrt(size)
             good = (norm > DEPENDENT * size) & (scale > 0)
             inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
-            dr *= inverse
+            dr *= inverse[:, None]
             for a in dp:
-                a *= inverse
+                a *= inverse[:, None]
             self.directions.append((dr, dp))
             if self.memory is not None and len(self.directions) > self.memory:
                 self.directions.pop(0)
-            gamma = -along * inverse
+            gamma = (-along * inverse)[:, None]
             self.r = self.r + dr * gamma
             self.point = [a + b * gamma for a, b in zip(self.point, dp)]
             best = self.complete(*self.point)
@@ -105,8 +106,3 @@ class ResidualMinimisation:
     def next(self) -> np.ndarray:
         """State to evaluate next."""
         return self.point[0] + self.relaxation * self.r / self.root
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(T,) products of the columns."""
-    return np.einsum("ij,ij->j", a, b)

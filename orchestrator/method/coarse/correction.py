@@ -17,6 +17,7 @@ which ``coarse_problem`` solves. U is made orthonormal in k. It costs no back-su
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,7 +25,8 @@ from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.coarse.pair_fields import FIELDS, MONOMIALS, PairFields
-from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.pairs import Pairs, PairTraces
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.model import Scene
 
@@ -34,7 +36,7 @@ REACH = 0.3  # longest move of a body in one Newton step, over the largest displ
 
 @dataclass
 class _Response:
-    """Per trace dof (D, 12): fields of the owner's body and their response."""
+    """Fields of each trace dof's own body and their response: U, V (12, D); W, F (12, D + G), ghosts included."""
 
     U: np.ndarray
     V: np.ndarray
@@ -71,32 +73,29 @@ class CoarseCorrection:
         frames = _Frames.of(scene, space)
         fields = space.trace(frames.fields)
         if space.ties is not None:
-            fields[space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
-        R = self._independent(fields, k)
+            fields[:, space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
+        R = self._independent(fields, times(k, fields))
         U = np.zeros_like(fields)
         for part, r in zip(self.parts, R):
-            U[part] = fields[part] @ r
-        V = k @ U
-        self.boundary_response = stage.solve(space.scatter @ V)  # subdomains do not see each other's columns
+            np.matmul(r.T, fields[:, part], out=U[:, part])
+        V = times(k, U)
+        self.boundary_response = stage.solve(space.loads(V))  # subdomains do not see each other's rows
         W = space.trace(self.boundary_response)
-        self.response = _Response(U, V, W, V - k @ W)
-        K0 = self._per_body(U, self.response.F)
-        dropped = np.array([~U[part].any(axis=0) for part in self.parts])
+        W, F = space.extended(W, V - times(k, W))  # ghosts last: own parts keep their places
+        self.response = _Response(U, V, W, F)
+        K0 = self._per_body(U, F)
+        dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
         K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
-        one, two, free = pairs.one.T, pairs.two.T, pairs.free.T[:, :, None]
-        W, F = space.extended(W, self.response.F)  # ghosts last: own parts keep their places
-
-        def keq(x: np.ndarray) -> np.ndarray:  # (P, 3, 12)
-            return pairs.points.stiffness(x.T).T
-
         # (P, 3, 24): the fields of the first body, then of the second
-        L = np.where(free, np.concatenate([0.5 * F[one] - keq(np.where(free, W[one], 0.0)),
-                                           -0.5 * F[two] + keq(np.where(free, W[two], 0.0))], axis=2), 0.0)
+        transfer, keq = pairs.transfer, pairs.points.stiffness
+        L = pairs.masked(np.concatenate([0.5 * transfer.first(F) - keq(transfer.first(W)),
+                                         keq(transfer.second(W)) - 0.5 * transfer.second(F)]))
+        L = np.ascontiguousarray(L.transpose(2, 1, 0))
         ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
         at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
         self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
-                                     [self.response.W[part] for part in self.parts])
+                                     [np.ascontiguousarray(W[:, part].T) for part in self.parts])
         self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
         self.radius: float | None = None
 
@@ -113,33 +112,40 @@ class CoarseCorrection:
         ----------
         fields : result of a linear stage
         """
-        steps = fields.s.shape[1]
+        steps = len(fields.s)
         if self.radius is None:
             self.radius = REACH * max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
         y = np.zeros((steps, self.bodies, FIELDS))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous
-        F0 = self.predict.predicted(self.predict.traces(fields.w, fields.f))
+        F0 = self.predict.predicted(PairTraces.of(self.pairs, *fields.extended))
         for t in range(steps):
             y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
             previous = self.predict.jump(F, self.pairs.force(F, previous).force)
-        s, w, f, u = fields.s.copy(), fields.w.copy(), fields.f.copy(), fields.u.copy()
-        r = self.response
+        r, u, s = self.response, fields.u.copy(), fields.s.copy()
+        w, f = (x.copy() for x in fields.extended)
         for e, part, boundary in zip(self.own, self.parts, self.stage.space.boundary):
-            change = y[:, e].T
-            s[part] += r.V[part] @ change
-            w[part] += r.W[part] @ change
-            f[part] += r.F[part] @ change
-            u[boundary] += self.boundary_response[boundary] @ change
-        return Admissible(s, u, fields.alpha, w, f)
+            s[:, part] += y[:, e] @ r.V[:, part]
+            u[:, boundary] += y[:, e] @ self.boundary_response[:, boundary]
+        for e, part in self.everyone:  # ghosts move with their own bodies, whose fields all ranks know
+            w[:, part] += y[:, e] @ r.W[:, part]
+            f[:, part] += y[:, e] @ r.F[:, part]
+        return Admissible.of_extended(s, u, fields.alpha, w, f, self.stage.space)
 
-    def _independent(self, fields: np.ndarray, k) -> np.ndarray:
-        """(own bodies, 12, 12) R that makes U = fields R orthonormal, UᵀkU = 1; what is dependent becomes zero.
+    @cached_property
+    def everyone(self) -> list[tuple[int, slice | np.ndarray]]:
+        """Bodies, and where their trace dofs are, ghosts included."""
+        owner, size = self.stage.space.owner, self.stage.space.size
+        ghosts = [(int(e), size + np.flatnonzero(owner[size:] == e)) for e in np.unique(owner[size:])]
+        return [*zip(self.own, self.parts), *ghosts]
+
+    def _independent(self, fields: np.ndarray, k_fields: np.ndarray) -> np.ndarray:
+        """(own bodies, 12, 12) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.
 
         On a body that has a single plane interface, the gradients along its normal are.
         """
         result = np.zeros((len(self.own), FIELDS, FIELDS))
-        for r, gram in zip(result, self._per_body(fields, k @ fields)):
+        for r, gram in zip(result, self._per_body(fields, k_fields)):
             size, vectors = np.linalg.eigh(gram)
             keep = size > DEPENDENT * size.max(initial=0.0)
             r[:, keep] = vectors[:, keep] / np.sqrt(size[keep])
@@ -150,9 +156,9 @@ class CoarseCorrection:
         """φ (P, m) and A (I, 3m, 24) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
         space, pairs = self.stage.space, self.pairs
         centre, size = self._of_all(frames.centre), self._of_all(frames.size)
-        x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3])
+        x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3].T)
         pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=0)
-        x1, x2 = x[pairs.one[component, pair]], x[pairs.two[component, pair]]
+        x1, x2 = (side(x)[:, component, pair].T for side in (pairs.transfer.first, pairs.transfer.second))
         first, second = np.repeat(ends, np.diff(pairs.bounds), axis=0).T
         phi = _monomials((x1 - centre[first]) / size[first, None])
         # fields are monomials outside, components inside; here it is the other way round
@@ -170,15 +176,15 @@ class CoarseCorrection:
         return phi, A.reshape(len(ends), -1, 2 * FIELDS)
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """(own bodies, 12, 12) aᵀb over each body's trace dofs, which lie together."""
+        """(own bodies, 12, 12) products of rows over each body's trace dofs, which lie together."""
         result = np.zeros((len(self.own), FIELDS, FIELDS))
         for e, part in enumerate(self.parts):
-            result[e] = a[part].T @ b[part]
+            result[e] = a[:, part] @ b[:, part].T
         return result
 
     def _resultants(self, f: np.ndarray) -> np.ndarray:
         """(own bodies, T, 12) Uᵀf."""
-        return np.stack([f[part].T @ self.response.U[part] for part in self.parts])
+        return np.stack([f[:, part] @ self.response.U[:, part].T for part in self.parts])
 
     def _of_all(self, own: np.ndarray) -> np.ndarray:
         """(bodies, …) from what each rank knows of its own bodies."""
@@ -191,7 +197,7 @@ class _Frames:
 
     Parameters
     ----------
-    fields : (B, 12) per boundary dof; field 3m + c is monomial m in component c
+    fields : (12, B) per boundary dof; field 3m + c is monomial m in component c
     centre, size : (own bodies, 3) and (own bodies,)
     """
 
@@ -203,7 +209,7 @@ class _Frames:
     def of(cls, scene: Scene, space: TraceSpace) -> _Frames:
         """Of the bodies of a space."""
         bodies = len(space.boundary)
-        result = cls(np.zeros((len(space.global_dof), FIELDS)), np.zeros((bodies, 3)), np.ones(bodies))
+        result = cls(np.zeros((FIELDS, len(space.global_dof))), np.zeros((bodies, 3)), np.ones(bodies))
         for e, part in enumerate(space.boundary):
             dof = space.global_dof[part]
             if not len(dof):
@@ -213,7 +219,7 @@ class _Frames:
             size = result.size[e] = max(np.abs(x - centre).max(), np.finfo(float).tiny)
             phi = _monomials((x - centre) / size)
             for m in range(MONOMIALS):
-                result.fields[rows, 3 * m + dof % 3] = phi[:, m]
+                result.fields[3 * m + dof % 3, rows] = phi[:, m]
         return result
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.pairs import pair_normals
 from orchestrator.method.iterated import Iterated
@@ -49,13 +50,13 @@ def failed_guards(d: Decomposition, outcome: Iterated, parts: list[np.ndarray],
 def works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two external works and the size of the terms that they sum, each (T,) force × length."""
     fields, steps = outcome.fields, d.scene.steps
-    forces = d.space.scatter @ fields.f
-    inner = d.loading.energy_of(d.space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u, forces)
+    forces = d.space.loads(fields.f)
+    inner = d.loading.energy_of(d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, forces)
     outer, size = np.zeros((2, steps))
     for s, rim, part, trace in zip(d.own, d.rims, d.space.boundary, d.traces):
         u = parts[s.index].reshape(steps, -1)
         load = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
-        load[:, trace] += forces[part].T
+        load[:, trace] += forces[:, part]
         if s.fixed.any() and len(rim.nodes):
             held = np.flatnonzero(s.fixed[rim.nodes])
             rows, moved = rim.stiffness[held], u[:, rim.dofs]
@@ -85,13 +86,13 @@ def noise(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> float
     relative to the solution's."""
     apart, mode = np.zeros_like(outcome.fields.u), 0
     for s, modes, part, trace in zip(d.own, d.modes, d.space.boundary, d.traces):
-        rigid = modes[trace] @ outcome.bound.repositioned[mode : mode + modes.shape[1]]
+        rigid = outcome.bound.repositioned[:, mode : mode + modes.shape[1]] @ modes[trace].T
         mode += modes.shape[1]
-        apart[part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace].T - outcome.fields.u[part] - rigid
+        apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - outcome.fields.u[:, part] - rigid
     # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
-    forces = d.space.scatter @ (d.stage.direction.k @ d.space.trace(apart))
-    strain = np.sum(apart * (d.bound.stiffness @ apart), axis=0)
-    stress = np.sum(forces**2 / d.bound.weight, axis=0)
+    forces = d.space.loads(d.stage.direction.times(d.space.trace(apart)))
+    strain = dots(apart, times(d.bound.stiffness, apart))
+    stress = np.sum(forces**2 / d.bound.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
     size = outcome.bound.energy.max(initial=0.0)
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
@@ -100,7 +101,7 @@ def noise(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> float
 def _works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> list[str]:
     inner, outer, size = works(d, outcome, parts)
     # where nothing is strained, what rounding leaves of the soles' energy is no work
-    soles, = d.space.team.sum(np.sum(outcome.fields.w * (d.stage.direction.k @ outcome.fields.w), axis=0))
+    soles, = d.space.team.sum(dots(outcome.fields.w, d.stage.direction.times(outcome.fields.w)))
     scale = max(size.max(initial=0.0), ROUNDING * soles.max(initial=0.0), np.finfo(float).tiny)
     found = []
     if not np.isfinite([inner, outer]).all():

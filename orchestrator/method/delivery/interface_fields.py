@@ -97,8 +97,7 @@ def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | N
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
-    w, f = d.space.extended(outcome.fields.w, outcome.fields.f)
-    at = PairTraces.of(pairs, w, f)
+    at = PairTraces.of(pairs, *outcome.fields.extended)
     jumps, forces = (x.transpose(0, 2, 1) for x in (at.w2 - at.w1, 0.5 * (at.f1 - at.f2)))
     mine = pairs.mine
     parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], outcome.local.status[:, mine]))

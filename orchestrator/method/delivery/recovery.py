@@ -24,12 +24,12 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
     scene, steps = d.scene, d.steps
-    robin = d.space.scatter @ d.stage.robin_force(fields.s, fields.alpha)
+    robin = d.space.loads(d.stage.robin_force(fields.s, fields.alpha))
     requests = {}
     for e, (trace, forces) in enumerate(zip(d.traces, d.loading.forces)):
         full = np.zeros((steps, 3 * d.node_counts[e]))
         full[:, : forces.shape[1]] = forces
-        full[:, trace] += robin[d.space.boundary[e]].T
+        full[:, trace] += robin[:, d.space.boundary[e]]
         if full.any():
             requests[e] = full
     answers = d.blackbox.fields(requests)
@@ -38,10 +38,10 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
         size = 3 * len(s.nodes)
         u = d.loading.lift[e] + (answers[e][:, :size] if e in answers else 0.0)
         count = d.modes[e].shape[1]
-        u = u + (d.modes[e] @ bound.repositioned[mode : mode + count]).T
+        u = u + bound.repositioned[:, mode : mode + count] @ d.modes[e].T
         mode += count
         parts.append(u.reshape(steps, -1, 3).copy())
-        u[:, d.traces[e]] += bound.correction[d.space.boundary[e]].T
+        u[:, d.traces[e]] += bound.correction[:, d.space.boundary[e]]
         continuous.append(u.reshape(steps, -1, 3))
     parts, continuous = gathered(d, parts), gathered(d, continuous)
     displacement = np.zeros((steps, len(scene.mesh.nodes), 3))
@@ -62,7 +62,7 @@ def delivered(d: Decomposition, bound: Bound, parts: list) -> list:
     for e, s in enumerate(d.own):
         part = parts[s.index]
         own = part.reshape(len(part), -1).copy()
-        own[:, d.traces[e]] += bound.correction[d.space.boundary[e]].T
+        own[:, d.traces[e]] += bound.correction[:, d.space.boundary[e]]
         result.append(own.reshape(part.shape))
     return gathered(d, result)
 
@@ -82,7 +82,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
     Parameters
     ----------
     parts : per subdomain (T, n_E, 3), as recovered
-    f : (D, T) interface forces; prescribed corners take half of what tied mid-edge nodes beside them need
+    f : (T, D) interface forces; prescribed corners take half of what tied mid-edge nodes beside them need
 
     Returns
     -------
@@ -101,7 +101,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
     if (ties := d.space.ties) is not None:
         at, subdomain, node, component = ties.supports.T
         held = np.array([scene.subdomains[e].nodes[n] for e, n in zip(subdomain, node)], dtype=int)
-        np.add.at(nodal, (slice(None), held, component), 0.5 * f[ties.dofs[at]].T)
+        np.add.at(nodal, (slice(None), held, component), 0.5 * f[:, ties.dofs[at]])
     owner = np.full(len(scene.mesh.nodes) * 3, -1).reshape(-1, 3)
     for entry in scene.boundary:
         if entry.kind == "displacement":

@@ -16,6 +16,7 @@ from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Points
 from orchestrator.laws.status import Status, table
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.transfer import Matching
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.mesh.patch import node_normals
@@ -48,21 +49,18 @@ class Pairs:
     ----------
     interfaces : the interfaces, in order
     bounds : (interfaces + 1,) int, where each one's pairs start
-    one, two : (3, P) int, trace dofs (ghosts included) of the pair on side 1 and 2; 0 where prescribed
-    free : (3, P) bool, whether the trace dof exists
+    transfer : between the sides, with points (3, P); none where prescribed
     runs : the laws and their points, in order
     mine : (P,) bool, pairs of interfaces whose first side is on this rank
     laws : all laws of the scene that have measures
     statuses : all that its laws know
-    tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (q, T) and k⁺
+    tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (T, q) and k⁺
         tie_stiffness (q,)
     """
 
     interfaces: list[Interface]
     bounds: np.ndarray
-    one: np.ndarray
-    two: np.ndarray
-    free: np.ndarray
+    transfer: Matching
     runs: list[Run]
     mine: np.ndarray
     laws: list[type[Law]]
@@ -84,6 +82,11 @@ class Pairs:
         return Points(*(np.concatenate([getattr(points, name) for points in [none, *own]], axis=-1)
                         for name in ("normal", "stiff_n", "stiff_t", "area")))
 
+    @property
+    def free(self) -> np.ndarray:
+        """(3, P) bool, components that are not prescribed."""
+        return self.transfer.exists
+
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law."""
         parts = [(run.part, run.law.force(run.points, F[:, run.part], previous[:, run.part], derivative))
@@ -103,12 +106,12 @@ class Pairs:
 
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
-        kept = {name: getattr(self, name)[..., chosen] for name in ("one", "two", "free", "mine")}
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
         runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
-        return replace(self, runs=runs, bounds=np.searchsorted(chosen, self.bounds),
-                       tied=self.tied[:0], targets=self.targets[:0], tie_stiffness=self.tie_stiffness[:0], **kept)
+        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs,
+                       bounds=np.searchsorted(chosen, self.bounds),
+                       tied=self.tied[:0], targets=self.targets[:, :0], tie_stiffness=self.tie_stiffness[:0])
 
     @cached_property
     def lawful(self) -> Pairs:
@@ -116,19 +119,15 @@ class Pairs:
         count = sum(not i.law.perfect for i in self.interfaces)
         if count == len(self.interfaces):
             return self
-        first = slice(0, int(self.bounds[count]))
-        kept = {name: getattr(self, name)[..., first] for name in ("one", "two", "free", "mine")}
+        first = np.arange(self.bounds[count])
         return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1],
-                       runs=[run for run in self.runs if not run.law.perfect], **kept)
+                       transfer=self.transfer.some(first), mine=self.mine[first],
+                       runs=[run for run in self.runs if not run.law.perfect])
 
     def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
         """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
         parts = [run.law.idle(run.points, F[:, run.part], change[run.part]) for run in self.runs]
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
-
-    def gather(self, x: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """(…, 3, P) of trace vectors (…, D + G) on one side; zero where prescribed."""
-        return self.masked(x.take(side, axis=-1))
 
     def masked(self, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) values, zero where prescribed."""
@@ -136,7 +135,7 @@ class Pairs:
 
     def batch(self, steps) -> Pairs:
         """The same pairs for some of the load steps, a slice or indices."""
-        return replace(self, targets=self.targets[:, steps])
+        return replace(self, targets=self.targets[steps])
 
     @cached_property
     def _all_free(self) -> bool:
@@ -154,9 +153,9 @@ class PairTraces:
 
     @classmethod
     def of(cls, pairs: Pairs, w: np.ndarray, f: np.ndarray) -> PairTraces:
-        """From traces (D + G, T)."""
-        rows = [np.ascontiguousarray(x.T) for x in (w, f)]
-        return cls(*(pairs.gather(x, side) for x in rows for side in (pairs.one, pairs.two)))
+        """From traces (T, D + G)."""
+        transfer = pairs.transfer
+        return cls(transfer.first(w), transfer.second(w), transfer.first(f), transfer.second(f))
 
 
 def _nothing(derivative: bool) -> Answer:
@@ -181,7 +180,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array) -> Pairs:
     for i in wanted:
         sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
         for side in (0, 1):
-            sides[side][i.free] = space.slots[i.index][side]
+            sides[side][i.free] = space.sides[i.index][side]
         points = scene.points(i)
         mobile = i.free.any(axis=1)  # the others are prescribed: nothing is left to a law
         if not i.law.perfect:
@@ -198,18 +197,19 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array) -> Pairs:
     none = np.zeros((0, 3))  # a rank may have no such interface
     one, two, free, normal = (np.concatenate([none.astype(t), *x]) for x, t in (
         (one, int), (two, int), (free, bool), (normal, float)))
-    blocks = 0.5 * (_node_blocks(k, one, free) + _node_blocks(k, two, free))
+    transfer = Matching(*(np.ascontiguousarray(x.T) for x in (one, two)), space.size, len(space.owner), bounds,
+                        np.ascontiguousarray(free.T))
+    blocks = 0.5 * sum(transfer.node_blocks(k))
     # a missing component takes the mean of the others
     trace = np.trace(blocks, axis1=1, axis2=2) * 3 / np.maximum(free.sum(axis=1), 1)
     stiff_n = np.einsum("pi,pij,pj->p", normal, blocks, normal)
     stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
     stiff_t = (trace - stiff_n) / 2
-    one, two, free, normal = (np.ascontiguousarray(x.T) for x in (one, two, free, normal))
-    points = Points(normal, stiff_n / 2, stiff_t / 2, np.concatenate([none[:, 0], *area]))
+    points = Points(np.ascontiguousarray(normal.T), stiff_n / 2, stiff_t / 2, np.concatenate([none[:, 0], *area]))
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
-        (np.empty(0, int), np.empty((0, scene.steps)), np.empty(0))
-    return Pairs(wanted, bounds, one, two, free, _runs(wanted, bounds, points, own), mine,
+        (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
+    return Pairs(wanted, bounds, transfer, _runs(wanted, bounds, points, own), mine,
                  [law for law in laws if law.measures], table(laws), *ties)
 
 
@@ -245,11 +245,3 @@ def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     corners = triangles[:, :3]
     area = np.linalg.norm(area_vectors(points, corners), axis=1)
     return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
-
-
-def _node_blocks(k: sp.csr_array, dofs: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(P, 3, 3) the 3×3 diagonal blocks of k at the nodes; zero where prescribed."""
-    rows = np.repeat(dofs[:, :, None], 3, axis=2)
-    columns = np.repeat(dofs[:, None, :], 3, axis=1)
-    values = np.asarray(k[rows.ravel(), columns.ravel()]).reshape(-1, 3, 3)
-    return np.where(free[:, :, None] & free[:, None, :], values, 0.0)

@@ -16,6 +16,7 @@ import scipy.sparse.linalg as sla
 from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
@@ -42,8 +43,12 @@ class SearchDirection:
 
     @cached_property
     def solve(self):
-        """k⁻¹ applied to (D, columns), by a factorisation made at the first call."""
+        """k⁻¹ applied to rows (T, D), by a factorisation made at the first call."""
         return factorised(self.k)
+
+    def times(self, w: np.ndarray) -> np.ndarray:
+        """(T, D) k⁻ w."""
+        return times(self.k, w)
 
     @cached_property
     def robin(self) -> sp.csr_array:
@@ -54,17 +59,16 @@ class SearchDirection:
     @cached_property
     def other(self) -> sp.csr_array:
         """(D, D) the neighbour's k⁻, seen from this side."""
-        partner = self.space.partner
-        return sp.csr_array(self.whole[partner][:, partner])
+        return self.space.transfer.seen_across(self.whole)
 
 
 def factorised(matrix: sp.csr_array):
-    """Solver of a symmetric positive definite sparse matrix, for (n, columns) right-hand sides."""
+    """Solver of a symmetric positive definite sparse matrix, for rows (T, n) of right-hand sides."""
     if matrix.shape[0] == 0:
-        return lambda x: np.array(x)
+        return lambda rows: np.array(rows)
     lu = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
                   options={"SymmetricMode": True})
-    return lu.solve
+    return lambda rows: np.ascontiguousarray(lu.solve(rows.T).T)
 
 
 def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,
@@ -90,7 +94,7 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
         kept = free[row] & free[column]
         row, column, value = place[row[kept]], place[column[kept]], stiffness.data[kept]
         both = soles[index][0] is soles[index][1]
-        for slot in space.slots[index] if both else (space.slots[index][side],):
+        for slot in space.sides[index] if both else (space.sides[index][side],):
             rows.append(slot[row])
             columns.append(slot[column])
             values.append(value)

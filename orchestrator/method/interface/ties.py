@@ -45,7 +45,7 @@ class Ties:
     Parameters
     ----------
     dofs : (q,) int, trace dofs of the mid-edge nodes
-    targets : (q, T) what their hierarchical displacement must be: not zero beside prescribed corners
+    targets : (T, q) what their hierarchical displacement must be: not zero beside prescribed corners
     change : (D, D) sparse Q
     whole : (D + G, D + G) sparse Q, ghosts included
     stiffness : (q,) the search direction k⁺; ones until ``stiffen`` has been called
@@ -79,7 +79,7 @@ class Ties:
         supports = self.supports[np.isin(self.supports[:, 0], kept)]
         supports = np.column_stack([np.searchsorted(kept, supports[:, 0]), supports[:, 1:]])
         whole = sp.csr_array(self.change[held][:, held])
-        return Ties(place[self.dofs[kept]], self.targets[kept], sp.csr_array(whole[:size][:, :size]), whole,
+        return Ties(place[self.dofs[kept]], self.targets[:, kept], sp.csr_array(whole[:size][:, :size]), whole,
                     self.stiffness[kept], supports)
 
     def stiffen(self, diagonal: np.ndarray) -> None:
@@ -87,16 +87,16 @@ class Ties:
         self.stiffness = SHARE * diagonal[self.dofs]
 
 
-def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:
+def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:
     """Ties of all interfaces with six-node faces that are not perfect; None where there are none.
 
     Parameters
     ----------
-    slots : per interface, the trace dofs of side 1 and of side 2
+    sides : per interface, the trace dofs of side 1 and of side 2
     size : number of trace dofs D
     """
     dofs, targets, rows, columns, supports = [], [], [], [], []
-    for interface, own in zip(scene.interfaces, slots):
+    for interface, own in zip(scene.interfaces, sides):
         if interface.law.perfect or interface.triangles.shape[1] == 3:
             continue
         ends, edge = edges_of(interface.triangles, TRIANGLE_EDGES)
@@ -108,7 +108,7 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
             number = np.full(free.shape, -1)
             number[free] = slot
             tied = number[middle[at], component]
-            target = np.zeros((len(tied), scene.steps))
+            target = np.zeros((scene.steps, len(tied)))
             subdomain = scene.subdomains[interface.subdomains[side]]
             for end in ends[at].T:
                 loose = free[end, component]
@@ -116,7 +116,7 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
                 columns.append(number[end[loose], component[loose]])
                 held = np.flatnonzero(~loose)
                 node, along = interface.nodes[side][end[held]], component[held]
-                target[held] += 0.5 * subdomain.prescribed[:, node, along].T
+                target[:, held] += 0.5 * subdomain.prescribed[:, node, along]
                 position = sum(map(len, dofs)) + held
                 supports.append(np.stack([position, np.full(len(held), subdomain.index), node, along], axis=1))
             dofs.append(tied)
@@ -127,4 +127,4 @@ def make_ties(scene: Scene, slots: list[tuple[np.ndarray, np.ndarray]], size: in
     half = sp.csr_array((np.full(len(rows), 0.5), (rows, columns)), shape=(size, size))
     tied = np.concatenate(dofs)
     change = sp.csr_array(sp.eye_array(size) - half)
-    return Ties(tied, np.concatenate(targets), change, change, np.ones(len(tied)), np.concatenate(supports))
+    return Ties(tied, np.hstack(targets), change, change, np.ones(len(tied)), np.concatenate(supports))

@@ -8,8 +8,8 @@ Two numberings are used throughout the method:
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
 The trace operator of eq. (1) is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
-tets are in contact, a change of basis follows (see ``ties``).
-The operators of eq. (5) need the other side only: ``A f = f + swapped(f)`` and ``B w = swapped(w) − w``.
+tets are in contact, a change of basis follows (see ``ties``). All fields are rows, one per load step: (T, B), (T, D).
+How the two sides of an interface meet, the operators of eq. (5), is the ``transfer``'s business.
 
 Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
 dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its interfaces. ``extended``
@@ -24,7 +24,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import Ties, make_ties
+from orchestrator.method.interface.transfer import Matching
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene
 
@@ -39,9 +41,9 @@ class TraceSpace:
     boundary : for each, the slice of its boundary dofs
     global_dof : (B,) int, 3 * global node + component
     gather : (D,) int, boundary dof of each trace dof
-    partner : (D,) int below D + G, trace dof at the same place on the other side
-    slots : per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2, paired; empty where
-        neither side is of this part
+    transfer : how the two sides of all interfaces meet, with a point for every component that is free on both
+    sides : per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2; empty where neither
+        is of this part
     owner : (D + G,) int, subdomain of each trace dof
     perfect : per interface of the scene, whether it is perfect
     ties : mid-edge nodes tied to their corners, if there are any
@@ -57,8 +59,8 @@ class TraceSpace:
     boundary: list[slice]
     global_dof: np.ndarray
     gather: np.ndarray
-    partner: np.ndarray
-    slots: list[tuple[np.ndarray, np.ndarray]]
+    transfer: Matching
+    sides: list[tuple[np.ndarray, np.ndarray]]
     owner: np.ndarray
     perfect: list[bool]
     number: np.ndarray
@@ -83,7 +85,7 @@ class TraceSpace:
         ends = np.cumsum([0] + [len(t) for t in traces])
         boundary = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
         global_dof = [3 * s.nodes[t // 3] + t % 3 for s, t in zip(scene.subdomains, traces)]
-        slots: list[list] = [[None, None] for _ in scene.interfaces]
+        own_sides: list[list] = [[None, None] for _ in scene.interfaces]
         gather, owner, count = [], [], 0
         for subdomain, pairs in enumerate(sides):
             for index, side in pairs:
@@ -91,15 +93,13 @@ class TraceSpace:
                 dofs = (3 * interface.nodes[side][:, None] + np.arange(3))[interface.free]
                 gather.append(boundary[subdomain].start + np.searchsorted(traces[subdomain], dofs))
                 owner.append(np.full(len(dofs), subdomain))
-                slots[index][side] = np.arange(count, count + len(dofs))
+                own_sides[index][side] = np.arange(count, count + len(dofs))
                 count += len(dofs)
-        partner = np.empty(count, dtype=int)
-        for one, two in slots:
-            partner[one], partner[two] = two, one
         gather, perfect = _joined(gather), [i.law.perfect for i in scene.interfaces]
-        return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, partner, [tuple(s) for s in slots],
-                   _joined(owner), perfect, np.arange(count), count, len(sides),
-                   _labels(slots, perfect, gather, int(ends[-1])), make_ties(scene, slots, count))
+        transfer = Matching.of(own_sides, count)
+        return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
+                   [tuple(s) for s in own_sides], _joined(owner), perfect, np.arange(count), count, len(sides),
+                   _labels(transfer, perfect, gather, int(ends[-1])), make_ties(scene, own_sides, count))
 
     def part(self, rank_of: np.ndarray, team: Team) -> "TraceSpace":
         """A rank's part of the numbering of a whole scene.
@@ -117,17 +117,17 @@ class TraceSpace:
         mine = np.flatnonzero(rank_of == team.rank)
         rank = rank_of[self.owner]
         own = np.flatnonzero(rank == team.rank)
-        far = self.partner[own]
-        far = np.sort(far[rank[far] != team.rank])
+        far = self.transfer.opposite(own)
+        far = far[rank[far] != team.rank]
         held = np.concatenate([own, far])
         place = np.full(self.size, -1)
         place[held] = np.arange(len(held))
-        partner = place[self.partner[own]]
         theirs = {int(r): far[rank[far] == r] for r in np.unique(rank[far])}
         receives = {r: place[ghosts] for r, ghosts in theirs.items()}
-        sends = {r: np.sort(place[self.partner[ghosts]]) for r, ghosts in theirs.items()}
+        met = {r: self.transfer.opposite(ghosts) for r, ghosts in theirs.items()}
+        sends = {r: place[dofs[rank[dofs] == team.rank]] for r, dofs in met.items()}
         none = np.empty(0, int)
-        slots = [(place[a], place[b]) if len(a) and place[a[0]] >= 0 else (none, none) for a, b in self.slots]
+        sides = [(place[a], place[b]) if len(a) and place[a[0]] >= 0 else (none, none) for a, b in self.sides]
 
         chosen = _joined([np.arange(s.start, s.stop) for s in (self.boundary[e] for e in mine)])
         ends = np.cumsum([0] + [self.boundary[e].stop - self.boundary[e].start for e in mine])
@@ -142,8 +142,9 @@ class TraceSpace:
                 if len(common):
                     shared[r] = common
         return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
-                          self.global_dof[chosen], position[self.gather[own]], partner, slots, self.owner[held],
-                          self.perfect, own, self.total, self.subdomain_count, label,
+                          self.global_dof[chosen], position[self.gather[own]],
+                          self.transfer.renumbered(place, len(own), len(held)), sides, self.owner[held], self.perfect, own,
+                          self.total, self.subdomain_count, label,
                           self.ties and self.ties.part(held, len(own)), team, sends, receives, shared)
 
     @property
@@ -152,22 +153,21 @@ class TraceSpace:
         return len(self.gather)
 
     def extended(self, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Fields (D, columns) with the values of the ghosts behind, (D + G, columns): one message per neighbour."""
+        """Fields (rows, D) with the values of the ghosts behind, (rows, D + G): one message per neighbour."""
         if not self.receives:
             return fields
-        widths = [f.shape[1] for f in fields]
+        counts = [len(f) for f in fields]
         arrived = self.team.exchange(
-            {r: np.hstack([f[slots] for f in fields]) for r, slots in self.sends.items()},
-            {r: (len(slots), sum(widths)) for r, slots in self.receives.items()})
-        ghosts = np.empty((len(self.owner) - self.size, sum(widths)))
-        for r, slots in self.receives.items():
-            ghosts[slots - self.size] = arrived[r]
-        ends = np.cumsum(widths)
-        return tuple(np.vstack([f, ghosts[:, e - n : e]]) for f, e, n in zip(fields, ends, widths))
+            {r: np.vstack([f[:, dofs] for f in fields]) for r, dofs in self.sends.items()},
+            {r: (sum(counts), len(dofs)) for r, dofs in self.receives.items()})
+        ghosts = np.empty((sum(counts), len(self.owner) - self.size))
+        for r, dofs in self.receives.items():
+            ghosts[:, dofs - self.size] = arrived[r]
+        return tuple(np.hstack([f, own]) for f, own in zip(fields, np.split(ghosts, np.cumsum(counts)[:-1])))
 
-    def swapped(self, field: np.ndarray) -> np.ndarray:
-        """(D, columns) values at the same places on the other sides."""
-        return self.extended(field)[0][self.partner]
+    def across(self, field: np.ndarray) -> np.ndarray:
+        """(rows, D) what the other sides have where a field (rows, D) has its own."""
+        return self.transfer.across(self.extended(field)[0])
 
     @cached_property
     def scatter(self) -> sp.csr_array:
@@ -177,9 +177,13 @@ class TraceSpace:
         return sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T)
 
     def trace(self, boundary: np.ndarray) -> np.ndarray:
-        """(D, columns) traces of boundary displacements (B, columns)."""
-        traces = boundary[self.gather]
-        return traces if self.ties is None else self.ties.change @ traces
+        """(T, D) traces w = N u of boundary displacements (T, B)."""
+        traces = boundary.take(self.gather, axis=1)
+        return traces if self.ties is None else times(self.ties.change, traces)
+
+    def loads(self, forces: np.ndarray) -> np.ndarray:
+        """(T, B) boundary forces Nᵀ f of trace forces (T, D)."""
+        return times(self.scatter, forces)
 
     @cached_property
     def classes(self) -> sp.csr_array:
@@ -188,36 +192,36 @@ class TraceSpace:
         return sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(self.label.max(initial=-1) + 1, b))
 
     def class_sums(self, values: np.ndarray) -> np.ndarray:
-        """(classes, columns) sums of boundary values (B, columns) over each class, other ranks' included."""
-        mine = self.classes @ values
+        """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""
+        mine = times(self.classes, values)
         if not self.shared:
             return mine
-        arrived = self.team.exchange({r: mine[c] for r, c in self.shared.items()},
-                                     {r: (len(c), mine.shape[1]) for r, c in self.shared.items()})
+        arrived = self.team.exchange({r: mine[:, c] for r, c in self.shared.items()},
+                                     {r: (len(mine), len(c)) for r, c in self.shared.items()})
         total = np.zeros_like(mine)
         for r in sorted([*self.shared, self.team.rank]):  # in one order, for the same bits on all ranks
             if r == self.team.rank:
                 total += mine
             else:
-                total[self.shared[r]] += arrived[r]
+                total[:, self.shared[r]] += arrived[r]
         return total
 
     def split(self, boundary: np.ndarray) -> dict[int, np.ndarray]:
-        """(B, columns) → per subdomain with interfaces (columns, t), as the black box wants it."""
-        return {e: np.ascontiguousarray(boundary[s].T) for e, s in enumerate(self.boundary) if s.stop > s.start}
+        """(rows, B) → per subdomain with interfaces (rows, t), as the black box wants it."""
+        return {e: np.ascontiguousarray(boundary[:, s]) for e, s in enumerate(self.boundary) if s.stop > s.start}
 
-    def join(self, parts: dict[int, np.ndarray], columns: int) -> np.ndarray:
-        """Inverse of ``split``: (B, columns)."""
-        result = np.zeros((len(self.global_dof), columns))
+    def join(self, parts: dict[int, np.ndarray], rows: int) -> np.ndarray:
+        """Inverse of ``split``: (rows, B)."""
+        result = np.zeros((rows, len(self.global_dof)))
         for e, part in parts.items():
-            result[self.boundary[e]] = part.T
+            result[:, self.boundary[e]] = part
         return result
 
 
-def _labels(slots, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
+def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
     """(B,) int, number of the class of each boundary dof."""
-    bonded = [slot for slot, whole in zip(slots, perfect) if whole]
-    one, two = (_joined([gather[slot[side]] for slot in bonded]) for side in (0, 1))
+    bonded = np.repeat(np.array(perfect, bool), np.diff(transfer.bounds))
+    one, two = (gather[side[bonded]] for side in (transfer.one, transfer.two))
     graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(size, size))
     return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)
 

@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene, Subdomain
@@ -62,14 +63,14 @@ def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[R
 
 @dataclass
 class Loading:
-    """The part of the solution that loads give on their own, a column per load step.
+    """The part of the solution that loads give on their own, a row per load step.
 
     Parameters
     ----------
     forces : per subdomain (T, 3n_E) f_d on the free dofs, zero elsewhere
     lift : per subdomain (T, 3n_E) prescribed displacements
-    boundary : (B, T) boundary values of M⁻¹f_d
-    working : (B, T) boundary values of M⁻¹(f_ext + K u_lift): gives energies by duality
+    boundary : (T, B) boundary values of M⁻¹f_d
+    working : (T, B) boundary values of M⁻¹(f_ext + K u_lift): gives energies by duality
     energy : (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
     sweeps : back-substitutions per subdomain and step
     """
@@ -83,24 +84,24 @@ class Loading:
 
     def batch(self, steps: slice) -> "Loading":
         """The part that belongs to some of the load steps."""
-        return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift], self.boundary[:, steps],
-                       self.working[:, steps], self.energy[steps], self.sweeps)
+        return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift], self.boundary[steps],
+                       self.working[steps], self.energy[steps], self.sweeps)
 
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """(T,) ‖u‖²_K of the subdomains' fields, both boundary-borne and inner.
 
         Parameters
         ----------
-        robin : (B, T) Nᵀ(s − Gα), the interface load of the extended subdomains
-        u : (B, T) boundary displacement
-        forces : (B, T) Nᵀf, interface forces on the subdomains proper
+        robin : (T, B) Nᵀ(s − Gα), the interface load of the extended subdomains
+        u : (T, B) boundary displacement
+        forces : (T, B) Nᵀf, interface forces on the subdomains proper
 
         Notes
         -----
         u = u_free + u_lift with K u = f_ext + Nᵀf on free dofs, so that
         ‖u‖² = u_freeᵀ(f_ext + Nᵀf + K u_lift) + ‖u_lift‖², and u_free = M⁻¹(f_d + robin).
         """
-        return self.energy + np.sum(self.working * robin, axis=0) + np.sum(u * forces, axis=0)
+        return self.energy + dots(self.working, robin) + dots(u, forces)
 
 
 def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], traces: list[np.ndarray],
@@ -127,11 +128,11 @@ def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], tr
             padded[:, : columns.shape[1]] = columns
             requests[e] = padded
     answers = blackbox.fields(requests)
-    boundary = np.zeros((len(space.global_dof), steps))
+    boundary = np.zeros((steps, len(space.global_dof)))
     working = np.zeros_like(boundary)
     for e, answer in answers.items():
         part, trace = space.boundary[e], traces[e]
-        boundary[part] = answer[:steps, trace].T
-        working[part] = answer[-steps:, trace].T
+        boundary[:, part] = answer[:steps, trace]
+        working[:, part] = answer[-steps:, trace]
         energy += np.sum(working_forces[e] * answer[:steps, : working_forces[e].shape[1]], axis=1)
     return Loading(forces, lifts, boundary, working, energy, 2.0 if lifted_any else 1.0)

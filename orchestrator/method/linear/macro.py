@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.search_direction import SearchDirection, factorised
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 
@@ -38,7 +39,7 @@ class Macro:
     Attributes
     ----------
     G : (D, size) sparse, macro forces
-    V : per subdomain (boundary dofs, macro unknowns it sees), dense
+    V : per subdomain (macro unknowns it sees, boundary dofs), dense: rows, as the black box answers
     sees : per subdomain, indices of these macro unknowns
     sweeps : back-substitutions per subdomain spent on V (the mean)
 
@@ -65,48 +66,36 @@ class Macro:
             block = sp.csc_array(boundary_forces[part])
             seen = np.flatnonzero(np.diff(block.indptr))
             self.sees.append(seen)
-            blocks.append(block[:, seen].toarray())
+            blocks.append(np.ascontiguousarray(block[:, seen].toarray().T))
             if len(seen):
-                requests[e] = np.ascontiguousarray(blocks[-1].T)
+                requests[e] = blocks[-1]
         answers = blackbox.traces(requests)
-        self.V = [answers[e].T.copy() if e in answers else np.zeros((b.shape[0], 0)) for e, b in enumerate(blocks)]
+        self.V = [answers[e] if e in answers else np.zeros((0, b.shape[1])) for e, b in enumerate(blocks)]
         solved, count = space.team.sum(sum(len(s) for s in self.sees), len(self.sees))
         self.sweeps = float(solved / count) if count else 0.0
 
-        compliance = _assembled([(s, b.T @ v) for s, b, v in zip(self.sees, blocks, self.V)], self.size)
+        compliance = _assembled([(s, b @ v.T) for s, b, v in zip(self.sees, blocks, self.V)], self.size)
         matrix = compliance if strategy == "continuity" else sp.csr_array(C.T @ self.G) - compliance
         matrix = sum(space.team.all_gather(sp.csr_array(matrix)), sp.csr_array(matrix.shape))
         self.matrix = sp.csr_array((matrix + matrix.T) / 2)
         self._solve = _positive_definite_solver(self.matrix)
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(size, columns) α from the traces (D, columns) of the uncorrected stage."""
-        right, = self.space.team.sum(self.C.T @ f if self.strategy == "equilibrium" else self.G.T @ w)
+        """(T, size) α from the traces (T, D) of the uncorrected stage."""
+        right, = self.space.team.sum(times(self.C.T, f) if self.strategy == "equilibrium" else times(self.G.T, w))
         return self._solve(right)
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
-        """(B, columns) boundary values of V α."""
-        result = np.empty((len(self.space.global_dof), alpha.shape[1]))
+        """(T, B) boundary values of V α."""
+        result = np.empty((len(alpha), len(self.space.global_dof)))
         for part, seen, v in zip(self.space.boundary, self.sees, self.V):
-            result[part] = v @ alpha[seen]
+            np.matmul(alpha[:, seen], v, out=result[:, part])
         return result
 
 
 def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
     """(D, size) the bases of all interfaces on both sides, with a sign for each side."""
-    rows, columns, values, start = [], [], [], 0
-    for slots, basis in zip(space.slots, bases):
-        number = np.arange(start, start + basis.shape[1])
-        for slot, sign in zip(slots, signs):
-            mine = np.flatnonzero(slot < space.size)
-            rows.append(np.repeat(slot[mine], len(number)))
-            columns.append(np.tile(number, len(mine)))
-            values.append(sign * basis[mine].ravel())
-        start += len(number)
-    if not rows:
-        return sp.csr_array((space.size, 0))
-    both = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-                        shape=(space.size, start))
+    both = space.transfer.both_sides(bases, signs)
     return both if space.ties is None else sp.csr_array(space.ties.change @ both)
 
 

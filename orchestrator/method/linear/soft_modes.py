@@ -122,19 +122,20 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     team, counts = space.team, np.zeros(space.subdomain_count)
     counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
     counts = team.sum(counts)[0].astype(int)
-    at_dofs = np.zeros((len(space.global_dof), counts.max(initial=0)))
+    at_dofs = np.zeros((counts.max(initial=0), len(space.global_dof)))
     for e, mode in modes.items():
-        at_dofs[space.boundary[e], : mode.shape[1]] = mode
-    traces, = space.extended(at_dofs[space.gather])
-    result, given = [], {}
-    for index, ((one, two), basis) in enumerate(zip(space.slots, bases)):
-        if not len(one) or one[0] >= space.size:
+        at_dofs[: mode.shape[1], space.boundary[e]] = mode.T
+    traces, = space.extended(at_dofs.take(space.gather, axis=1))
+    transfer, result, given = space.transfer, [], {}
+    both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
+    for index, (a, b, basis) in enumerate(zip(transfer.bounds[:-1], transfer.bounds[1:], bases)):
+        if a == b or not transfer.mine[a]:
             result.append(np.zeros((0, 0)))
             continue
-        widths = [counts[space.owner[slot[0]]] for slot in (one, two)]
-        parts = [traces[slot, :n] for slot, n in zip((one, two), widths) if n]
-        result.append(_with_modes(k[one][:, one], basis, parts))
-        if two[0] >= space.size:
+        widths = [counts[space.owner[side[0]]] for side in space.sides[index]]
+        parts = [side[:n, a:b].T for side, n in zip(both, widths) if n]
+        result.append(_with_modes(own[a:b, a:b], basis, parts))
+        if space.sides[index][1][0] >= space.size:
             given[index] = result[-1]
     for gift in team.all_gather(given):
         for index, basis in gift.items():

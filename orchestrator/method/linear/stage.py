@@ -1,6 +1,6 @@
 """Linear stage: from the state s to admissible traces (paper, eqs. 13–14, 20, 30–33).
 
-In displacement form all load steps are independent columns of one batch:
+In displacement form all load steps are independent, rows of one batch:
 
     u₁ = M⁻¹(f_d + Nᵀs)          the black box, all subdomains in parallel
     α  from u₁ (``macro``)       the multiplier
@@ -13,26 +13,29 @@ so that affine combinations of its results are its results for the combined stat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 
 
 @dataclass
 class Admissible:
-    """Result of a linear stage, a column per load step.
+    """Result of a linear stage, a row per load step.
 
     Parameters
     ----------
-    s : (D, T) state it was computed from
-    u : (B, T) displacement of the boundary dofs
-    alpha : (size, T) macro multiplier
-    w, f : (D, T) traces of displacement and interface forces
+    s : (T, D) state it was computed from
+    u : (T, B) displacement of the boundary dofs
+    alpha : (T, size) macro multiplier
+    w, f : (T, D) traces of displacement and interface forces
+    space : numbering
     """
 
     s: np.ndarray
@@ -40,15 +43,34 @@ class Admissible:
     alpha: np.ndarray
     w: np.ndarray
     f: np.ndarray
+    space: TraceSpace
+
+    @classmethod
+    def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
+                    space: TraceSpace) -> Admissible:
+        """From traces (T, D + G) whose ghosts are known already."""
+        fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space)
+        fields.extended = w, f
+        return fields
+
+    @cached_property
+    def extended(self) -> tuple[np.ndarray, np.ndarray]:
+        """w and f with the neighbours' values behind, (T, D + G) each: they travel once, whoever asks."""
+        return self.space.extended(self.w, self.f)
+
+    @property
+    def rows(self) -> tuple[np.ndarray, ...]:
+        """All that has a row per load step."""
+        return self.s, self.u, self.alpha, self.w, self.f
 
     @classmethod
     def joined(cls, batches: Sequence[Admissible]) -> Admissible:
         """The fields of all load steps from those of batches of them, in order."""
-        return cls(*(np.hstack([getattr(b, f.name) for b in batches]) for f in fields(cls)))
+        return cls(*(np.vstack(same) for same in zip(*(b.rows for b in batches))), batches[0].space)
 
     def combined(self, weights: np.ndarray) -> Admissible:
         """Fields of T' load steps that are combinations of the present ones, weights (T, T')."""
-        return Admissible(*(getattr(self, f.name) @ weights for f in fields(self)))
+        return Admissible(*(weights.T @ x for x in self.rows), self.space)
 
 
 class LinearStage:
@@ -58,7 +80,7 @@ class LinearStage:
     ----------
     space, direction : numbering and search direction
     macro : the macro problem, or None (mono-scale)
-    loaded : (B, T) boundary values of M⁻¹f_d, computed once
+    loaded : (T, B) boundary values of M⁻¹f_d, computed once
     blackbox : the solver
     """
 
@@ -68,29 +90,29 @@ class LinearStage:
         self.loaded, self.blackbox = loaded, blackbox
 
     def __call__(self, s: np.ndarray) -> Admissible:
-        """Admissible fields for the state s (D, T); one back-substitution per subdomain and column.
+        """Admissible fields for the state s (T, D); one back-substitution per subdomain and row.
 
         A zero state needs none: the loads' part is known.
         """
         u = self.loaded.copy()
         if s.any():
-            u += self.solve(self.space.scatter @ s)
-        alpha = np.zeros((0, s.shape[1]))
+            u += self.solve(self.space.loads(s))
+        alpha = np.zeros((len(s), 0))
         if self.macro is not None:
             w = self.space.trace(u)
-            alpha = self.macro.multiplier(w, s - self.direction.k @ w)
+            alpha = self.macro.multiplier(w, s - self.direction.times(w))
             u -= self.macro.displacement(alpha)
         return self.complete(s, u, alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α)."""
         w = self.space.trace(u)
-        return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.k @ w)
+        return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.times(w), self.space)
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
-        """(D, T) s − G α: the interface load that the extended subdomains are solved with."""
-        return s if self.macro is None else s - self.macro.G @ alpha
+        """(T, D) s − G α: the interface load that the extended subdomains are solved with."""
+        return s if self.macro is None else s - times(self.macro.G, alpha)
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """(B, columns) M⁻¹ applied to boundary forces, restricted to the boundary dofs."""
-        return self.space.join(self.blackbox.traces(self.space.split(forces)), forces.shape[1])
+        """(rows, B) M⁻¹ applied to boundary forces (rows, B), restricted to the boundary dofs."""
+        return self.space.join(self.blackbox.traces(self.space.split(forces)), len(forces))

@@ -19,7 +19,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning, factorised
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
 
 
@@ -35,31 +37,32 @@ class Exchange:
     def __init__(self, direction: SearchDirection, kplus: str = "exchange"):
         self.direction, self.kplus = direction, kplus
 
-    def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
-        """Next state s = f̂ + k⁻ŵ from the traces (D, T) of the linear stage."""
+    def __call__(self, fields: Admissible) -> LocalState:
+        """Next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
+        w, f = fields.w, fields.f
         if self.kplus == "exchange":
-            return LocalState(self.state(*self.direction.space.extended(w, f)))
+            return LocalState(self.state(*fields.extended))
         w_hat, f_hat = self.hats(w, f)
-        k_hat = self.direction.k @ w_hat
+        k_hat = self.direction.times(w_hat)
         return LocalState(f_hat + k_hat, (w_hat, f_hat, k_hat))
 
     def state(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(D, T) s = k⁻ w' − f' of ``exchange``, from traces with ghosts (D + G, T)."""
-        partner = self.direction.space.partner
-        return self.direction.k @ w[partner] - f[partner]
+        """(T, D) s = k⁻ w' − f' of ``exchange``, from traces with ghosts (T, D + G)."""
+        across = self.direction.space.transfer.across
+        return self.direction.times(across(w)) - across(f)
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ŵ and f̂, each (D, T)."""
+        """ŵ and f̂, each (T, D)."""
         k, solve = self._factors
-        kw = k @ w - f
-        w_hat = solve(kw + self.direction.space.swapped(kw))
-        return w_hat, f - k @ (w - w_hat)
+        kw = times(k, w) - f
+        w_hat = solve(kw + self.direction.space.across(kw))
+        return w_hat, f - times(k, w - w_hat)
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
-        k, theirs = self.direction.diagonal[:, None], self.direction.other.diagonal()[:, None]
+        k, theirs = self.direction.diagonal, self.direction.other.diagonal()
         kw = k * w - f
-        w_hat = (kw + self.direction.space.swapped(kw)) / (k + theirs)
+        w_hat = (kw + self.direction.space.across(kw)) / (k + theirs)
         return w_hat, f - k * (w - w_hat)
 
     def counts(self, local: LocalState) -> dict[str, int]:

@@ -21,6 +21,7 @@ import numpy as np
 from orchestrator.laws.status import BONDED
 from orchestrator.method.interface.pairs import Pairs, PairTraces
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.local.state import LocalState
 
@@ -43,29 +44,23 @@ class LawStage:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
         pairs, points = self.pairs, self.pairs.points
         roots = replace(points, stiff_n=1 / np.sqrt(2 * points.stiff_n), stiff_t=1 / np.sqrt(2 * points.stiff_t))
-        mine = np.concatenate([pairs.one[pairs.free], pairs.two[pairs.free]])
+        transfer = pairs.transfer
+        at = transfer.dofs
 
         def root(x: np.ndarray) -> np.ndarray:
-            result = np.empty_like(x)
-            for side, part in ((pairs.one, x[: len(x) // 2]), (pairs.two, x[len(x) // 2 :])):
-                values = np.zeros(pairs.free.shape)
-                values[pairs.free] = part
-                half = slice(None, len(x) // 2) if side is pairs.one else slice(len(x) // 2, None)
-                result[half] = roots.stiffness(values)[pairs.free]
-            return result
+            traces = np.zeros(transfer.total)
+            traces[at] = x
+            scaled = transfer.spread(roots.stiffness(transfer.first(traces)), roots.stiffness(transfer.second(traces)))
+            return scaled[at]
 
-        return conditioning(self.direction.whole[mine][:, mine], root)
+        return conditioning(self.direction.whole[at][:, at], root)
 
     @cached_property
     def exchanged(self) -> np.ndarray:
         """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
-        pairs, rest = self.pairs, np.ones(len(self.direction.space.owner), bool)
-        rest[pairs.one[pairs.free]] = rest[pairs.two[pairs.free]] = rest[pairs.tied] = False
+        rest = np.ones(self.pairs.transfer.total, bool)
+        rest[self.pairs.transfer.dofs] = rest[self.pairs.tied] = False
         return np.flatnonzero(rest[: self.direction.space.size])
-
-    def traces(self, w: np.ndarray, f: np.ndarray) -> PairTraces:
-        """Of the traces (D, T) at the pairs."""
-        return PairTraces.of(self.pairs, *self.direction.space.extended(w, f))
 
     def predicted(self, at: PairTraces) -> np.ndarray:
         """(T, 3, P) F."""
@@ -76,11 +71,11 @@ class LawStage:
         """(3, P) d that goes with f̂."""
         return self.pairs.masked(self.pairs.points.compliance(F - force))
 
-    def __call__(self, w: np.ndarray, f: np.ndarray) -> LocalState:
-        """Local stage for the traces (D, T) of all steps."""
-        pairs, space, k = self.pairs, self.direction.space, self.direction.k
-        own, steps = space.size, w.shape[1]
-        w, f = space.extended(w, f)
+    def __call__(self, fields: Admissible) -> LocalState:
+        """Local stage for the fields of all steps."""
+        pairs, space = self.pairs, self.direction.space
+        own, steps = space.size, len(fields.s)
+        w, f = fields.extended
         at = PairTraces.of(pairs, w, f)
         F, previous = self.predicted(at), self.previous
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
@@ -90,20 +85,21 @@ class LawStage:
             previous = jump[t] = self.jump(F[t], answer.force)
         first = 0.5 * (at.w1 + at.w2 - jump) - pairs.points.compliance(at.f1 + at.f2) / 4
 
-        w_hat, f_hat = np.zeros((2, steps, len(w)))  # of ghosts, what the laws give is left out in the end
-        one, two, tied = pairs.one[pairs.free], pairs.two[pairs.free], pairs.tied
-        w_hat[:, one], w_hat[:, two] = first[:, pairs.free], (first + jump)[:, pairs.free]
-        f_hat[:, one], f_hat[:, two] = force[:, pairs.free], -force[:, pairs.free]
-        w_hat, f_hat = (np.ascontiguousarray(x[:, :own].T) for x in (w_hat, f_hat))
-        w_hat[tied] = pairs.targets
-        f_hat[tied] = f[tied] - pairs.tie_stiffness[:, None] * (w[tied] - pairs.targets)
-        alone, partner = self.exchanged, space.partner[self.exchanged]
-        w_hat[alone] = 0.5 * (w[alone] + w[partner])  # what perfect ones would tend to
-        f_hat[alone] = 0.5 * (f[alone] - f[partner])
-        k_hat = k @ w_hat
+        # of ghosts, what the laws give is left out
+        w_hat = pairs.transfer.spread(first, first + jump)[:, :own]
+        f_hat = pairs.transfer.spread(force, -force)[:, :own]
+        tied = pairs.tied
+        w_hat[:, tied] = pairs.targets
+        f_hat[:, tied] = f[:, tied] - pairs.tie_stiffness * (w[:, tied] - pairs.targets)
+        alone = self.exchanged
+        if len(alone):
+            w_other, f_other = space.transfer.across(w), space.transfer.across(f)
+            w_hat[:, alone] = 0.5 * (w[:, alone] + w_other[:, alone])  # what perfect ones would tend to
+            f_hat[:, alone] = 0.5 * (f[:, alone] - f_other[:, alone])
+        k_hat = self.direction.times(w_hat)
         s = f_hat + k_hat
         if len(alone):
-            s[alone] = self.exchange.state(w, f)[alone]
+            s[:, alone] = self.exchange.state(w, f)[:, alone]
         return LocalState(s, (w_hat, f_hat, k_hat), force, jump, status)
 
     @property

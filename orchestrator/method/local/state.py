@@ -14,8 +14,8 @@ class LocalState:
 
     Parameters
     ----------
-    s : (D, T) next state f̂ + k⁻ŵ
-    hats : ŵ, f̂ and k⁻ŵ, (D, T) each, where they were formed
+    s : (T, D) next state f̂ + k⁻ŵ
+    hats : ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
     force : (T, 3, P) f̂ on side 1 of each pair that is not perfect
     jump : (T, 3, P) its jump d
     status : (T, P) int, what its law says it does
@@ -30,5 +30,5 @@ class LocalState:
     @classmethod
     def joined(cls, batches: Sequence[LocalState]) -> LocalState:
         """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""
-        return cls(np.hstack([b.s for b in batches]), tuple(np.hstack(hats) for hats in zip(*(b.hats for b in batches))),
+        return cls(np.vstack([b.s for b in batches]), tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
                    *(np.concatenate([getattr(b, name) for b in batches]) for name in ("force", "jump", "status")))

@@ -161,18 +161,18 @@ class LawCriterion:
     def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces."""
         stage, space = self.d.local, self.d.space
-        w, f = space.extended(fields.w, fields.f)
         moved, = space.team.max(np.abs(fields.u).max(initial=0.0))
-        return law_residuals(stage.pairs, w, f, local, max(moved, self.scale), stage.previous, space.team)
+        return law_residuals(stage.pairs, *fields.extended, local, max(moved, self.scale), stage.previous, space.team)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
         space, d = self.d.space, self.d
-        delta = (space.class_sums(fields.u) / space.class_sums(np.ones((len(fields.u), 1))))[space.label] - fields.u
+        mean = space.class_sums(fields.u) / space.class_sums(np.ones((1, fields.u.shape[1])))
+        delta = mean.take(space.label, axis=1) - fields.u
         energy, = space.team.sum(d.loading.energy_of(
-            space.scatter @ d.stage.robin_force(fields.s, fields.alpha), fields.u, space.scatter @ fields.f))
+            space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, space.loads(fields.f)))
         modes = sum(m.shape[1] for m in d.modes)
-        return Bound(math.nan, math.nan, energy, np.zeros((modes, fields.u.shape[1])), delta)
+        return Bound(math.nan, math.nan, energy, np.zeros((len(fields.u), modes)), delta)
 
     def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
         """Energy and continuity of the delivered fields, evaluated now if they have not been; no sweeps."""

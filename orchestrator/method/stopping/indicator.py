@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 
+from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local.state import LocalState
 
@@ -49,19 +50,19 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     ----------
     stage : linear stage; fields : its result
     local_stage : local stage; local : its result
-    residual : (D, T) F(s) − s
+    residual : (T, D) F(s) − s
     exact : η exactly, whatever it costs
     """
     direction, macro = stage.direction, stage.macro
     k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
     counted = local_stage.counts(local)
-    w_other, f_other = (x.take(space.partner, axis=0) for x in space.extended(w, f))
+    w_other, f_other = (space.transfer.across(x) for x in fields.extended)
     parts = [*latin_parts(stage, local_stage, fields, local, exact),
              _square(w_other - w, k), _square(w, k), _square(f + f_other, 1 / k), _square(f, 1 / k),
              _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(list(counted.values()))]
     if macro is not None:
-        parts += [macro.C.T @ f, np.abs(macro.C).T @ np.abs(f)]
+        parts += [times(macro.C.T, f), times(np.abs(macro.C).T, np.abs(f))]
     sums = space.team.sum_later(*parts)
 
     def result() -> Measures:
@@ -98,7 +99,7 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         w_hat, f_hat, kw_hat = local.hats
     else:
         w_hat, f_hat = local_stage.hats(w, f) if exact else local_stage.lumped_hats(w, f)
-        kw_hat = direction.k @ w_hat
+        kw_hat = direction.times(w_hat)
 
     def size(w: np.ndarray, kw: np.ndarray, f: np.ndarray) -> float:
         return np.vdot(w, kw) + (np.vdot(f, direction.solve(f)) if exact else _square(f, 1 / direction.diagonal))
@@ -115,14 +116,14 @@ def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, e
     """
     w_hat, f_hat, kw_hat = local.hats
     w, kw, f = fields.w - w_hat, stage.robin_force(fields.s, fields.alpha) - fields.f - kw_hat, fields.f - f_hat
-    gap, = stage.space.team.sum(np.sum(w * kw, axis=0) + (1 / stage.direction.diagonal) @ (f * f))
+    gap, = stage.space.team.sum(dots(w, kw) + (f * f) @ (1 / stage.direction.diagonal))
     size = energy.max(initial=0.0)
     return float(np.sqrt(gap.max(initial=0.0) / size)) if size > 0 else 0.0 if not gap.any() else np.inf
 
 
 def _square(x: np.ndarray, weight: np.ndarray) -> float:
-    """Weighted sum of squares of (D, T)."""
-    return float((weight @ (x * x)).sum())
+    """Weighted sum of squares of (T, D)."""
+    return float(((x * x) @ weight).sum())
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> float:

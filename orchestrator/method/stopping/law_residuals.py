@@ -48,7 +48,7 @@ class LawResiduals:
 
 def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, scale: float,
                   first_previous: np.ndarray, team: Team = ALONE) -> LawResiduals:
-    """Measure traces (D + G, T) of the linear stage against the local stage.
+    """Measure traces (T, D + G) of the linear stage against the local stage.
 
     Parameters
     ----------
@@ -68,9 +68,9 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     top = norm2(at.f1 - local.force) + norm2(at.f2 + local.force)
     bottom, unbalanced = norm2(at.f1) + norm2(at.f2), norm2(at.f1 + at.f2)
     moved = squared(at.w1, points.stiffness(at.w1)) + squared(at.w2, points.stiffness(at.w2))
-    tied, weight = pairs.tied, 1 / pairs.tie_stiffness[:, None]
+    tied = pairs.tied
     if len(tied):
-        top += float(np.sum(weight * (f[tied] - local.hats[1][tied]) ** 2))
+        top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
     top, bottom, unbalanced, moved = (float(x) for x in team.sum(top, bottom, unbalanced, moved))
     bottom = max(bottom, REST**2 * moved)
     return LawResiduals(_root(top, bottom), _root(unbalanced, bottom),

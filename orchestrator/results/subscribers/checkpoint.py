@@ -31,7 +31,7 @@ class SavedState:
 
     Parameters
     ----------
-    state : (dofs, steps), the state s of the method
+    state : (steps, dofs), the state s of the method
     iteration, sweeps, seconds : where the run stood
     """
 

@@ -36,7 +36,7 @@ class WholeStates(Subscriber):
 
     def iteration(self, event: Iteration) -> None:
         self._arrive()
-        steps = event.state.shape[1]
+        steps = len(event.state)
         self.under_way = event, self.team.gather_later(event.state, [len(n) * steps for n in self.numbers])
         self.others.iteration(event)
 
@@ -51,7 +51,7 @@ class WholeStates(Subscriber):
         event, parts = self.under_way[0], self.under_way[1]()
         self.under_way = None
         if parts is not None:
-            state = np.empty((sum(map(len, self.numbers)), event.state.shape[1]))
+            state = np.empty((len(event.state), sum(map(len, self.numbers))))
             for number, part in zip(self.numbers, parts):
-                state[number] = part.reshape(len(number), -1)
+                state[:, number] = part.reshape(-1, len(number))
             self.keepers.iteration(replace(event, state=state))

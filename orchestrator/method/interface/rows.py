@@ -1,0 +1,22 @@
+"""Traces are rows, one per load step: (T, D) from the black box to the laws.
+
+A row lies together in memory, as a right-hand side does in a message and as components do in the laws. Sparse matrices
+multiply columns, several of them in one go, so that ``times`` turns its argument for the product alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+
+def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
+    """(T, m) matrix (m, n) times each of the rows (T, n)."""
+    if len(rows) == 1:
+        return (matrix @ rows[0])[None]
+    return np.ascontiguousarray((matrix @ rows.T).T)
+
+
+def dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(T,) products of the rows of (T, n) with each other."""
+    return np.einsum("ti,ti->t", a, b)

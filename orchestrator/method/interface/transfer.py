@@ -1,0 +1,166 @@
+"""How the two sides of an interface meet: jumps at points, forces of the points on either side (paper, eq. 5).
+
+Whatever crosses an interface goes through a transfer. With the traces w of all sides in one vector and Q points,
+
+    first(w) = G₁ w,    second(w) = G₂ w,    jump(w) = G₂ w − G₁ w = B w,    spread(q₁, q₂) = G₁ᵀ q₁ + G₂ᵀ q₂
+
+so that a force q on the first side and −q on the second, ``spread(q, −q)``, works in the jump alone, and forces
+(f₁, f₂) are in balance where first(f) + second(f) = A f vanishes. Where the meshes of both sides match, the points
+are their common nodes and G₁, G₂ pick entries: ``Matching`` holds index arrays, and no product is formed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Transfer between sides whose nodes match: a permutation.
+
+    Parameters
+    ----------
+    one, two : int arrays of any shape, here called Q: the trace dof of each point on side 1 and on side 2, below
+        D + G; anything where the point has none
+    size, total : number of trace dofs D, and with ghosts D + G
+    bounds : (interfaces + 1,) int, where the points of each interface of the scene start, along the last axis
+    exists : bool, same shape; False where a component is prescribed and nothing crosses. None: all are there
+    """
+
+    one: np.ndarray
+    two: np.ndarray
+    size: int
+    total: int
+    bounds: np.ndarray
+    exists: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, sides: Sequence[tuple[np.ndarray, np.ndarray]], size: int) -> Matching:
+        """Of interfaces, for each the trace dofs of side 1 and of side 2 in the order of their common nodes."""
+        none = [np.empty(0, int)]
+        one, two = (np.concatenate(none + [pair[side] for pair in sides]) for side in (0, 1))
+        return cls(one, two, size, size, np.cumsum([0] + [len(a) for a, _ in sides]))
+
+    # ---- fields --------------------------------------------------------------------------------
+
+    def first(self, x: np.ndarray) -> np.ndarray:
+        """(…, Q) of traces (…, D + G), on side 1; zero where there is none."""
+        return self._there(x.take(self.one, axis=-1))
+
+    def second(self, x: np.ndarray) -> np.ndarray:
+        """(…, Q) of traces (…, D + G), on side 2; zero where there is none."""
+        return self._there(x.take(self.two, axis=-1))
+
+    def jump(self, x: np.ndarray) -> np.ndarray:
+        """(…, Q) second(x) − first(x)."""
+        return self.second(x) - self.first(x)
+
+    def spread(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """(…, D + G) of values (…, Q) on side 1 and on side 2; zero on traces of other interfaces."""
+        rows = one.shape[: one.ndim - self.one.ndim]
+        result = np.zeros((*rows, self.total))
+        for at, values in ((self.one, one), (self.two, two)):
+            if self._whole:
+                result[..., at] = values
+            else:
+                result[..., at[self.exists]] = values[..., self.exists]
+        return result
+
+    def across(self, x: np.ndarray) -> np.ndarray:
+        """(…, D) of traces (…, D + G): at every trace dof what the other side has there."""
+        return x.take(self.partner, axis=-1)
+
+    # ---- matrices ------------------------------------------------------------------------------
+
+    def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:
+        """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it."""
+        return sp.csr_array(matrix[self.partner][:, self.partner])
+
+    def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
+        """Q × Q matrices of side 1 and of side 2, of a matrix (D + G, D + G) that couples no two sides."""
+        return tuple(sp.csr_array(matrix[side][:, side]) for side in (self.one, self.two))
+
+    def node_blocks(self, matrix: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
+        """(P, 3, 3) diagonal blocks of a matrix at points (3, P), on side 1 and on side 2; zero where prescribed."""
+        found = []
+        for dofs in (self.one.T, self.two.T):
+            rows = np.repeat(dofs[:, :, None], 3, axis=2)
+            columns = np.repeat(dofs[:, None, :], 3, axis=1)
+            values = np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, 3, 3)
+            there = np.ones((len(dofs), 3), bool) if self._whole else self.exists.T
+            found.append(np.where(there[:, :, None] & there[:, None, :], values, 0.0))
+        return tuple(found)
+
+    def both_sides(self, bases: Sequence[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
+        """(D, sum of m) fields of every interface, (points, m) each, on both its sides with a sign for each.
+
+        Interfaces without points here keep their columns.
+        """
+        rows, columns, values, start = [], [], [], 0
+        for a, b, basis in zip(self.bounds[:-1], self.bounds[1:], bases):
+            number = np.arange(start, start + basis.shape[1])
+            for side, sign in zip((self.one[a:b], self.two[a:b]), signs):
+                mine = np.flatnonzero(side < self.size)
+                rows.append(np.repeat(side[mine], len(number)))
+                columns.append(np.tile(number, len(mine)))
+                values.append(sign * basis[mine].ravel())
+            start += len(number)
+        if not rows:
+            return sp.csr_array((self.size, 0))
+        return sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+                            shape=(self.size, start))
+
+    # ---- parts ---------------------------------------------------------------------------------
+
+    def opposite(self, dofs: np.ndarray) -> np.ndarray:
+        """Trace dofs, ascending, that meet some of the given ones."""
+        chosen = np.zeros(self.total, bool)
+        chosen[dofs] = True
+        return np.unique(np.concatenate([self.two[chosen[self.one]], self.one[chosen[self.two]]]))
+
+    def renumbered(self, place: np.ndarray, size: int, total: int) -> Matching:
+        """The points that have both sides in another numbering.
+
+        Parameters
+        ----------
+        place : (D + G,) int, new number of each trace dof, −1 for those that are left out
+        """
+        one, two = place[self.one], place[self.two]
+        kept = (one >= 0) & (two >= 0)
+        bounds = np.concatenate([[0], np.cumsum(kept)])[self.bounds]
+        return Matching(one[kept], two[kept], size, total, bounds)
+
+    def some(self, chosen: np.ndarray) -> Matching:
+        """Some of the points along the last axis, ascending."""
+        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen],
+                       bounds=np.searchsorted(chosen, self.bounds),
+                       exists=None if self.exists is None else self.exists[..., chosen])
+
+    @cached_property
+    def dofs(self) -> np.ndarray:
+        """Trace dofs of all points that exist, those of side 1 first."""
+        return np.concatenate([side.ravel() if self._whole else side[self.exists] for side in (self.one, self.two)])
+
+    @cached_property
+    def mine(self) -> np.ndarray:
+        """(Q,) bool, points whose first side is on this rank: it adds up what belongs to them."""
+        return self.one < self.size
+
+    @cached_property
+    def partner(self) -> np.ndarray:
+        """(D,) int, the trace dof that each one meets."""
+        result = np.empty(self.total, dtype=int)
+        result[self.one], result[self.two] = self.two, self.one
+        return result[: self.size]
+
+    @cached_property
+    def _whole(self) -> bool:
+        return self.exists is None or bool(self.exists.all())
+
+    def _there(self, x: np.ndarray) -> np.ndarray:
+        return x if self._whole else np.where(self.exists, x, 0.0)

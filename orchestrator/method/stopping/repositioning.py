@@ -1,0 +1,75 @@
+"""Coarse rigid repositioning: where floating subdomains fit best, c = argmin ‖B N (u + R c)‖_k.
+
+Six unknowns per floating subdomain, solved on every rank: right for some thousands of them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.stopping.semidefinite import semidefinite_solver
+
+RIGID = 6
+
+
+class RigidModes:
+    """Rigid motions of all subdomains that their supports leave, on a rank's dofs.
+
+    Parameters
+    ----------
+    space : numbering
+    modes : per own subdomain (boundary dofs, r), r at most six
+
+    Attributes
+    ----------
+    boundary : (B, modes of all ranks) sparse
+    traces : (D + G, modes of all ranks) sparse
+    own : int, the modes of this rank's subdomains
+    """
+
+    def __init__(self, space: TraceSpace, modes: list[np.ndarray]):
+        counts = np.zeros(space.subdomain_count)
+        counts[space.subdomains] = [m.shape[1] for m in modes]
+        counts, = space.team.sum(counts)
+        starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        dense = np.zeros((RIGID, len(space.global_dof)))
+        for part, mode in zip(space.boundary, modes):
+            dense[: mode.shape[1], part] = mode.T
+        traces, = space.extended(dense.take(space.gather, axis=1))
+        subdomain = np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary])
+        self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or
+                                  [np.empty(0, int)])
+
+        def sparse(values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
+            row, field = np.nonzero(values.T)
+            return sp.csr_array((values[field, row], (row, starts[owner[row]] + field)),
+                                shape=(values.shape[1], starts[-1]))
+
+        self.boundary, self.traces = sparse(dense, subdomain), sparse(traces, space.owner)
+
+
+class Repositioning:
+    """The best rigid motions for given traces.
+
+    Parameters
+    ----------
+    space : numbering
+    modes : the motions
+    weight : (Q, Q) sparse, stiffness k at the points, in which jumps are measured
+    """
+
+    def __init__(self, space: TraceSpace, modes: RigidModes, weight: sp.csr_array):
+        self.transfer, self.team = space.transfer, space.team
+        jumps = sp.csr_array(modes.traces[self.transfer.two] - modes.traces[self.transfer.one])
+        mine = self.transfer.mine
+        self.forces = sp.csr_array((weight @ jumps)[mine])  # what is summed over the points is their first side's
+        coarse = sp.csr_array(jumps[mine].T @ self.forces)
+        self._solve = semidefinite_solver(sum(self.team.all_gather(coarse), sp.csr_array(coarse.shape)))
+
+    def __call__(self, w: np.ndarray) -> np.ndarray:
+        """(T, modes) c for traces (T, D + G)."""
+        pull, = self.team.sum(times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
+        return self._solve(-pull)

@@ -1,0 +1,22 @@
+"""Small sparse systems that may be singular."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+SHIFT = 1e-13  # of the diagonal
+
+
+def semidefinite_solver(matrix: sp.sparray) -> Callable[[np.ndarray], np.ndarray]:
+    """Solver of a positive semidefinite matrix (n, n) for rows (T, n), regularised by rounding where it is singular."""
+    matrix = sp.csc_array(matrix)
+    if matrix.shape[0] == 0:
+        return lambda rows: np.zeros((len(rows), 0))
+    scale = matrix.diagonal()
+    shift = sp.diags_array(np.where(scale > 0, scale, 1.0) * SHIFT)
+    factor = sla.splu(sp.csc_array(matrix + shift))
+    return lambda rows: np.ascontiguousarray(factor.solve(rows.T).T)
