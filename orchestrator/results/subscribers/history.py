@@ -74,8 +74,9 @@ class HistoryWriter(Subscriber):
 
 def columns(events: Sequence[Iteration]) -> dict[str, np.ndarray]:
     """Iterations as ``read_history`` gives them: column name → (iterations,) array."""
-    return {name: np.array([getattr(event, name) for event in events], int if name in _COUNTS else float)
-            for name in HISTORY_COLUMNS}
+    rows = [event.row for event in events]
+    return {name: np.array([row[name] for row in rows], int if name in _COUNTS else float)
+            for name in (rows[0] if rows else HISTORY_COLUMNS)}
 
 
 def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path:
