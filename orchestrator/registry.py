@@ -47,6 +47,7 @@ class Registry(Mapping[str, Any]):
         self._places[name], self._known[name] = f"{thing.__module__}:{thing.__qualname__}", thing
 
 
+DEFAULT_LAW = "perfect"
 LAWS = Registry({
     "perfect": "orchestrator.laws.perfect:Perfect",
     "contact": "orchestrator.laws.contact:Contact",

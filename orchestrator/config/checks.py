@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from orchestrator.config.entry import Entry
 from orchestrator.config.method import RATIO_RANGE, RUNS_ONCE
 from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
-from orchestrator.registry import LAWS
+from orchestrator.registry import DEFAULT_LAW, LAWS
 
 # Mappings of which exactly one of some keys must be given.
 ONE_OF: dict[KeyPath, tuple[str, ...]] = {
@@ -183,7 +182,7 @@ def _is_vectors(value: Any) -> bool:
 def law_of(entry: Any) -> Any:
     """The class of the law that a raw entry of ``interfaces`` names; of none, or of an unknown one, the default."""
     name = entry.get("law") if isinstance(entry, dict) else None
-    return LAWS[name if isinstance(name, str) and name in LAWS else Entry.model_fields["law"].default]
+    return LAWS[name if isinstance(name, str) and name in LAWS else DEFAULT_LAW]
 
 
 def _dotted(path: KeyPath) -> str:

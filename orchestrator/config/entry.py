@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from orchestrator.config.base import Name, Part
+from orchestrator.registry import DEFAULT_LAW
 
 
 class Entry(Part):
@@ -15,7 +16,7 @@ class Entry(Part):
 
     between: Annotated[list[Name], Field(min_length=2, max_length=2)] = Field(
         ["*", "*"], description="names of the two parts, shell wildcards allowed, in either order")
-    law: Name = Field("perfect", description="perfect: bonded, the undamaged body")
+    law: Name = Field(DEFAULT_LAW, description="perfect: bonded, the undamaged body")
 
     @property
     def apart(self) -> str:

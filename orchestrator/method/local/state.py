@@ -31,4 +31,4 @@ class LocalState:
     def joined(cls, batches: Sequence[LocalState]) -> LocalState:
         """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""
         return cls(np.vstack([b.s for b in batches]), tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
-                   *(np.concatenate([getattr(b, name) for b in batches]) for name in ("force", "jump", "status")))
+                   *(np.concatenate(parts) for parts in zip(*((b.force, b.jump, b.status) for b in batches))))
