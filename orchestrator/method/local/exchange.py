@@ -41,15 +41,16 @@ class Exchange:
         """Next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
         w, f = fields.w, fields.f
         if self.kplus == "exchange":
-            return LocalState(self.state(*fields.extended))
+            return LocalState(self.exchanged(*fields.extended)[0])
         w_hat, f_hat = self.hats(w, f)
         k_hat = self.direction.times(w_hat)
         return LocalState(f_hat + k_hat, (w_hat, f_hat, k_hat))
 
-    def state(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(T, D) s = k⁻ w' − f' of ``exchange``, from traces with ghosts (T, D + G)."""
+    def exchanged(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(T, D) s = k⁻ w' − f' of ``exchange``, w' and f', from traces with ghosts (T, D + G)."""
         across = self.direction.space.transfer.across
-        return self.direction.times(across(w)) - across(f)
+        w, f = across(w), across(f)
+        return self.direction.times(w) - f, w, f
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (T, D)."""

@@ -56,7 +56,7 @@ class LawStage:
         return conditioning(self.direction.whole[at][:, at], root)
 
     @cached_property
-    def exchanged(self) -> np.ndarray:
+    def perfect(self) -> np.ndarray:
         """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
         rest = np.ones(self.pairs.transfer.total, bool)
         rest[self.pairs.transfer.dofs] = rest[self.pairs.tied] = False
@@ -73,8 +73,7 @@ class LawStage:
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Local stage for the fields of all steps."""
-        pairs, space = self.pairs, self.direction.space
-        own, steps = space.size, len(fields.s)
+        pairs, own, steps = self.pairs, self.direction.space.size, len(fields.s)
         w, f = fields.extended
         at = PairTraces.of(pairs, w, f)
         F, previous = self.predicted(at), self.previous
@@ -91,15 +90,15 @@ class LawStage:
         tied = pairs.tied
         w_hat[:, tied] = pairs.targets
         f_hat[:, tied] = f[:, tied] - pairs.tie_stiffness * (w[:, tied] - pairs.targets)
-        alone = self.exchanged
+        alone = self.perfect
         if len(alone):
-            w_other, f_other = space.transfer.across(w), space.transfer.across(f)
-            w_hat[:, alone] = 0.5 * (w[:, alone] + w_other[:, alone])  # what perfect ones would tend to
-            f_hat[:, alone] = 0.5 * (f[:, alone] - f_other[:, alone])
+            exchanged, w_other, f_other = (x[:, alone] for x in self.exchange.exchanged(w, f))
+            w_hat[:, alone] = 0.5 * (w[:, alone] + w_other)  # what they tend to: the exchange itself forms none
+            f_hat[:, alone] = 0.5 * (f[:, alone] - f_other)
         k_hat = self.direction.times(w_hat)
         s = f_hat + k_hat
         if len(alone):
-            s[:, alone] = self.exchange.state(w, f)[:, alone]
+            s[:, alone] = exchanged
         return LocalState(s, (w_hat, f_hat, k_hat), force, jump, status)
 
     @property
