@@ -95,7 +95,7 @@ MESHES = {"slices": BENT, "cubes": {**CUBES, **BENT}, "metis": {**METIS, **BENT}
 @pytest.mark.parametrize("basis", ["translations", "rigid", "affine", "quadratic"])
 @pytest.mark.parametrize("mesh", MESHES)
 def test_forces_are_macro_balanced_after_every_stage(mesh, basis):
-    """Wᵀ A f = 0, eq. (17), to 1e-10 of the largest resultant, whatever the state of the iterations."""
+    """Wᵀ A f = 0, eq. 17, to 1e-10 of the largest resultant, whatever the state of the iterations."""
     result = solved(reference=False, **MESHES[mesh],
                     **method(macro={"basis": basis}, tolerance={"error": 1e-5}, max_iterations=40))
     history = result.iterated.history
@@ -106,7 +106,7 @@ def test_forces_are_macro_balanced_after_every_stage(mesh, basis):
 @pytest.mark.parametrize("strategy", ["equilibrium", "continuity"])
 @pytest.mark.parametrize("kind", ["layer", "symmetric"])
 def test_the_condition_of_each_strategy(strategy, kind):
-    """Interface by interface: Wᵀ(f + f') = 0, or Fᵀ(w' − w) = 0 with F = (k + k')W, eqs. (17) and (35)."""
+    """Interface by interface: Wᵀ(f + f') = 0, or Fᵀ(w' − w) = 0 with F = (k + k')W, eq. 17 and eq. 35."""
     made = config(**CUBES, **BENT, **method(sole={"kind": kind}, macro={"strategy": strategy}))
     scene = build_scene(made)
     rng = np.random.default_rng(0)
@@ -128,7 +128,7 @@ def test_the_condition_of_each_strategy(strategy, kind):
 
 
 def test_subdomains_are_in_equilibrium_after_every_stage():
-    """K_E u_E = f_d + Nᵀf on all free dofs, eq. (13), for a state far from convergence."""
+    """K_E u_E = f_d + Nᵀf on all free dofs, eq. 13, for a state far from convergence."""
     made = config(**METIS, **BENT)
     scene = build_scene(made)
     with box_of(made) as blackbox:

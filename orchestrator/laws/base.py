@@ -145,7 +145,7 @@ class Law:
 
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
-        """The force that the interface carries, with d = (F − f̂)/keq.
+        """The force that the interface carries, b of eq. 3, with d = (F − f̂)/keq.
 
         Parameters
         ----------

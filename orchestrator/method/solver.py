@@ -89,7 +89,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
 
 def iterate_batch(d: Decomposition, method, told: Subscriber, watch: Stopwatch, start: Start, *,
                   true_error: ErrorOf | None = None, estimate: EstimateOf | None = None) -> Iterated:
-    """Alternate linear and local stages until the stopping criterion holds for all steps of a batch.
+    """Alternate linear and local stages until the stopping criterion holds for all steps of a batch: eq. 6 is solved.
 
     Parameters as for ``iterate``; ``start`` has a state.
     """

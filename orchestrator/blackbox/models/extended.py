@@ -39,7 +39,7 @@ def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int,
 
 def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]],
                    soles: Sequence[SolePair]) -> Model:
-    """The subdomain's mesh with the soles of all its interfaces."""
+    """The subdomain's mesh with the soles of all its interfaces: its stiffness is K + NᵀkN of eq. 13."""
     count = len(subdomain.nodes)
     points, cells = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity]
     matter = [np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material]]

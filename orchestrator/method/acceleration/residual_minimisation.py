@@ -1,6 +1,6 @@
 """Accelerations of the fixed point s = F(s), a row (load step) at a time.
 
-Every evaluation gives a residual r = F(s) − s. ``none`` relaxes, eq. (12). The others minimise the
+Every evaluation gives a residual r = F(s) − s. ``none`` relaxes, eq. 12. The others minimise the
 residual over affine combinations of the evaluations so far. Written with orthonormal residual
 differences this is the generalised conjugate residual method: with the whole history kept it is
 GMRES for affine F, with the last m directions it is Anderson's acceleration of type II.
@@ -27,7 +27,7 @@ DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is no
 
 
 class Relaxation:
-    """Plain fixed point s ← s + α (F(s) − s).
+    """Plain fixed point s ← s + α (F(s) − s), eq. 12.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ def factorised(matrix: sp.csr_array):
 
 def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,
                               share: bool, savings: Savings) -> SearchDirection:
-    """Have the black box assemble every sole and place the results on the trace dofs.
+    """Have the black box assemble every sole and place the results on the trace dofs: k⁻ of eq. 13.
 
     Parameters
     ----------

@@ -3,13 +3,13 @@
 Two numberings are used throughout the method:
 
 - *boundary dofs* (B of them): the unprescribed interface dofs of each subdomain, once per
-  subdomain, subdomains one after the other. What travels to and from the black box.
+  subdomain, subdomains one after the other (eq. 4). What travels to and from the black box.
 - *trace dofs* (D of them): one per interface, side and free component. A dof of a subdomain
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
-The trace operator of eq. (1) is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
+The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
 tets are in contact, a change of basis follows (see ``ties``). All fields are rows, one per load step: (T, B), (T, D).
-How the two sides of an interface meet, the operators of eq. (5), is the ``transfer``'s business.
+How the two sides of an interface meet, the operators of eq. 5, is the ``transfer``'s business.
 
 Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
 dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its interfaces. ``extended``
@@ -177,7 +177,7 @@ class TraceSpace:
         return sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T)
 
     def trace(self, boundary: np.ndarray) -> np.ndarray:
-        """(T, D) traces w = N u of boundary displacements (T, B)."""
+        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1."""
         traces = boundary.take(self.gather, axis=1)
         return traces if self.ties is None else times(self.ties.change, traces)
 

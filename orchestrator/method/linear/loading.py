@@ -106,7 +106,7 @@ class Loading:
 
 def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], traces: list[np.ndarray],
                 rims: list[RimStiffness], blackbox: BlackBox) -> Loading:
-    """Solve the extended subdomains under the loads alone, all load steps at once."""
+    """Solve the extended subdomains under the loads alone, all load steps at once: M⁻¹f_d of eq. 30."""
     steps = own[0].loads.shape[0]
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
     lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])

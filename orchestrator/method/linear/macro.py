@@ -6,10 +6,10 @@ thousands of subdomains, beyond which the macro problem would have to be decompo
 Both strategies end in the same algebra. With G the macro forces on all trace dofs, the linear
 stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹NᵀG, and the multiplier α is set by
 
-- ``equilibrium``:  G = k C,   Cᵀf = 0     ⇒  (CᵀkC − VᵀNᵀG) α = Cᵀf₁     (eqs. 17–33, signs mended)
-- ``continuity``:   G = BᵀF,   Gᵀw = 0     ⇒  (GᵀNV) α = Gᵀw₁             (eqs. 34–44)
+- ``equilibrium``:  G = k C,   Cᵀf = 0     ⇒  (CᵀkC − VᵀNᵀG) α = Cᵀf₁     (eq. 17, eq. 31, signs mended)
+- ``continuity``:   G = BᵀF,   Gᵀw = 0     ⇒  (GᵀNV) α = Gᵀw₁             (eq. 34, eq. 42)
 
-C = AᵀW repeats the basis of an interface on both its sides; F = (A k Aᵀ) W, eq. (35).
+C = AᵀW repeats the basis of an interface on both its sides; F = (A k Aᵀ) W, eq. 35.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Macro:
 
     Attributes
     ----------
-    G : (D, size) sparse, macro forces
+    G : (D, size) sparse, macro forces; NᵀG is U of eq. 27
     V : per subdomain (macro unknowns it sees, boundary dofs), dense: rows, as the black box answers
     sees : per subdomain, indices of these macro unknowns
     sweeps : back-substitutions per subdomain spent on V (the mean)
@@ -81,12 +81,12 @@ class Macro:
         self._solve = _positive_definite_solver(self.matrix)
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(T, size) α from the traces (T, D) of the uncorrected stage."""
+        """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β, eq. 42)."""
         right, = self.space.team.sum(times(self.C.T, f) if self.strategy == "equilibrium" else times(self.G.T, w))
         return self._solve(right)
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
-        """(T, B) boundary values of V α."""
+        """(T, B) boundary values of V α = −u₂, eq. 31."""
         result = np.empty((len(alpha), len(self.space.global_dof)))
         for part, seen, v in zip(self.space.boundary, self.sees, self.V):
             np.matmul(alpha[:, seen], v, out=result[:, part])

@@ -1,10 +1,10 @@
-"""Linear stage: from the state s to admissible traces (paper, eqs. 13–14, 20, 30–33).
+"""Linear stage: from the state s to admissible traces (paper, eq. 20; with macro continuity, eq. 38).
 
 In displacement form all load steps are independent, rows of one batch:
 
-    u₁ = M⁻¹(f_d + Nᵀs)          the black box, all subdomains in parallel
-    α  from u₁ (``macro``)       the multiplier
-    u  = u₁ − V α,   w = N u,    f = s − k w − G α
+    u₁ = M⁻¹(f_d + Nᵀs)          the black box, all subdomains in parallel, eq. 13 and eq. 30
+    α  from u₁ (``macro``)       the multiplier, eq. 33
+    u  = u₁ − V α,   w = N u,    f = s − k w − G α, eq. 32 and eq. 19
 
 s = f̂ + k ŵ is all that the linear stage needs of the local one. The map s ↦ (u, α, f) is affine,
 so that affine combinations of its results are its results for the combined states.
@@ -27,7 +27,7 @@ from orchestrator.method.interface.traces import TraceSpace
 
 @dataclass
 class Admissible:
-    """Result of a linear stage, a row per load step.
+    """Result of a linear stage, a row per load step: an element of the set 𝒜, eq. 8.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class LinearStage:
         self.loaded, self.blackbox = loaded, blackbox
 
     def __call__(self, s: np.ndarray) -> Admissible:
-        """Admissible fields for the state s (T, D); one back-substitution per subdomain and row.
+        """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and row.
 
         A zero state needs none: the loads' part is known.
         """
@@ -105,14 +105,14 @@ class LinearStage:
         return self.complete(s, u, alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
-        """Traces and forces that belong to (s, u, α)."""
+        """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
         w = self.space.trace(u)
         return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.times(w), self.space)
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
-        """(T, D) s − G α: the interface load that the extended subdomains are solved with."""
+        """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""
         return s if self.macro is None else s - times(self.macro.G, alpha)
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
-        """(rows, B) M⁻¹ applied to boundary forces (rows, B), restricted to the boundary dofs."""
+        """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary dofs."""
         return self.space.join(self.blackbox.traces(self.space.split(forces)), len(forces))

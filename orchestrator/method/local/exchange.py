@@ -1,4 +1,4 @@
-"""Local stage on perfect interfaces: ŵ continuous, f̂ balanced (paper, eqs. 7 and 10).
+"""Local stage on perfect interfaces: ŵ continuous, f̂ balanced (paper, eq. 7 and eq. 10).
 
 For a search direction k⁺ on each side,
 
@@ -53,7 +53,7 @@ class Exchange:
         return self.direction.times(w) - f, w, f
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ŵ and f̂, each (T, D)."""
+        """ŵ and f̂, each (T, D), eq. 10."""
         k, solve = self._factors
         kw = times(k, w) - f
         w_hat = solve(kw + self.direction.space.across(kw))

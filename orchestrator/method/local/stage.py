@@ -1,4 +1,4 @@
-"""Local stage where some interfaces are not perfect: their laws, pointwise, swept through the load steps.
+"""Local stage where some interfaces are not perfect: their laws (paper, eq. 3), pointwise, swept through the load steps.
 
 The laws' history lives here alone: the linear stage stays parallel over the load steps. Perfect interfaces of the
 same scene keep their exchange.
@@ -63,7 +63,7 @@ class LawStage:
         return np.flatnonzero(rest[: self.direction.space.size])
 
     def predicted(self, at: PairTraces) -> np.ndarray:
-        """(T, 3, P) F."""
+        """(T, 3, P) F, the search direction of eq. 10 with no jump."""
         half_jump = self.pairs.points.stiffness(at.w2 - at.w1)
         return self.pairs.masked(0.5 * (at.f1 - at.f2) + half_jump)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass
 class LocalState:
-    """What a local stage hands on.
+    """What a local stage hands on: an element of the set ℒ, eq. 9.
 
     Parameters
     ----------

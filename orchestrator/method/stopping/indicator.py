@@ -30,7 +30,7 @@ class Measures:
     force_imbalance : ‖A f‖ / ‖f‖, weighted by the inverse diagonal of k⁻
     residual : ‖F(s) − s‖ / ‖F(s)‖, in the same norm
     macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to rounding,
-        eq. (17); nan without macro problem
+        eq. 17; nan without macro problem
     counts : name of a status → pairs that have it, summed over the steps
     """
 
@@ -80,7 +80,7 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
 
 def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,
                 exact: bool = False) -> tuple[float, float]:
-    """This rank's part of numerator and denominator of the paper's η, eq. (16), transposes mended.
+    """This rank's part of numerator and denominator of the paper's η, eq. 16, transposes mended.
 
     η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)
 

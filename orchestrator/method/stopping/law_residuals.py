@@ -1,4 +1,4 @@
-"""How well equilibrium and the interface laws hold together, each relative and dimensionless.
+"""How well equilibrium and the interface laws, eq. 6, hold together, each relative and dimensionless.
 
 The linear stage satisfies equilibrium, the local stage the laws; the run has converged when one
 set of fields does both. Each measure is taken on the linear stage's fields, which are delivered.

@@ -33,7 +33,7 @@ _QUANTITIES = [
      "estimate of what the mesh is to blame for, from recovered stresses σ*; fields/ has its cells"),
     ("true_error", "‖u_D − u_ref‖_K / ‖u_ref‖_K", "against the undecomposed solution"),
     ("indicator", "η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)",
-     "eq. (16): distance of the linear from the local stage; a squared ratio, no measure of accuracy"),
+     "eq. 16: distance of the linear from the local stage; a squared ratio, no measure of accuracy"),
     ("displacement_jump", "‖B w‖ / ‖w‖, weighted by the diagonal of k", "gap between the sides of the interfaces"),
     ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
     ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),

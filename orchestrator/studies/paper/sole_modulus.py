@@ -39,7 +39,7 @@ def _run(study: Study, strategy: str) -> None:
 
 
 def _targets(study: Study) -> None:
-    """The paper's two limit cases, eqs. (45) and (46)."""
+    """The paper's two limit cases, eq. 45 and eq. 46."""
     rows = {row["factor"]: row for row in study.rows if row["settings"] == "paper"}
     for quantity, worse, name in (("displacement_jump", 0.01, "soft soles: the displacement jump is left behind"),
                                   ("force_imbalance", 100.0, "stiff soles: the force imbalance is left behind")):

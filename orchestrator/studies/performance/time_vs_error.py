@@ -9,7 +9,7 @@ true ones, of the mesh and of the iterations together, relative; ``true_errors``
   unbounded, against that on the finest mesh.
 
 Methods: FreeFEM in one piece with CHOLMOD, the quickest of its direct solvers (study ``large``); the paper's settings
-(a one-sided sole after its eq. (15), relaxation, no acceleration) at three values of its indicator, at most 70
+(a one-sided sole after its eq. 15, relaxation, no acceleration) at three values of its indicator, at most 70
 iterations; our defaults at two fixed tolerances and at ``error: auto``. With contact the direct solution is left out:
 FreeFEM's direct solvers are linear.
 """
@@ -95,7 +95,7 @@ def _compare(study: Study, folder: Path, name: str, model: Model, element: str, 
         scene, displacement = direct(whole.config)
         row = {"iterations": 0, "stop_reason": "solved", "seconds": time.perf_counter() - begin}
         _add(study, whole, scene, [displacement], exact, row, [])
-    ratio = model.brick / k / model.length  # eq. (15)
+    ratio = model.brick / k / model.length  # eq. 15
     settings = paper_contact(ratio=ratio) if contact else paper("equilibrium", modulus_ratio=ratio)
     if not contact:
         settings["sole"]["thickness"] = "auto"
