@@ -1,0 +1,143 @@
+"""Laws in general: what every one must keep, and a law of the user's own from the documentation to the results."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from method_case import config, solved
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.laws.base import Law
+from orchestrator.laws.contact import Contact
+from orchestrator.laws.points import Points
+from orchestrator.laws.status import BONDED, Status, table
+from orchestrator.method.load_cases import load_cases
+from orchestrator.registry import DEFAULT_LAW, LAWS
+from orchestrator.scene.build import build_scene
+
+ROOT = Path(__file__).parents[1]
+COUNT = 200
+ENTRIES = {"perfect": {}, "contact": {"friction": 0.3, "gap": 0.02}, "jump": {"jump": [0.1, -0.2, 0.3]}}
+
+
+def points_of(law: Law, random) -> Points:
+    """Pairs with normals and search directions of all kinds."""
+    normal = random.normal(size=(3, COUNT))
+    normal /= np.linalg.norm(normal, axis=0)
+    length, area = random.uniform(0.3, 1.0, COUNT), random.uniform(0.5, 2.0, COUNT)
+    return Points(normal, *random.uniform(0.5, 3.0, (2, COUNT)), area,
+                  law.parameters(np.arange(COUNT), length, area))
+
+
+def assert_consistent(name: str, keys: dict) -> None:
+    """The derivative is that of the force by central differences, statuses are declared, idle pairs carry nothing.
+
+    Pairs that change their status within a difference are left out, few as they are.
+    """
+    law = LAWS[name].of(LAWS[name].Parameters(law=name, **keys), COUNT, 1.0)
+    random = np.random.default_rng(4)
+    points, (F, previous) = points_of(law, random), random.normal(size=(2, 3, COUNT))
+    answer = law.force(points, F, previous, derivative=True)
+    found = np.zeros((3, 3, COUNT))
+    found[..., answer.active] = answer.derivative
+    step, same = 1e-6, np.ones(COUNT, bool)
+    for i, axis in enumerate(np.eye(3)):
+        ahead, behind = (law.force(points, F + sign * step * axis[:, None], previous) for sign in (1, -1))
+        same &= (ahead.status == answer.status) & (behind.status == answer.status)
+        assert (ahead.force - behind.force)[:, same] / (2 * step) == pytest.approx(found[:, i, same], abs=1e-7)
+    assert same.mean() > 0.95 and set(answer.status.tolist()) <= set(law.statuses)
+    still = law.idle(points, F, np.full(COUNT, 0.1))
+    assert not answer.force[:, still].any()
+
+
+@pytest.mark.parametrize("name, keys", ENTRIES.items(), ids=ENTRIES)
+def test_force_derivative_and_statuses_belong_together(name, keys):
+    assert_consistent(name, keys)
+
+
+def test_a_law_that_tells_nothing_is_on_the_safe_side():
+    assert Law.has_history and not (Law.homogeneous or Law.joins or Law.perfect)
+
+
+def test_statuses_of_one_scene_have_one_name_each():
+    class Wear(Law):
+        name, statuses = "wear", (Status(2, "worn", "#000000", normal=True, tangential=False),)
+
+    assert [s.name for s in table(LAWS.values())][:4] == ["open", "stick", "slip", "bonded"]
+    with pytest.raises(ValueError, match="law wear: status 2 is called 'worn', but it is 'slip' elsewhere"):
+        table([Contact, Wear])
+    assert BONDED == 3 and [int(s) for s in table([])] == [3]
+
+
+def test_no_other_module_asks_for_a_law():
+    """Neither for its name nor for its class; but for the law that a scene has where nothing is said."""
+    names = "|".join(LAWS)
+    others = "|".join(name for name in LAWS if name != DEFAULT_LAW)
+    asks = re.compile(rf"[\"']({names})[\"']|\.law\s*[!=]=|law\.name\s*[!=]=|laws\.({others})\b")
+    own_word = 'on: Literal["perfect", "all"]'  # method.macro.on speaks of all perfect interfaces
+    rooms = ("config", "scene", "blackbox", "method", "parallel", "results")
+    files = [*(ROOT / "orchestrator").glob("*.py"), *(p for r in rooms for p in (ROOT / "orchestrator" / r).rglob("*.py"))]
+    assert len(files) > 100
+    assert [f"{p}: {line}" for p in files if p.name != "registry.py" for line in p.read_text().splitlines()
+            if asks.search(line) and own_word not in line] == []
+
+
+# --- a law of one's own -----------------------------------------------------------------------------------
+
+YOUNG, VISCOSITY, PULL = 1000.0, 250.0, 10.0
+BARS = {"mesh": {"box": {"size": [4.0, 1.0, 1.0], "cells": [4, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 2}},
+        "materials": [{"young": YOUNG, "poisson": 0.0}],
+        "boundary": [{"on": {"plane": "x", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]},
+                     {"on": {"plane": "x", "at": 4.0}, "traction": [PULL, 0.0, 0.0], "history": "pulls"}],
+        "histories": {"pulls": [1.0, 1.0, -0.5, 1.0]}, "method": {"tolerance": {"error": 1e-11}}}
+LAYER = {"law": "viscous", "viscosity": VISCOSITY}
+
+
+@pytest.fixture
+def viscous(monkeypatch):
+    """The example of the documentation, as it stands there."""
+    monkeypatch.setattr(LAWS, "_places", dict(LAWS._places))
+    monkeypatch.setattr(LAWS, "_known", dict(LAWS._known))
+    room = {"__name__": "viscous"}
+    exec(re.search(r"```python\n(.*?)```", (ROOT / "docs" / "laws.md").read_text(), re.S).group(1), room)
+    LAWS.add("viscous", room["Viscous"])
+    return room["Viscous"]
+
+
+def test_the_law_of_the_documentation(viscous):
+    """Equal loads, another jump each time: no load step is left out, though two of them are alike."""
+    scene = build_scene(config(**BARS, interfaces=[LAYER]))
+    assert load_cases(scene, config().method.skip).left_out == 0
+    found = solved(reference=False, **BARS, interfaces=[LAYER])
+    assert found.iterated.converged, found.iterated.stop_reason
+    pulls = PULL * np.array(BARS["histories"]["pulls"])
+    jump = np.cumsum(pulls) / VISCOSITY
+    far = np.isclose(scene.mesh.nodes[:, 0], 4.0)
+    assert found.displacement[:, far, 0] == pytest.approx(np.repeat((4.0 * pulls / YOUNG + jump)[:, None], far.sum(), 1), rel=1e-9)
+    assert found.interfaces.counts["viscous"] == [9] * 4 and found.interfaces.laws.tolist() == ["viscous"]
+    assert found.interfaces.gap == pytest.approx(np.repeat(jump[:, None], 9, axis=1), rel=1e-9)
+
+
+def test_its_derivative(viscous):
+    assert_consistent("viscous", {"viscosity": 2.0})
+
+
+def test_its_keys_are_its_own(viscous):
+    def told(entry):
+        data = config(**BARS).complete()
+        with pytest.raises(InputError) as caught:
+            config_from({**data, "interfaces": [entry]})
+        (problem,) = caught.value.problems
+        return problem.path, f"{problem.found} | {problem.expected} | {problem.cure}"
+
+    assert told({"law": "viscous"}) == (
+        ("interfaces", 0, "viscosity"),
+        "no viscosity | force per area and per displacement in one load step, above 0 | add viscosity")
+    assert "a number > 0" in told({**LAYER, "viscosity": -1.0})[1]
+    assert told({**LAYER, "law": "contact"}) == (
+        ("interfaces", 0, "viscosity"),
+        "viscosity with law: contact | viscosity with law: viscous only | remove viscosity, or write law: viscous")
+    assert told({**LAYER, "law": "vicsous"})[1].endswith("did you mean 'viscous'?")
+    assert "did you mean 'viscosity'" in told({"law": "viscous", "viscosity": 1.0, "viscosty": 2.0})[1]
