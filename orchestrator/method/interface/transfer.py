@@ -81,6 +81,10 @@ class Matching:
         """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it."""
         return sp.csr_array(matrix[self.partner][:, self.partner])
 
+    def rows(self, fields: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
+        """Q × m of sparse columns (D + G, m), on side 1 and on side 2."""
+        return fields[self.one], fields[self.two]
+
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × Q matrices of side 1 and of side 2, of a matrix (D + G, D + G) that couples no two sides."""
         return tuple(sp.csr_array(matrix[side][:, side]) for side in (self.one, self.two))

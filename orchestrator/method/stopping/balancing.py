@@ -49,10 +49,9 @@ class Balancing:
     def _prepare(self):
         """Force fields (D, m), their work in the motions (modes, m), and the solver of the least norm."""
         space, traces, bases = self.space, self.modes.traces, []
-        transfer = space.transfer
-        for a, b in zip(transfer.bounds[:-1], transfer.bounds[1:]):  # the motions of either side span the fields
-            first = traces[transfer.one[a:b]]
-            block = sp.csc_array(first if first.nnz else traces[transfer.two[a:b]])
+        bounds, (one, two) = space.transfer.bounds, space.transfer.rows(traces)
+        for a, b in zip(bounds[:-1], bounds[1:]):  # the motions of either side span the fields
+            block = sp.csc_array(one[a:b] if one[a:b].nnz else two[a:b])
             local = block[:, np.flatnonzero(np.diff(block.indptr))].toarray()
             left, s, _ = np.linalg.svd(local, full_matrices=False) if local.size else (local, np.zeros(0), None)
             bases.append(left[:, s > DEPENDENT * s.max(initial=0.0)])

@@ -63,7 +63,8 @@ class Repositioning:
 
     def __init__(self, space: TraceSpace, modes: RigidModes, weight: sp.csr_array):
         self.transfer, self.team = space.transfer, space.team
-        jumps = sp.csr_array(modes.traces[self.transfer.two] - modes.traces[self.transfer.one])
+        one, two = self.transfer.rows(modes.traces)
+        jumps = sp.csr_array(two - one)
         mine = self.transfer.mine
         self.forces = sp.csr_array((weight @ jumps)[mine])  # what is summed over the points is their first side's
         coarse = sp.csr_array(jumps[mine].T @ self.forces)
