@@ -7,7 +7,9 @@ import pytest
 from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered, method, prepared, solved
 
 from orchestrator.blackbox.models.extended import extended_model
-from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
+from orchestrator.method.acceleration.anderson import Anderson
+from orchestrator.method.acceleration.choice import algorithm
+from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.linear.stage import Admissible
@@ -224,6 +226,8 @@ def test_gmres_is_anderson_with_full_memory():
     gmres, full, short = ([e.residual for e in r.iterated.history] for r in runs)
     assert np.allclose(gmres, full, rtol=1e-6, atol=0)
     assert len(short) > len(gmres)
+    assert {r.summary["acceleration"] for r in runs} == {ResidualMinimisation.title}  # the same algorithm thrice
+    assert algorithm("anderson", all_perfect=False) is Anderson and algorithm("none", all_perfect=True) is Relaxation
 
 
 def test_gmres_solves_a_linear_problem_in_its_dimension():

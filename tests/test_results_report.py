@@ -196,11 +196,13 @@ def test_the_page_says_what_the_text_says(tmp_path):
     """Names full of Markdown's marks come through as they are; the pictures in the page are the files."""
     name = "a_b_ *c* `d` <i>e</i> &amp; f|g [h](i) \\_"
     steps = [[1.0, 2.0, 3.0], [-1e-7, 0.0, 12345678.0]]
-    Solution(case.summary(name=name, reactions=[steps], warnings=[f"{name} is odd"]), case.history()).write(tmp_path)
+    Solution(case.summary(name=name, reactions=[steps], warnings=[f"{name} is odd"],
+                          acceleration="by hand"), case.history()).write(tmp_path)
     report(tmp_path)
     page = Reader((tmp_path / "report.html").read_text())
     assert ("h1", name) in page.texts and ("title", name) in page.texts and ("p", f"{name} is odd.") in page.texts
     assert ["run", name] in page.rows
+    assert any(tag == "p" and text.endswith("Acceleration: by hand.") for tag, text in page.texts)
     assert ["boundary[0]", "2", "-1e-07", "0", "1.2346e+07"] in page.rows
     assert "text-align:right" in page.aligned
     pictures = [base64.b64decode(source.removeprefix("data:image/png;base64,")) for source in page.sources]

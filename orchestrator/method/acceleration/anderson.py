@@ -28,6 +28,8 @@ class Anderson:
     team : the ranks that share the state
     """
 
+    title = "Anderson's acceleration, type II"
+
     def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE):
         self.root = np.sqrt(weight)
         self.memory, self.relaxation, self.team = memory, relaxation, team

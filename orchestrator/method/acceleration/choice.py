@@ -15,7 +15,14 @@ CONTACT_MEMORY = 30
 
 
 class Acceleration(Protocol):
-    """Finds the fixed point s = F(s), one evaluation after the other."""
+    """Finds the fixed point s = F(s), one evaluation after the other.
+
+    Attributes
+    ----------
+    title : of the algorithm, for people
+    """
+
+    title: str
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation.
@@ -35,6 +42,13 @@ class Acceleration(Protocol):
         """State to evaluate next; the caller's to change."""
 
 
+def algorithm(acceleration: str, all_perfect: bool) -> type[Acceleration]:
+    """What stands behind the word in the YAML: where all is bonded, ``anderson`` minimises residuals, as ``gmres`` does."""
+    if acceleration == "none":
+        return Relaxation
+    return ResidualMinimisation if all_perfect else Anderson
+
+
 def make_acceleration(d: Decomposition, method) -> Acceleration:
     """The acceleration for a decomposition and ``method`` of the configuration.
 
@@ -43,9 +57,10 @@ def make_acceleration(d: Decomposition, method) -> Acceleration:
     """
     weight, auto = 1 / d.stage.direction.diagonal, method.relaxation == "auto"
     memory = None if method.memory == "auto" else method.memory
-    if method.acceleration == "none":
+    kind = algorithm(method.acceleration, d.all_perfect)
+    if kind is Relaxation:
         return Relaxation(_stable_relaxation(d) if auto else method.relaxation)
-    if d.all_perfect:
+    if kind is ResidualMinimisation:
         return ResidualMinimisation(d.stage.complete, weight, None if method.acceleration == "gmres" else memory,
                                     1.0 if auto else method.relaxation, d.space.team)
     return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation, d.space.team)

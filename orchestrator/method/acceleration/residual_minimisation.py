@@ -34,6 +34,8 @@ class Relaxation:
     relaxation : α in (0, 1]
     """
 
+    title = "none: relaxation"
+
     def __init__(self, relaxation: float):
         self.relaxation = relaxation
 
@@ -58,6 +60,8 @@ class ResidualMinimisation:
     relaxation : β of the next evaluation
     team : the ranks that share the state
     """
+
+    title = "residual minimisation (generalised conjugate residuals, equivalent to GMRES)"
 
     def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
                  team: Team = ALONE):

@@ -93,8 +93,10 @@ def _in_words(solution: Solution) -> str:
         f"It stopped WITHOUT converging ({summary.get('stop_reason')}); what follows is its last state"
     target = tolerance(summary)
     waited = f" The tolerance was {target[1]:g} on the {target[0]}." if target else ""
+    algorithm = summary.get("acceleration")
+    how = f" Acceleration: {algorithm}." if algorithm else ""
     return (f"A structure{size} in {split or 'subdomains'} was computed for {summary.get('load_steps') or 1} load "
-            f"step(s). {ended} after {solution.iterations} iterations.{waited}")
+            f"step(s). {ended} after {solution.iterations} iterations.{waited}{how}")
 
 
 def _stopping(solution: Solution) -> str:

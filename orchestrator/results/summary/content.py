@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orchestrator.config import Config
+from orchestrator.method.acceleration.choice import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
@@ -29,6 +30,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "iterations": iterated.iterations,
+        "acceleration": algorithm(config.method.acceleration, all(i.law.perfect for i in scene.interfaces)).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "indicator": last.indicator, "error_bound": iterated.bound.relative,
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
