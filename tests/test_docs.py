@@ -1,0 +1,181 @@
+"""Documents keep their word: what they name exists, what they show is accepted, and nothing is left out."""
+
+import ast
+import io
+import re
+import shlex
+from functools import cache
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+from orchestrator.config import config_from
+from orchestrator.config.method import Method
+from orchestrator.studies import STUDIES
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "orchestrator"
+DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+EQUATIONS = 46  # numbered in the paper
+BY_NAME = [path.name for path in DOCUMENTS]
+# `file.py` `name`, `Class.name` …
+MENTIONED = re.compile(r"`([\w/]+\.py)`((?:(?:, | and | )?`[\w.]+`)*)")
+COMMAND = re.compile(r"(?:^|`| )orchestrator ((?:run|check|report|study|conformance|doctor|inspect|init|schema)\b[^`\n#…*]*)")
+
+
+@cache
+def names_in(path: Path) -> set[str]:
+    """Functions, classes, constants of a module, and the methods and fields of its classes."""
+    found = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        found |= assigned(node)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}.{name}" for child in node.body for name in assigned(child)}
+    return found
+
+
+def assigned(node: ast.stmt) -> set[str]:
+    if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+        return {node.name}
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+
+
+def rows(text: str) -> list[list[str]]:
+    """Cells of the lines of all tables."""
+    return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]]
+            for line in text.splitlines() if line.startswith("|")]
+
+
+def code_blocks(path: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("name", ["equations.md", "glossary.md"])
+def test_every_place_exists(name):
+    places = MENTIONED.findall((ROOT / "docs" / name).read_text(encoding="utf-8"))
+    assert len(places) > 50
+    for file, names in places:
+        assert (PACKAGE / file).is_file(), f"{name}: no file {file}"
+        known = names_in(PACKAGE / file)
+        for wanted in re.findall(r"`([\w.]+)`", names):
+            assert wanted in known, f"{name}: {file} has no {wanted}"
+
+
+def test_every_equation_of_the_paper_has_its_place():
+    """Mapped to code that names it in a docstring, or said to be unused, with the reason."""
+    text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8").split("## Ours")[0]
+    found = {int(cells[0]): cells for cells in rows(text) if cells[0].isdigit()}
+    assert sorted(found) == list(range(1, EQUATIONS + 1))
+    for number, (_, meaning, where) in found.items():
+        if meaning == "–":
+            assert where.startswith("not used: ") and len(where) > len("not used: ") + 10, number
+            continue
+        files = [PACKAGE / file for file, _ in MENTIONED.findall(where)]
+        assert files, f"eq. {number} has no place"
+        named = any(re.search(rf"\beq\. {number}\b", file.read_text(encoding="utf-8")) for file in files)
+        assert named, f"no file of {where} says eq. {number}"
+
+
+def test_single_equations_are_named():
+    """One search finds an equation: no ranges, no brackets."""
+    for path in [*PACKAGE.rglob("*.py"), *ROOT.glob("tests/*.py"), *DOCUMENTS]:
+        if path != Path(__file__):
+            assert not re.search(r"\beqs\. |\beq\. ?\(|\beq\.\d", path.read_text(encoding="utf-8")), path
+
+
+def anchors(path: Path) -> set[str]:
+    """Of the headings of a document, as GitHub makes them."""
+    titles = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=BY_NAME)
+def test_links_lead_somewhere(path):
+    for target in re.findall(r"\]\(([^)]+)\)", path.read_text(encoding="utf-8")):
+        if re.match(r"\w+://", target):
+            continue
+        file, _, anchor = target.partition("#")
+        there = (path.parent / file).resolve() if file else path
+        assert there.exists(), f"{path.name}: {target}"
+        assert not anchor or anchor in anchors(there), f"{path.name}: {target}"
+
+
+def test_every_document_is_linked():
+    linked = set(re.findall(r"\]\(docs/(\w+\.md)", (ROOT / "README.md").read_text(encoding="utf-8")))
+    assert linked == {path.name for path in DOCUMENTS} - {"README.md"}
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=BY_NAME)
+def test_commands_and_files_exist(path):
+    """Subcommands, their options, studies, configurations and tests that a document names."""
+    text, helps = path.read_text(encoding="utf-8"), {}
+    for command in COMMAND.findall(text):
+        name, *arguments = shlex.split(command.rstrip(" ,.;:)"))
+        if name not in helps:
+            shown = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200", "TERM": "dumb"})
+            assert shown.exit_code == 0, f"no command orchestrator {name}"
+            helps[name] = shown.stdout
+        for argument in arguments:
+            if argument.startswith("--"):
+                assert argument.partition("=")[0] in helps[name], f"orchestrator {name} has no {argument}"
+        if name == "study" and arguments and arguments[0] != "NAME":
+            assert arguments[0] in STUDIES, command
+    for file in re.findall(r"(?:configs|tests|meshes|freefem_scripts|orchestrator)/[\w/]+\.\w+", text):
+        assert (ROOT / file).is_file(), f"{path.name}: no {file}"
+    for study in re.findall(r"`study (\w+)`", text):
+        assert study in STUDIES, study
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=BY_NAME)
+def test_configurations_shown_are_accepted(path):
+    for block in code_blocks(path, "yaml"):
+        data = YAML(typ="safe").load(io.StringIO(block))
+        if "name" in data and "mesh" in data:
+            config_from(data)
+
+
+def test_the_yaml_in_full():
+    """Accepted, with the defaults there are, and no key is missing."""
+    text = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
+    block = next(b for b in code_blocks(ROOT / "docs" / "model.md", "yaml") if "max_iterations" in b)
+    config = config_from(YAML(typ="safe").load(io.StringIO(block)))
+    assert config.method == Method()
+    missing = {key for key in keys_of(type(config)) if not re.search(rf"\b{key}\b", block)}
+    assert not missing
+    assert text.count("```") % 2 == 0
+
+
+def keys_of(model) -> set[str]:
+    """All keys of a part of the configuration and of its parts, but those of interface laws."""
+    found = set()
+    for name, field in model.model_fields.items():
+        found.add(name)
+        if name != "interfaces":
+            found |= {key for part in parts_of(field.annotation) for key in keys_of(part)}
+    return found
+
+
+def parts_of(annotation) -> list:
+    if hasattr(annotation, "model_fields"):
+        return [annotation]
+    return [part for argument in getattr(annotation, "__args__", ()) for part in parts_of(argument)]
+
+
+def test_python_shown_runs_and_prints_what_it_says(capsys, monkeypatch):
+    """Numbers behind ``print(…)   # …`` are those that are printed, but for rounding."""
+    monkeypatch.chdir(ROOT)
+    blocks = [block for path in DOCUMENTS for block in code_blocks(path, "python")]
+    assert blocks
+    for block in blocks:
+        exec(block, {})
+        said = [numbers(line) for line in re.findall(r"^print\(.*\) *# (.*)$", block, flags=re.MULTILINE)]
+        for wanted, line in zip(said, capsys.readouterr().out.splitlines(), strict=True):
+            assert numbers(line) == pytest.approx(wanted, rel=1e-3)
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r"\d+(?:\.\d+)?(?:e[+-]\d+)?", text)]
