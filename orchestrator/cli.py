@@ -14,6 +14,7 @@ from typing import Annotated, Optional
 import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+from orchestrator.registry import CODES
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Multiscale domain decomposition around an untouched finite element code.")
@@ -77,14 +78,12 @@ def check(config: ConfigFile, overrides: Overrides = None,
         if syntax_only:
             print("OK")
             return CONVERGED
+        from orchestrator.blackbox.codes.finding import find_codes
         from orchestrator.scene.build import build_scene
 
         try:
             scene = build_scene(loaded.config)
-            if any(entry.code != "freefem" for entry in loaded.config.codes):  # FreeFEM does all that can be asked for
-                from orchestrator.blackbox.start import check_codes
-
-                check_codes(loaded.config.codes, {s.code for s in scene.subdomains})
+            find_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             print(f"OK: {scene!r}")
         except InputError as error:
             raise located(error, loaded) from error
@@ -127,7 +126,7 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
 
 
 @app.command()
-def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefem, calculix, scikit-fem, or your own: solver.py")],
+def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '.join(CODES)}, or your own: solver.py")],
                 transport: Annotated[Optional[str], typer.Option(help="pipe or file; default: all the code has")] = None,
                 timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> None:
     """Run a code against the black box protocol: is it fit to take part?"""
@@ -143,12 +142,11 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help="freefe
 def doctor() -> None:
     """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes are there."""
     def action() -> int:
-        from orchestrator.blackbox.codes.freefem import doctor as examine
-        from orchestrator.blackbox.codes.registry import others
+        from orchestrator.blackbox.codes.finding import doctor as examine
 
-        needed = examine()
-        print("\n".join([*needed, *others()]))
-        return BAD_INPUT if any(line.startswith("missing") for line in needed) else CONVERGED
+        lines = examine()
+        print("\n".join(lines))
+        return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
 
     _guarded(action)
 

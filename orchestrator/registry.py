@@ -10,6 +10,7 @@ True
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import Any
@@ -21,17 +22,18 @@ class Registry(Mapping[str, Any]):
     Parameters
     ----------
     places : name → ``module:attribute``
+    own : regular expression → ``module:attribute``: what stands for names of the user's own, by their form
     """
 
-    def __init__(self, places: Mapping[str, str]):
-        self._places = dict(places)
+    def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None):
+        self._places, self._own = dict(places), dict(own or {})
         self._known: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self._known:
-            module, _, attribute = self._places[name].partition(":")
-            self._known[name] = getattr(import_module(module), attribute)
-        return self._known[name]
+        place = self._place(name)
+        if place is None:
+            raise KeyError(name)
+        return self._at(place)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._places)
@@ -40,11 +42,31 @@ class Registry(Mapping[str, Any]):
         return len(self._places)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._places
+        return isinstance(name, str) and self._place(name) is not None
+
+    def own(self) -> list[Any]:
+        """What stands for names of the user's own."""
+        return [self._at(place) for place in self._own.values()]
 
     def add(self, name: str, thing: Any) -> None:
         """Something that is not shipped: a law or a code of the user's own."""
-        self._places[name], self._known[name] = f"{thing.__module__}:{thing.__qualname__}", thing
+        place = f"{thing.__module__}:{thing.__qualname__}"
+        self._places[name], self._known[place] = place, thing
+
+    def remove(self, name: str) -> None:
+        """Forget what was added."""
+        del self._places[name]
+
+    def _place(self, name: str) -> str | None:
+        if name in self._places:
+            return self._places[name]
+        return next((place for form, place in self._own.items() if re.fullmatch(form, name)), None)
+
+    def _at(self, place: str) -> Any:
+        if place not in self._known:
+            module, _, attribute = place.partition(":")
+            self._known[place] = getattr(import_module(module), attribute)
+        return self._known[place]
 
 
 DEFAULT_LAW = "perfect"
@@ -54,8 +76,11 @@ LAWS = Registry({
     "jump": "orchestrator.laws.jump:Jump",
 })
 
+# The first is taken where none is named: it keeps its factors between requests, and is the fastest here.
 CODES = Registry({
     "freefem": "orchestrator.blackbox.codes.freefem:FreeFem",
     "calculix": "orchestrator.blackbox.codes.calculix:CalculiX",
-    "scikit-fem": "orchestrator.blackbox.codes.scikit_fem:ScikitFemCode",
+    "scikit-fem": "orchestrator.blackbox.codes.scikit_fem.code:ScikitFemCode",
+}, own={
+    r".+\.py(:\w+)?|[\w.]+:\w+": "orchestrator.blackbox.codes.python_code:PythonCode",
 })

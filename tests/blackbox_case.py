@@ -1,18 +1,18 @@
 """Small models for the black box, and an assembly of their stiffness that owes FreeFEM nothing."""
 
 from itertools import permutations
-from types import SimpleNamespace
 
 import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import Model
+from orchestrator.config.blackbox import CodeSettings
+from orchestrator.config.load import settings_from
 
 
-def settings(**changes) -> SimpleNamespace:
-    """The ``blackbox`` section of a configuration."""
-    values = dict(code="freefem", element="P1", transport="pipe", workers=1, timeout=60.0)
-    return SimpleNamespace(**{**values, **changes})
+def settings(**changes) -> CodeSettings:
+    """The ``blackbox`` section of a configuration: FreeFEM, one worker, if not told otherwise."""
+    return settings_from({"workers": 1, "timeout": 60.0, **changes})
 
 
 def box(cells=(3, 2, 2), name="box", seed=0, hold=True) -> Model:

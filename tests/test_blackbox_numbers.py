@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse.linalg as spla
 from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
 
-from orchestrator.blackbox.codes.freefem import blas_of, doctor
+from orchestrator.blackbox.codes.freefem.installation import blas_of, report
 from orchestrator.blackbox.pool.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 
@@ -120,7 +120,7 @@ def test_the_processes_use_openblas(pool):
 
 
 def test_doctor_finds_everything_here():
-    assert not [line for line in doctor() if line.startswith("missing")]
+    assert not [line for line in report() if line.startswith("missing")]
 
 
 def test_the_clock_and_memory(pool):

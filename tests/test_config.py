@@ -228,8 +228,12 @@ def test_round_trip_through_plain_data(write, configs_dir):
 
 
 def test_every_default_has_a_reason():
-    from orchestrator.config.method import BlackBox, Macro, Method, Output, SearchDirection, Sole
-    for model in (BlackBox, Macro, Method, Output, SearchDirection, Sole):
+    from orchestrator.config.blackbox import CodeSettings
+    from orchestrator.config.method import Macro, Method, Output, SearchDirection, Sole
+    from orchestrator.registry import CODES
+
+    codes = (code.Settings for code in (*CODES.values(), *CODES.own()))
+    for model in (CodeSettings, *codes, Macro, Method, Output, SearchDirection, Sole):
         assert all(field.description for field in model.model_fields.values())
 
 

@@ -6,11 +6,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, SerializeAsAny, Tag, WrapValidator, create_model
+from pydantic import (AfterValidator, BaseModel, ConfigDict, Discriminator, Field, SerializeAsAny, Tag, WrapValidator,
+                      create_model)
+from pydantic_core import PydanticCustomError
 
 # Marks the alternative of a union in pydantic's error locations; what follows is the sentence
 # shown to the user. No YAML key can start with it.
 TAG = "\0"
+UNKNOWN_NAME = "unknown_name"  # pydantic's error type for a word that names nothing
 
 
 class Part(BaseModel):
@@ -33,7 +36,7 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
                      Discriminator(lambda value: one if is_first(value) else two)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # a registry has no hash
 class ByName:
     """How the model of a mapping follows from what the mapping names.
 
@@ -43,12 +46,19 @@ class ByName:
     key : that names it
     registry : name → thing
     model_of : thing → its model
+    others : words for what else than a name the registry takes, if anything
     """
 
     base: type[Part]
     key: str
     registry: Mapping[str, Any]
     model_of: Callable[[Any], type[Part]]
+    others: Callable[[], str] = str
+
+    @property
+    def mapping(self) -> Any:
+        """The type of such a mapping, for a field of a model."""
+        return Annotated[SerializeAsAny[self.base], WrapValidator(self.validated), self]
 
     def name(self, value: Any) -> Any:
         """What a raw mapping names."""
@@ -65,7 +75,11 @@ class ByName:
         field = self.base.model_fields[self.key]
         loose = type(self.base.__name__, (self.base,), {"model_config": {"extra": "ignore"}})
         return create_model(self.base.__name__, __base__=loose, **{
-            self.key: (Literal[tuple(self.registry)], Field(field.default, description=field.description))})
+            self.key: (Annotated[str, AfterValidator(self._refused)], Field(description=field.description))})
+
+    def _refused(self, name: str) -> str:
+        expected = ", ".join(filter(None, [f"one of {', '.join(self.registry)}", self.others()]))
+        raise PydanticCustomError(UNKNOWN_NAME, "an unknown name", {"known": list(self.registry), "expected": expected})
 
     def owners(self, key: str) -> list[str]:
         """The names whose models have a key of their own."""
@@ -84,12 +98,6 @@ class ByName:
             value = {key: entry for key, entry in value.items()
                      if entry is not None or key in model.model_fields or not self.owners(key)}
         return model.model_validate(value)
-
-
-def by_name(base: type[Part], key: str, registry: Mapping[str, Any], model_of: Callable[[Any], type[Part]]) -> Any:
-    """A mapping that is validated by the model that belongs to what it names; parameters as in ``ByName``."""
-    chooser = ByName(base, key, registry, model_of)
-    return Annotated[SerializeAsAny[base], WrapValidator(chooser.validated), chooser]
 
 
 def auto_or(number: Any, expected: str) -> Any:
@@ -115,5 +123,6 @@ Count = Annotated[int, Field(ge=1)]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 PartlyFree = Annotated[list[float | None], Field(min_length=3, max_length=3)]
 Sizes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+AutoCount = auto_or(Count, "a whole number >= 1")
 Counts = Annotated[list[Count], Field(min_length=3, max_length=3)]
 Name = Annotated[str, Field(min_length=1)]

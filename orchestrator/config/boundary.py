@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from orchestrator.config.base import Name, Part, PartlyFree, Vector, as_list, by_name, either, one_or_per_step
+from orchestrator.config.base import ByName, Name, Part, PartlyFree, Vector, as_list, either, one_or_per_step
 from orchestrator.config.entry import Entry
 from orchestrator.registry import LAWS
 
@@ -45,7 +45,7 @@ class BodyForce(Part):
     history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")
 
 
-Interfaces = list[by_name(Entry, "law", LAWS, lambda law: law.Parameters)]
+Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping]
 
 
 def everything_perfect() -> list[Entry]:

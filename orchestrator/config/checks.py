@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from orchestrator.config.method import RATIO_RANGE, RUNS_ONCE
+from orchestrator.config.blackbox import settings_class
+from orchestrator.config.method import RATIO_RANGE
 from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, LAWS
@@ -143,23 +144,18 @@ def acceleration_fits(data: Any) -> Iterator[Problem]:
                       "a linear problem for gmres", "use anderson")
 
 
-def blackboxes_fit(data: Any) -> Iterator[Problem]:
-    """A transport the code has, and one element for all."""
-    single, several = find(data, ("blackbox",)), list(find(data, ("blackbox", "*")))
-    for path, entry in (*single, *several):
-        if isinstance(entry, dict) and entry.get("code") in RUNS_ONCE and entry.get("transport") == "pipe":
-            yield Problem((*path, "transport"), f"pipe with {entry['code']}, which ends after every run",
-                          "transport: file", "write transport: file, or leave it out")
-    for path, entry in several:
-        element, first = (e.get("element", "P1") for e in (entry, several[0][1])) if isinstance(entry, dict) and \
-            isinstance(several[0][1], dict) else ("P1", "P1")
-        if element != first:
+def one_element(data: Any) -> Iterator[Problem]:
+    """The same element in all entries of ``blackbox``."""
+    elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
+                for path, entry in find(data, ("blackbox", "*")) if isinstance(entry, dict)]
+    for path, element in elements[1:]:
+        if element != (first := elements[0][1]):
             yield Problem((*path, "element"), f"{element} beside {first}", "the same element in all entries",
                           "interfaces need the same nodes on both sides: choose one element")
 
 
 RULES = [exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
-         blackboxes_fit]
+         one_element]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -9,7 +9,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from orchestrator.config.base import TAG, ByName
+from orchestrator.config.base import TAG, UNKNOWN_NAME, ByName
 from orchestrator.config.model import Config
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem
@@ -20,9 +20,9 @@ BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="),
           "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
 
 
-def explained(error: ValidationError, data: Any) -> list[Problem]:
-    """One problem per error, with the path in the YAML; ``data`` is what was validated."""
-    return [_explain(entry, data) for entry in error.errors(include_url=False)]
+def explained(error: ValidationError, data: Any, root: type[BaseModel] = Config) -> list[Problem]:
+    """One problem per error, with the path in the YAML; ``data`` is what was validated, by the model ``root``."""
+    return [_explain(entry, data, root) for entry in error.errors(include_url=False)]
 
 
 def echo(value: Any) -> str:
@@ -31,11 +31,11 @@ def echo(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _explain(entry: Any, data: Any) -> Problem:
+def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
     kind, context = entry["type"], entry.get("ctx", {})
     path: KeyPath = tuple(key for key in entry["loc"] if not str(key).startswith(TAG))
-    parent, _ = _meet(path[:-1], data)
-    model, field = _meet(path, data)
+    parent, _ = _meet(path[:-1], data, root)
+    model, field = _meet(path, data, root)
     about = field.description or "" if field else ""
     named = [key for key in path if not isinstance(key, int)]
     hint = f"{named[-1]}: {about}" if about else ""
@@ -43,14 +43,19 @@ def _explain(entry: Any, data: Any) -> Problem:
     if kind == "missing":
         return Problem(path, f"no {path[-1]}", about or "a value", f"add {path[-1]}")
     if kind == "extra_forbidden":
-        if foreign := _foreign(path, data):
-            return foreign
-        chooser = _choice(path[:-1], data)
+        chooser = _choice(path[:-1], data, root)
+        if chooser and (owners := chooser.owners(str(path[-1]))):
+            return _foreign(path, chooser.name(get(data, *path[:-1])), chooser.key, owners)
         return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys),
                        nearest(str(path[-1]), chooser.keys() if chooser else keys))
+    if kind == UNKNOWN_NAME:
+        return Problem(path, echo(entry["input"]), context["expected"],
+                       nearest(str(entry["input"]), context["known"], otherwise=hint))
     if kind == "literal_error" and not _tagged(entry):
         options = [str(option).lower() if option is True else str(option) for option in _options(field)]
-        return Problem(path, echo(entry["input"]), "one of " + ", ".join(options) if len(options) > 1 else options[0],
+        if len(options) == 1:  # no misspelling: it cannot be otherwise, and the description says why
+            return Problem(path, echo(entry["input"]), options[0], hint)
+        return Problem(path, echo(entry["input"]), "one of " + ", ".join(options),
                        nearest(str(entry["input"]), options, otherwise=hint))
     return Problem(path, echo(entry["input"]), _expected(entry, kind, context, model), hint)
 
@@ -83,20 +88,15 @@ def _tagged(entry: Any) -> bool:
     return bool(entry["loc"]) and str(entry["loc"][-1]).startswith(TAG)
 
 
-def _foreign(path: KeyPath, data: Any) -> Problem | None:
-    """The problem with a key that other names than the mapping's own know, if there are such."""
-    chooser, value = _choice(path[:-1], data), get(data, *path[:-1])
-    owners = chooser.owners(str(path[-1])) if chooser else []
-    if not owners:
-        return None
-    key, name = chooser.key, chooser.name(value)
+def _foreign(path: KeyPath, name: str, key: str, owners: list[str]) -> Problem:
+    """The problem with a key that other names than the mapping's own know."""
     return Problem(path, f"{path[-1]} with {key}: {name}", f"{path[-1]} with {key}: {' or '.join(owners)} only",
                    f"remove {path[-1]}, or write {key}: {owners[0]}")
 
 
-def _meet(path: KeyPath, data: Any) -> tuple[type[BaseModel] | None, FieldInfo | None]:
+def _meet(path: KeyPath, data: Any, root: type[BaseModel]) -> tuple[type[BaseModel] | None, FieldInfo | None]:
     """The model a path leads to, if it leads to one, and the last field met on the way."""
-    model: type[BaseModel] | None = Config
+    model: type[BaseModel] | None = root
     field: FieldInfo | None = None
     for end, key in enumerate(path, 1):
         if isinstance(key, int):
@@ -110,9 +110,9 @@ def _meet(path: KeyPath, data: Any) -> tuple[type[BaseModel] | None, FieldInfo |
     return model, field
 
 
-def _choice(path: KeyPath, data: Any) -> ByName | None:
+def _choice(path: KeyPath, data: Any, root: type[BaseModel]) -> ByName | None:
     """What chooses the model of the mapping at a path, if it depends on what the mapping names."""
-    _, field = _meet(path, data)
+    _, field = _meet(path, data, root)
     return next(_marks(field.annotation, field.metadata), None) if field else None
 
 

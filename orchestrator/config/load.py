@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.constructor import DuplicateKeyError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from orchestrator.config.blackbox import CodeSettings, settings_class
 from orchestrator.config.checks import broken_rules
 from orchestrator.config.explain import echo, explained
 from orchestrator.config.model import Config
@@ -101,7 +102,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
         except InputError as error:
             problems += error.problems
     data, missing = _find_meshes(data, Path(path).parent)
-    data = _find_solvers(data, Path(path).parent)
+    data = _find_files_of_codes(data, Path(path).parent)
     try:
         config = config_from(data)
         problems += missing
@@ -134,6 +135,20 @@ def config_from(data: Any) -> Config:
     if problems:
         raise InputError(problems)
     return config
+
+
+def settings_from(entry: dict[str, Any]) -> CodeSettings:
+    """Validates one entry of ``blackbox`` by itself.
+
+    Raises
+    ------
+    InputError : with all problems
+    """
+    model = settings_class(entry)
+    try:
+        return model.model_validate(entry)
+    except ValidationError as error:
+        raise InputError(explained(error, entry, model)) from error
 
 
 def located(error: InputError, loaded: Loaded) -> InputError:
@@ -208,19 +223,15 @@ def _find_meshes(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
     return data, problems
 
 
-def _find_solvers(data: Any, folder: Path) -> Any:
-    """Solvers of the user's own that stand beside the YAML file, with their folder."""
-    def placed(entry: Any) -> Any:
-        code = entry.get("code") if isinstance(entry, dict) else None
-        file = (code.partition(".py")[0] + ".py") if isinstance(code, str) and ".py" in code else ""
-        if not file or not os.path.isfile(folder / file):
-            return entry
-        return {**entry, "code": os.path.normpath(folder / file) + code[len(file):]}
+def _find_files_of_codes(data: Any, folder: Path) -> Any:
+    """Files that the entries of ``blackbox`` name and that stand beside the YAML file, with their folder."""
+    def found(entry: Any) -> Any:
+        return settings_class(entry).beside(entry, folder) if isinstance(entry, dict) else entry
 
     entry = get(data, "blackbox")
     if entry is None:
         return data
-    return {**data, "blackbox": [placed(e) for e in entry] if isinstance(entry, list) else placed(entry)}
+    return {**data, "blackbox": [found(e) for e in entry] if isinstance(entry, list) else found(entry)}
 
 
 def _first_line(text: str) -> str:

@@ -1,18 +1,17 @@
-"""``method``, ``blackbox`` and ``output``: how the problem is solved, by what, and what is kept."""
+"""``method`` and ``output``: how the problem is solved, and what is kept."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from orchestrator.config.base import Count, Name, Part, Positive, as_list, auto_or, either
+from orchestrator.config.base import AutoCount, Count, Name, Part, Positive, auto_or
 
 RATIO_RANGE = (1e-3, 1e2)
 FRACTION = 0.1  # of the mesh's error, for the iterations'
 
 AutoPositive = auto_or(Positive, "a number > 0")
-AutoCount = auto_or(Count, "a whole number >= 1")
 AutoPoisson = auto_or(Annotated[float, Field(gt=-1, lt=0.5)], "a number > -1 and < 0.5")
 AutoRelaxation = auto_or(Annotated[float, Field(gt=0, le=1)], "a number > 0 and <= 1")
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -124,44 +123,6 @@ class Method(Part):
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
     max_iterations: Count = Field(500, description="far above what a healthy run needs, so it only stops sick ones")
-
-
-CODES = ("freefem", "calculix", "scikit-fem")
-RUNS_ONCE = ("calculix",)  # codes that cannot stay alive between requests
-OWN = r"^(.+\.py(:\w+)?|[\w.]+:\w+)$"
-
-CodeName = either(Annotated[str, Field(pattern=OWN)], Literal[CODES],
-                  lambda value: isinstance(value, str) and (":" in value or value.endswith(".py")),
-                  f"one of {', '.join(CODES)}, or your own solver: solver.py, solver.py:Class or package.module:Class")
-
-
-class BlackBox(Part):
-    """The finite element code that solves the subdomains."""
-
-    code: CodeName = Field("freefem", description="freefem keeps its factors between requests and is the fastest here")
-    element: Literal["P1", "P2"] = Field("P1", description=(
-        "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))
-    transport: Literal["pipe", "file"] = Field("pipe", description=(
-        "pipe: persistent processes that keep their factors; file: one run per request, for closed codes, or one "
-        "for the interface compliance where that is cheaper. calculix knows file only"))
-    workers: AutoCount = Field("auto", description="processes; auto: one per core")
-    timeout: Positive = Field(600.0, description=(
-        "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
-
-    @model_validator(mode="before")
-    @classmethod
-    def _files(cls, value: Any) -> Any:
-        """Codes that end after every run talk through files unless told otherwise."""
-        if isinstance(value, dict) and value.get("code") in RUNS_ONCE and "transport" not in value:
-            return {**value, "transport": "file"}
-        return value
-
-
-class BlackBoxOn(BlackBox):
-    """The code for the subdomains it names; the last match wins."""
-
-    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
-        ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
 
 
 class Output(Part):

@@ -6,13 +6,11 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from orchestrator.config.base import Name, Part, either
+from orchestrator.config.base import Name, Part
+from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_class
 from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interfaces, everything_perfect
 from orchestrator.config.mesh import Material, Mesh, Subdomains
-from orchestrator.config.method import BlackBox, BlackBoxOn, Method, Output
-
-BlackBoxes = either(Annotated[list[BlackBoxOn], Field(min_length=1)], BlackBox, lambda value: isinstance(value, list),
-                    "a mapping such as {code: freefem}, or a list of such, each with on: [names of subdomains]")
+from orchestrator.config.method import Method, Output
 
 
 class Config(Part):
@@ -34,7 +32,7 @@ class Config(Part):
     interfaces: Interfaces = Field(default_factory=everything_perfect, description=(
         "laws between parts, the last match wins; perfect by default: the body as one piece"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
-    blackbox: BlackBoxes = Field(BlackBox(), description=(
+    blackbox: BlackBoxes = Field(default_factory=lambda: settings_class({})(), description=(
         "the finite element code, or a list of several with on:, the last match wins"))
     output: Output = Field(Output(), description="what is written, and where")
 
@@ -50,7 +48,7 @@ class Config(Part):
         return {**data, "output": {**output, "directory": f"results/{data['name']}"}}
 
     @property
-    def codes(self) -> list[BlackBox]:
+    def codes(self) -> list[CodeSettings]:
         """The black boxes, in the order of the YAML."""
         return self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
 

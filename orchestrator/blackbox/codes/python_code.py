@@ -2,93 +2,114 @@
 
 from __future__ import annotations
 
-import io
+import json
 import os
 import sys
 from importlib import metadata
 from importlib.machinery import PathFinder
 from importlib.resources import files
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-import numpy as np
+from pydantic import Field
 
+from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.pool.exits import exit_meaning
-from orchestrator.blackbox.transport.file import FileWorker
-from orchestrator.blackbox.transport.pipe import PipeWorker
-from orchestrator.blackbox.protocol import Model
+from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.protocol import Model
 
 TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
 _MEANINGS = {1: "an exception in the solver's Python code"}
 
 
-class PythonCode:
+class PythonCode(MessageCode):
     """A class with the three methods of ``template``, in a process of its own.
 
-    Parameters
-    ----------
-    name : for messages
-    code : ``file.py``, ``file.py:Class`` or ``package.module:Class``
-    package, install : what it needs beside itself, and how to get it
+    As it is, the class is the one that ``code`` in the YAML names. A code with a name of its own derives from this one
+    and says which class it means; keys that its ``Settings`` add are keyword arguments of that class.
 
-    Raises InputError when the file, the module or the package is not there: nothing has been started yet.
+    Attributes
+    ----------
+    solver : ``file.py``, ``file.py:Class`` or ``package.module:Class``; empty: what ``settings.code`` says
+    package : the Python package it needs beside itself, if any
+
+    Raises InputError when the file, the module or the package is not there.
     """
 
-    elements = ("P1",)
-    transports = {"pipe": PipeWorker, "file": FileWorker}
+    forms: ClassVar[str] = "solver.py, solver.py:Class or package.module:Class"
+    solver: ClassVar[str] = ""
+    package: ClassVar[str] = ""
     mesh_suffix = "npz"
 
-    def __init__(self, name: str, code: str, package: str = "", install: str = ""):
-        self.name, self.code, self.package = name, code, package
+    class Settings(CodeSettings):
+        """A solver in Python."""
+
+        element: Literal["P1"] = Field("P1", description="linear tetrahedra: the Python codes know no other")
+
+        @classmethod
+        def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
+            """The solver's file."""
+            file, dot, name = str(entry.get("code", "")).partition(".py")
+            if not dot or not (folder / f"{file}.py").is_file():
+                return entry
+            return {**entry, "code": os.path.normpath(folder / f"{file}.py") + name}
+
+    def __init__(self, settings: CodeSettings | None = None):
+        super().__init__(settings)
+        code = self.solver or self.settings.code
         where = code.rpartition(":")[0] or code
-        if package and not _installed(package):
-            raise _absent(f"no Python package {package} in {sys.prefix}", f"the package {package}", install)
+        if self.package and not _installed(self.package):
+            raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
+                          f"{sys.executable} -m pip install {self.package}")
         if where.endswith(".py"):
             if not Path(where).is_file():
                 raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class",
                               f"start from {TEMPLATE}")
-            self.code = str(Path(where).resolve()) + code[len(where):]
+            code = str(Path(where).resolve()) + code[len(where):]
         elif not _importable(where):
             raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",
                           "install it in this environment, or add its folder to PYTHONPATH")
+        self._code = code
+
+    @property
+    def name(self) -> str:
+        """As in the YAML; of a solver of the user's own the file or the module, without its folder and class."""
+        code = self.settings.code
+        return code if self.solver else Path(code.rpartition(":")[0] or code).name
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a server that reads and writes these paths."""
-        return [sys.executable, "-m", "orchestrator.blackbox.codes.python_server", self.code, requests, replies]
+        own = self.settings.model_dump(mode="json", exclude=set(CodeSettings.model_fields))
+        return [sys.executable, "-m", "orchestrator.blackbox.codes.python_server", self._code, json.dumps(own),
+                requests, replies]
 
-    @staticmethod
-    def environment() -> dict[str, str]:
-        """Environment of the child process: one thread, since parallelism is over subdomains."""
+    def environment(self) -> dict[str, str]:
+        """With this package and the current folder among the modules."""
         path = os.pathsep.join([str(_ROOT), *filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")])])
-        return {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        return {**super().environment(), "PYTHONPATH": path}
 
-    @staticmethod
-    def mesh(model: Model) -> bytes:
-        """Bytes of the model's file."""
+    def mesh(self, model: Model) -> bytes:
+        """The model as it is, in numpy's format."""
+        import io
+
+        import numpy as np
+
         file = io.BytesIO()
         np.savez(file, name=model.name, nodes=model.nodes, cells=model.cells, region=model.region,
                  materials=model.materials, fixed=model.fixed, trace=model.trace)
         return file.getvalue()
 
-    @staticmethod
-    def meaning(exit_code: int) -> str:
-        """What an exit code (negative: killed by that signal) says."""
+    def meaning(self, exit_code: int) -> str:
+        """As ``Code`` says."""
         return exit_meaning(exit_code, _MEANINGS)
 
     def version(self) -> str:
         """Version of the package it needs; empty for a class of one's own."""
         return metadata.version(self.package) if self.package else ""
-
-    @staticmethod
-    def missing_plugin(exit_code: int) -> None:
-        """Nothing beside the package."""
-
-
-def scikit_fem() -> PythonCode:
-    """scikit-fem, the worked example."""
-    return PythonCode("scikit-fem", "orchestrator.blackbox.codes.scikit_fem:ScikitFem", "scikit-fem",
-                      f"{sys.executable} -m pip install scikit-fem")
 
 
 def _importable(module: str) -> bool:

@@ -1,15 +1,16 @@
 """Hosts a black box written in Python in a process of its own.
 
-    python -m orchestrator.blackbox.codes.python_server CODE REQUESTS REPLIES
+    python -m orchestrator.blackbox.codes.python_server CODE OPTIONS REQUESTS REPLIES
 
 The other end is the orchestrator, which speaks the bytes of ``messages``; CODE names the class that answers, see
-``template`` for its three methods. An exception ends the process: its traceback is in the log that the error quotes.
+``template`` for its three methods, and OPTIONS are its keyword arguments, as JSON. An exception ends the process: its traceback is in the log that the error quotes.
 """
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
 import sys
 import time
 import warnings
@@ -148,5 +149,5 @@ def read_model(path: str) -> Model:
 
 
 if __name__ == "__main__":
-    with open(sys.argv[2], "rb") as requests, open(sys.argv[3], "wb") as replies:
-        Server(solver_class(sys.argv[1])(), requests, replies).run()
+    with open(sys.argv[3], "rb") as requests, open(sys.argv[4], "wb") as replies:
+        Server(solver_class(sys.argv[1])(**json.loads(sys.argv[2])), requests, replies).run()

@@ -12,7 +12,8 @@ import scipy.sparse as sp
 from orchestrator.blackbox.pool import lifetime, workdir
 from orchestrator.blackbox.pool.crew import Crew, Task
 from orchestrator.blackbox.pool.usage import PoolUsage
-from orchestrator.blackbox.pool.worker import Code, Ended, Worker
+from orchestrator.blackbox.codes.code import Code
+from orchestrator.blackbox.pool.worker import Ended, Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.cost import predicted_cost
@@ -40,21 +41,19 @@ class Pool:
 
     Parameters
     ----------
-    worker_class : the transport
-    code, element : what to run
-    workers : how many at once
-    timeout : seconds one answer may take
+    code : what to run, and its settings: how many processes at once, by which transport
     """
 
-    def __init__(self, worker_class: type[Worker], code: Code, element: str, workers: int, timeout: float):
+    def __init__(self, code: Code):
         self._models: list[Model] = []
         self._home: dict[int, int] = {}  # model → worker
         self._broken, self._closed = "", False
         self._folder = workdir.make()
         lifetime.watch(self)
-        self._crew = Crew(lambda number: worker_class(code, element, self._folder, number, timeout), workers)
-        transport = next((name for name, kind in code.transports.items() if kind is worker_class), "")
-        self._usage = PoolUsage(self._crew, code, transport, self._folder)
+        workers, worker = code.settings.workers, code.worker()
+        self._crew = Crew(lambda number: worker(code, self._folder, number),
+                          default_workers() if workers == "auto" else workers)
+        self._usage = PoolUsage(self._crew, code, self._folder)
         try:
             self._crew.start()
         except BaseException as error:

@@ -10,7 +10,7 @@ from orchestrator.blackbox.pool.crew import Crew
 from orchestrator.blackbox.usage import Activity, summed
 
 if TYPE_CHECKING:
-    from orchestrator.blackbox.pool.worker import Code
+    from orchestrator.blackbox.codes.code import Code
 
 
 class PoolUsage:
@@ -18,11 +18,11 @@ class PoolUsage:
 
     Parameters
     ----------
-    crew, code, transport, folder : of the pool
+    crew, code, folder : of the pool
     """
 
-    def __init__(self, crew: Crew, code: Code, transport: str, folder: Path):
-        self._crew, self._code, self._transport, self._folder = crew, code, transport, folder
+    def __init__(self, crew: Crew, code: Code, folder: Path):
+        self._crew, self._code, self._folder = crew, code, folder
         self._held: list[list[int]] = []
 
     def hold(self, home: Mapping[int, int], dofs: list[int]) -> None:
@@ -53,8 +53,8 @@ class PoolUsage:
         """As the protocol says."""
         seconds = self.clock()
         asked = [note for worker in self._crew.workers for note in worker.compliances()]
-        return [{"code": self._code.name, "transport": self._transport, "version": self._code.version(),
-                 "models": sum(map(len, self._held)), "workers": self._crew.count,
+        return [{"code": self._code.name, "transport": self._code.settings.transport,
+                 "version": self._code.version(), "models": sum(map(len, self._held)), "workers": self._crew.count,
                  "seconds": {**seconds, "total": sum(seconds.values())}, "compliances": asked}]
 
     def memory_peak_mb(self) -> float:

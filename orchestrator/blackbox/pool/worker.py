@@ -11,34 +11,21 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.launcher import without_launcher
 
+if TYPE_CHECKING:
+    from orchestrator.blackbox.codes.code import Code
+
 LOG_TAIL = 2000  # bytes
-
-
-class Code(Protocol):
-    """A finite element code that speaks the bytes of ``messages``."""
-
-    name: str
-    elements: tuple[str, ...]
-    transports: Mapping[str, type["Worker"]]
-    mesh_suffix: str
-
-    def command(self, requests: str, replies: str) -> list[str]: ...
-    def environment(self) -> dict[str, str]: ...
-    def mesh(self, model: Model) -> bytes: ...
-    def meaning(self, exit_code: int) -> str: ...
-    def version(self) -> str: ...
-    def missing_plugin(self, exit_code: int) -> Exception | None: ...
 
 
 class Ended(Exception):
@@ -57,15 +44,15 @@ class Worker:
 
     Parameters
     ----------
-    code, element : what to run
+    code : what to run, and its settings
     folder : where meshes and messages are written
     number : for file names
-    timeout : seconds one answer may take
     """
 
-    def __init__(self, code: Code, element: str, folder: Path, number: int, timeout: float):
-        self.code, self.element, self.folder, self.number, self.timeout = code, element, folder, number, timeout
-        self.seconds = {"start": 0.0, "assemble": 0.0, "factorise": 0.0, "solve": 0.0}
+    def __init__(self, code: Code, folder: Path, number: int):
+        self.code, self.folder, self.number = code, folder, number
+        self.element, self.timeout = code.settings.element, code.settings.timeout
+        self.seconds = dict.fromkeys(STAGES, 0.0)
         self.calls, self.working = 0, 0.0  # tasks, and seconds spent on them
         self.peak_mb = 0.0
         self.process: subprocess.Popen | None = None

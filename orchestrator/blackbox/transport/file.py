@@ -80,7 +80,7 @@ class FileWorker(StatelessWorker):
         try:
             process = self.spawn(asked.name, answered.name)
             code, seconds = self.wait_for_end(process)
-            missing = self.code.missing_plugin(code) if not answered.exists() else None
+            missing = self.code.missing_part(code) if not answered.exists() else None
             if missing:
                 raise missing
             if code != 0:

@@ -27,7 +27,7 @@ class PipeWorker(Worker):
             messages.check_hello(reply)
         except (Ended, BadReply) as error:
             failure = self.failure("it did not start", error, "")
-            missing = self.code.missing_plugin(self.process.returncode)
+            missing = self.code.missing_part(self.process.returncode)
             raise missing or failure from error
         self.seconds["start"] += float(reply.seconds[0])
 

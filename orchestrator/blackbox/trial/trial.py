@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.pool.pool import Pool
 from orchestrator.blackbox.trial.conformance import run_checks
-from orchestrator.blackbox.codes.registry import NAMES, code_named
-from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config.method import BlackBox
-from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, InputError, Problem
+from orchestrator.config.blackbox import settings_class
+from orchestrator.config.load import settings_from
+from orchestrator.errors import BLACKBOX_FAILED, CONVERGED
 
 
 def try_out(code: str, transport: str | None, timeout: float) -> int:
@@ -30,21 +33,18 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
     ------
     InputError : no such code or transport, or it is not installed
     """
-    make = code_named(code)
-    if make is None:
-        raise InputError(Problem((), f"code {code!r}", NAMES))
-    made = make()
-    names = [transport] if transport else list(made.transports)
+    wanted = {"code": code, "workers": 1, "timeout": timeout}
+    transports = get_args(settings_class(wanted).model_fields["transport"].annotation)
+    entries = [settings_from({**wanted, "transport": name}) for name in ([transport] if transport else transports)]
     console, failed = Console(highlight=False), 0
-    for name in names:
-        settings = BlackBox.model_construct(code=code, element="P1", transport=name, workers=1, timeout=timeout)
+    for found in find_codes(entries).values():
         table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-        for check, figure, wrong in run_checks(lambda: make_blackbox(settings)):
+        for check, figure, wrong in run_checks(lambda: Pool(found)):
             failed += bool(wrong)
             verdict = Text("failed", "bold red") if wrong else Text("passed", "green")
             table.add_row(verdict, check, Text(wrong or figure))
-        version = made.version()
-        console.print(f"{made.name}{' ' + version if version else ''}, transport {name}", style="bold")
+        version = found.version()
+        console.print(f"{found.name}{' ' + version if version else ''}, transport {found.settings.transport}", style="bold")
         console.print(table)
     console.print(Text(f"{failed} failed", "bold red") if failed else Text("It keeps the protocol.", "bold green"))
     return BLACKBOX_FAILED if failed else CONVERGED

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.blackbox.codes.freefem import FreeFem
-from orchestrator.blackbox.codes.freefem_scripts import UNDECOMPOSED, script
+from orchestrator.blackbox.codes.freefem.scripts import UNDECOMPOSED, script
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import Reference, solve_reference

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from orchestrator.blackbox.codes import registry
 from orchestrator.blackbox.codes.freefem import FreeFem
 from orchestrator.blackbox.transport.file import FileWorker
+from orchestrator.registry import CODES
 
 
 def rounded(values: np.ndarray, digits: int) -> np.ndarray:
@@ -29,11 +29,11 @@ def traces_of(digits: int) -> Iterator[None]:
             return rounded(answer, digits), seconds
 
     class Wordy(FreeFem):
-        transports = {"file": Rounding}
+        def worker(self) -> type[Rounding]:
+            return Rounding
 
-    usual = registry.CODES["freefem"]
-    registry.CODES["freefem"] = Wordy
+    CODES.add("freefem", Wordy)
     try:
         yield
     finally:
-        registry.CODES["freefem"] = usual
+        CODES.add("freefem", FreeFem)

@@ -53,10 +53,10 @@ class CalculixWorker(StatelessWorker):
     A run's CPU seconds cannot be divided: factorising counts as solving.
     """
 
-    def __init__(self, code, element, folder, number, timeout):
+    def __init__(self, code, folder, number):
         own = folder / f"calculix-{number}"
         own.mkdir()
-        super().__init__(code, element, own, number, timeout)
+        super().__init__(code, own, number)
         self._loaded: dict[int, Loaded] = {}
 
     def open(self) -> None:

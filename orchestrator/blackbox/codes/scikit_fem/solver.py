@@ -1,4 +1,4 @@
-"""scikit-fem as a black box: the worked example of "bring your own solver".
+"""Linear elasticity by scikit-fem: the worked example of "bring your own solver".
 
 Everything scikit-fem is asked for is in three methods; processes, messages, checks and errors are the server's.
 """

@@ -1,0 +1,101 @@
+"""What a finite element code is to the orchestrator; the base of all of them.
+
+Modules of codes are imported to validate a configuration: they load numpy and the transports only when they run.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from orchestrator.blackbox.pool.exits import exit_meaning
+from orchestrator.config.blackbox import CodeSettings
+from orchestrator.errors import InputError
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.pool.worker import Worker
+    from orchestrator.blackbox.protocol import Model
+
+
+class Code(ABC):
+    """A finite element code, found once and then started as often as there are workers.
+
+    Parameters
+    ----------
+    settings : its entry in the YAML; none: the defaults
+
+    Attributes
+    ----------
+    Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
+
+    The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
+    """
+
+    Settings: ClassVar[type[CodeSettings]] = CodeSettings
+
+    def __init__(self, settings: CodeSettings | None = None):
+        self.settings = settings or self.Settings()
+
+    @property
+    def name(self) -> str:
+        """In messages and in the summary."""
+        return self.settings.code
+
+    @abstractmethod
+    def worker(self) -> type[Worker]:
+        """Who drives its processes, by ``settings.transport``."""
+
+    @abstractmethod
+    def command(self, requests: str, replies: str) -> list[str]:
+        """Command line of a process that reads and writes these paths."""
+
+    def environment(self) -> dict[str, str]:
+        """Environment of its processes: one thread each, since parallelism is over subdomains."""
+        return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+    def meaning(self, exit_code: int) -> str:
+        """What an exit code (negative: killed by that signal) says."""
+        return exit_meaning(exit_code, {})
+
+    def version(self) -> str:
+        """What it says it is, e.g. "4.9"; empty where it does not tell."""
+        return ""
+
+    @classmethod
+    def doctor(cls, name: str) -> list[str]:
+        """What is installed of the code called ``name``, a line each; a line of what every run needs begins with
+        ``missing`` where it is."""
+        try:
+            return [f"{name}: {cls(cls.Settings(code=name)).version()}"]
+        except InputError as error:
+            return [f"no {name} (optional): {error.problems[0].cure}"]
+
+
+class MessageCode(Code):
+    """A code whose processes speak the bytes of ``messages``, through pipes or through files.
+
+    Attributes
+    ----------
+    mesh_suffix : of the files that ``mesh`` fills
+    """
+
+    mesh_suffix: ClassVar[str]
+
+    def worker(self) -> type[Worker]:
+        """As ``Code`` says."""
+        if self.settings.transport == "file":
+            from orchestrator.blackbox.transport.file import FileWorker
+
+            return FileWorker
+        from orchestrator.blackbox.transport.pipe import PipeWorker
+
+        return PipeWorker
+
+    @abstractmethod
+    def mesh(self, model: Model) -> bytes:
+        """Bytes of a model's mesh file, which the code reads before it answers."""
+
+    def missing_part(self, exit_code: int) -> InputError | None:
+        """The error to raise when a process ends with this code before its first word, if it is the installation's."""
+        return None

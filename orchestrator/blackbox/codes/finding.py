@@ -1,0 +1,41 @@
+"""Are the codes there that a configuration asks for? Nothing is started."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from orchestrator.blackbox.codes.code import Code
+from orchestrator.config.blackbox import CodeSettings
+from orchestrator.errors import InputError, Problem
+from orchestrator.registry import CODES
+
+
+def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = None) -> dict[int, Code]:
+    """The code of each entry that is used.
+
+    Parameters
+    ----------
+    settings : the entries of ``blackbox``
+    used : which of them have a model; default all
+
+    Raises
+    ------
+    InputError : codes that are not installed, with the problems of all
+    """
+    problems: list[Problem] = []
+    found: dict[int, Code] = {}
+    for index in sorted(set(range(len(settings)) if used is None else used)) or [0]:
+        path = ("blackbox", index) if len(settings) > 1 else ("blackbox",)
+        try:
+            found[index] = CODES[settings[index].code](settings[index])
+        except InputError as error:  # a code knows nothing of lists
+            problems += [replace(p, path=(*path, *p.path[1:])) for p in error.problems]
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def doctor() -> list[str]:
+    """What is installed and what is missing of all codes, see ``Code.doctor``."""
+    return [line for name, code in CODES.items() for line in code.doctor(name)]

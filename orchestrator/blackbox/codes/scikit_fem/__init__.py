@@ -1,0 +1,1 @@
+"""scikit-fem as a black box: ``solver`` runs in processes of its own, ``code`` says where it is."""

@@ -1,0 +1,53 @@
+"""``blackbox``: which code solves which subdomains. A code brings the model of its own entries; none is known here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from orchestrator.config.base import AutoCount, ByName, Name, Part, Positive, as_list, either
+from orchestrator.registry import CODES
+
+
+class CodeSettings(Part):
+    """What the entries of all codes understand.
+
+    A code derives its own from it: fewer words where it cannot do all, more keys where it has options. The last entry
+    that matches a subdomain wins.
+    """
+
+    code: Name = Field(next(iter(CODES)), description=(
+        "the finite element code, or a solver of your own; none: the first there is, which is the fastest here"))
+    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
+        ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
+    element: Literal["P1", "P2"] = Field("P1", description=(
+        "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))
+    transport: Literal["pipe", "file"] = Field("pipe", description=(
+        "pipe: persistent processes that keep their factors; file: one run per request, for closed codes, or one "
+        "for the interface compliance where that is cheaper"))
+    workers: AutoCount = Field("auto", description="processes; auto: one per core")
+    timeout: Positive = Field(600.0, description=(
+        "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
+
+    @classmethod
+    def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """The raw entry with the files it names found beside the YAML file, where they are there; none by default."""
+        return entry
+
+
+def _own() -> str:
+    return "or your own solver: " + ", ".join(kind.forms for kind in CODES.own())
+
+
+_BY_CODE = ByName(CodeSettings, "code", CODES, lambda code: code.Settings, _own)
+
+BlackBoxes = either(Annotated[list[_BY_CODE.mapping], Field(min_length=1)], _BY_CODE.mapping,
+                    lambda value: isinstance(value, list),
+                    f"a mapping such as {{code: {next(iter(CODES))}}}, or a list of such, each with on: [names of subdomains]")
+
+
+def settings_class(entry: Any) -> type[CodeSettings]:
+    """The model of a raw entry: that of the code it names; where it names none, one that says which there are."""
+    return _BY_CODE.model(entry)
