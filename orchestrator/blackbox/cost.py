@@ -17,6 +17,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -86,17 +87,19 @@ def copies(trace: int, cases: int, members: int, workers: int, explicit: bool) -
 
 def product_seconds(trace: int, cases: float) -> float:
     """Of (cases, trace) times (trace, trace): reading the matrix, and arithmetic, each at its measured speed."""
-    if not _speeds:
-        matrix = np.ones((_PROBE, _PROBE))
-        for columns in (1, _PROBE):
-            other, runs = np.ones((columns, _PROBE)), []
-            for _ in range(5):
-                begin = time.thread_time()  # CPU seconds, as the black box counts them
-                other @ matrix
-                runs.append(time.thread_time() - begin)
-            _speeds.append(min(runs) / _PROBE**2 / columns)
-    once, each = _speeds
+    once, each = _speeds()
     return trace**2 * max(once, cases * each)
 
 
-_speeds: list[float] = []  # seconds per entry of the matrix: for one row, and per row of many
+@cache
+def _speeds() -> tuple[float, float]:
+    """Measured CPU seconds per entry of a matrix, as black boxes count them: for one row, and per row of many."""
+    matrix, found = np.ones((_PROBE, _PROBE)), []
+    for rows in (1, _PROBE):
+        other, runs = np.ones((rows, _PROBE)), []
+        for _ in range(5):
+            begin = time.thread_time()
+            other @ matrix
+            runs.append(time.thread_time() - begin)
+        found.append(min(runs) / _PROBE**2 / rows)
+    return found[0], found[1]
