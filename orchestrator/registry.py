@@ -76,7 +76,7 @@ LAWS = Registry({
     "jump": "orchestrator.laws.jump:Jump",
 })
 
-# The first is taken where none is named: it keeps its factors between requests, and is the fastest here.
+DEFAULT_CODE = "freefem"  # keeps its factors between requests, and is the fastest here
 CODES = Registry({
     "freefem": "orchestrator.blackbox.codes.freefem:FreeFem",
     "calculix": "orchestrator.blackbox.codes.calculix:CalculiX",

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from orchestrator.config.base import AutoCount, ByName, Name, Part, Positive, as_list, either
-from orchestrator.registry import CODES
+from orchestrator.registry import CODES, DEFAULT_CODE
 
 
 class CodeSettings(Part):
@@ -18,8 +18,8 @@ class CodeSettings(Part):
     that matches a subdomain wins.
     """
 
-    code: Name = Field(next(iter(CODES)), description=(
-        "the finite element code, or a solver of your own; none: the first there is, which is the fastest here"))
+    code: Name = Field(DEFAULT_CODE, description=(
+        "the finite element code, or a solver of your own; none: the one that is the fastest here"))
     on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
         ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
     element: Literal["P1", "P2"] = Field("P1", description=(
@@ -45,7 +45,7 @@ _BY_CODE = ByName(CodeSettings, "code", CODES, lambda code: code.Settings, _own)
 
 BlackBoxes = either(Annotated[list[_BY_CODE.mapping], Field(min_length=1)], _BY_CODE.mapping,
                     lambda value: isinstance(value, list),
-                    f"a mapping such as {{code: {next(iter(CODES))}}}, or a list of such, each with on: [names of subdomains]")
+                    f"a mapping such as {{code: {DEFAULT_CODE}}}, or a list of such, each with on: [names of subdomains]")
 
 
 def settings_class(entry: Any) -> type[CodeSettings]:
