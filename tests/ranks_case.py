@@ -17,7 +17,7 @@ CASES = {
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "x", "at": 4}, "traction": [[10, 0, 5], [0, 10, 1]]}],
     },
-    # cross points, mono-scale: the bound balances by its own coarse problem; η decides; k⁺ is one's own sole
+    # cross points, mono-scale: the bound balances by a problem of its own; η decides; k⁺ is one's own sole
     "mono-scale": {
         "mesh": {"box": {"size": [2, 2, 1], "cells": [4, 4, 2]}}, "subdomains": {"grid": [2, 2, 1]},
         "materials": [{"young": 200e3, "poisson": 0.3}],

@@ -25,7 +25,7 @@ def decomposed(config):
 
 @pytest.fixture(scope="module", params=["shared nodes", "nodes apart"])
 def coarse(request, tmp_path_factory):
-    """The coarse correction of two blocks."""
+    """The coarse contact problem of two blocks."""
     shared = request.param == "shared nodes"
     folder = tmp_path_factory.mktemp("coarse")
     result = decomposed(contact(0.3) if shared else made(folder, two_parts(rough_top), MEASURED)).coarse
@@ -35,7 +35,7 @@ def coarse(request, tmp_path_factory):
 
 @pytest.fixture
 def steps(coarse):
-    """Per load step what the coarse problem is asked at the first iteration."""
+    """Per load step what the coarse contact problem is asked at the first iteration."""
     stage = coarse.stage
     fields = stage(np.zeros((len(stage.loaded), stage.space.size)))
     F0 = coarse.predict.predicted(PairTraces.of(coarse.pairs, *fields.extended))

@@ -80,7 +80,7 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
 
     Returns
     -------
-    (n,) int, the rank of each subdomain; every rank has some. Rank 0, which also solves the coarse problems and
+    (n,) int, the rank of each subdomain; every rank has some. Rank 0, which also solves the coarse contact problem and
     writes, has the part with the fewest interface dofs
     """
     costs = np.asarray(costs, float)

@@ -1,7 +1,7 @@
-"""Nonlinear coarse correction: every body moves in its affine fields under the true contact laws.
+"""What the coarse contact problem corrects: every body moves in its affine fields under the true laws.
 
 The slow tail of the fixed point is the motion of whole bodies against each other. It is removed by
-a small contact problem solved after every linear stage: each subdomain's state may change by
+a small nonlinear problem solved after every linear stage: each subdomain's state may change by
 s += V y with 12 affine fields, whose response is known from set-up,
 
     U = N R,   V = k U,   W = N M⁻¹NᵀV,   F = V − k W
@@ -11,7 +11,7 @@ and y makes the forces agree with the laws on these fields, load step after load
     ρ(y) = Uᵀ(f + F y) − Σ_pairs Tᵀ law(F₀ + L y) = 0,     T = [U₁, −U₂]
     L = [½F₁ − keq W₁, −½F₂ + keq W₂],   F₀ as in the local stage
 
-which ``coarse_problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
+which ``problem`` solves. U is made orthonormal in k. It costs no back-substitution per iteration.
 """
 
 from __future__ import annotations

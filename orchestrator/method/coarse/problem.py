@@ -23,7 +23,7 @@ from orchestrator.method.coarse.settling import Body
 from orchestrator.method.coarse.stale_factors import StaleFactors
 from orchestrator.parallel.team import Team
 
-REDUCTION = 1e-2  # a coarse problem need not be solved better than the iteration it serves
+REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 SERVED = 0.1  # a solve that stalls ends if ρ has been reduced that much already
 MAX_STEPS = 20
 DOMINATING, FEW = 0.5, 2  # a body with more of ρ is settled alone when Newton's method stalls; at most so many

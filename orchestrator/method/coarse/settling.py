@@ -26,7 +26,7 @@ JUMP = 3.0  # growth of the imbalance in one step that is not accepted
 
 @dataclass
 class Body:
-    """One body of a coarse problem.
+    """One body of a coarse contact problem.
 
     Parameters
     ----------

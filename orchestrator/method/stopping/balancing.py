@@ -1,7 +1,7 @@
 """Forces that push no floating subdomain: self-balanced force fields per interface, of least norm.
 
 The macro problem has seen to it where its basis holds the rigid motions; the mono-scale strategy leaves it to this
-one coarse problem.
+one problem of all subdomains.
 """
 
 from __future__ import annotations
