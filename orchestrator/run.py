@@ -61,6 +61,23 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     ------
     InputError : the problem cannot be solved, or a code is not there
     BlackBoxError : a code fails, hangs or answers nonsense
+
+    Examples
+    --------
+    A bar of length 4 and modulus 200e3, pulled by 10 per unit area: it grows by 4 · 10 / 200e3.
+
+    >>> from orchestrator import config_from, solve
+    >>> config = config_from({
+    ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.0}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]})
+    >>> solution = solve(config, reference=True)
+    >>> solution.converged, solution.summary["true_error"] <= solution.error_bound <= 1e-6
+    (True, True)
+    >>> solution.displacement.shape    # load steps, nodes, components
+    (1, 81, 3)
+    >>> print(f"{solution.displacement[0, :, 0].max():.7f}, held by {solution.reactions[0, 0, 0]:.6f}")
+    0.0002000, held by -10.000000
     """
     told, watch = Subscribers(subscribers), watch or Stopwatch()
     try:

@@ -87,6 +87,25 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     Raises
     ------
     InputError : with all problems, each with file and line
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from orchestrator import load_config
+    >>> written = Path("bar.yaml").write_text('''
+    ... name: bar
+    ... mesh: {box: {size: [4, 1, 1], cells: [8, 2, 2]}}
+    ... subdomains: {slices: {axis: x, count: 4}}
+    ... materials: [{young: 200e3, poisson: 0.3}]
+    ... boundary:
+    ...   - {on: xmin, displacement: [0, 0, 0]}
+    ...   - {on: xmax, traction: [10, 0, 0]}
+    ... ''')
+    >>> loaded = load_config("bar.yaml", ["method.max_iterations=50"])
+    >>> loaded.config.method.max_iterations
+    50
+    >>> loaded.locate(("materials", 0, "young"))
+    ('bar.yaml', 5)
     """
     text = _read(Path(path))
     data, lines = _parse(text, str(path))
@@ -119,6 +138,22 @@ def config_from(data: Any) -> Config:
     Raises
     ------
     InputError : with all problems
+
+    Examples
+    --------
+    >>> from orchestrator import config_from
+    >>> bar = {
+    ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]}
+    >>> config_from(bar).method.tolerance.error
+    1e-06
+    >>> config_from({**bar, "methd": {}})
+    Traceback (most recent call last):
+    orchestrator.errors.InputError: methd
+      found:    unknown key 'methd'
+      expected: one of ...
+      cure:     did you mean 'method'?
     """
     if not isinstance(data, dict):
         found = "nothing" if data is None else echo(data)

@@ -94,6 +94,33 @@ class Law:
     Notes
     -----
     What is not overruled is on the safe side: history, no proportionality, a joint that holds nothing.
+
+    Examples
+    --------
+    A law of one's own: sides that have parted, between which nothing passes. Below, all rests; above, all moves.
+
+    >>> import numpy as np
+    >>> from orchestrator import LAWS, Law, config_from, solve
+    >>> class Parted(Law):
+    ...     name, Parameters = "parted", Entry    # an entry without keys of its own
+    ...     statuses = (Status(20, "parted", "#999999", normal=False, tangential=False),)
+    ...     @classmethod
+    ...     def of(cls, entry, count, direction, distance=None):
+    ...         return cls()
+    ...     @staticmethod
+    ...     def force(points, F, previous, derivative=False):
+    ...         answer = Answer(np.zeros_like(F), np.full(len(points), 20))
+    ...         if derivative:    # nowhere does the force change
+    ...             answer.active, answer.derivative = np.zeros(0, int), np.zeros((3, 3, 0))
+    ...         return answer
+    >>> LAWS.add("parted", Parted)
+    >>> solution = solve(config_from({
+    ...     "name": "halves", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}},
+    ...     "subdomains": {"slices": {"axis": "z", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "interfaces": [{"law": "parted"}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]},
+    ...                                                     {"on": "zmax", "displacement": [0, 0, 0.1]}]}))
+    >>> [np.allclose(side[0], (0, 0, moved), atol=1e-6) for side, moved in zip(solution.sides, (0, 0.1))]
+    [True, True]
     """
 
     name: ClassVar[str]

@@ -95,14 +95,20 @@ class Subscriber:
 
     Examples
     --------
+    >>> from orchestrator import Subscriber, config_from, solve
     >>> class Printer(Subscriber):
-    ...     def iteration(self, event):
-    ...         print(event.iteration, f"{event.residual:.0e}")
+    ...     def stage(self, name):
+    ...         print(name)
     ...     def finished(self, event):
     ...         print(event.stop_reason, "after", event.iterations)
-    >>> Printer().finished(Finished(converged=True, stop_reason="converged", iterations=7))
-    converged after 7
-    >>> Printer().stage("assembling and factorising")    # not overridden: nothing happens
+    >>> solution = solve(config_from({
+    ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 1]}]}),
+    ...     subscribers=[Printer()])
+    meshing
+    assembling and factorising
+    converged after 12
     """
 
     wants_states = False

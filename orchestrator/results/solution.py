@@ -39,10 +39,23 @@ class Solution:
 
     Examples
     --------
-    What ``orchestrator run configs/traction_beam.yaml`` has written:
+    Two blocks pressed together by 10 per unit area, kept in files and read again:
 
-    >>> solution = Solution.read("results/traction_beam")              # doctest: +SKIP
-    >>> solution.history["error_bound"][-1], solution.displacement     # doctest: +SKIP
+    >>> from orchestrator import Solution, config_from, solve
+    >>> solution = solve(config_from({
+    ...     "name": "blocks", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 4]}},
+    ...     "subdomains": {"slices": {"axis": "z", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.0}],
+    ...     "interfaces": [{"law": "contact", "friction": 0.2}],
+    ...     "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "traction": [0, 0, -10]}]}))
+    >>> solution.write("blocks").name
+    'blocks'
+    >>> again = Solution.read("blocks")
+    >>> again
+    Solution(blocks: converged after ... iterations)
+    >>> (again.displacement == solution.displacement).all()
+    np.True_
+    >>> print(f"{again.interfaces.pressure.min():.4f}", again.summary["status_counts"]["stick"])
+    10.0000 [9]
     """
 
     summary: dict[str, object]

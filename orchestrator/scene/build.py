@@ -26,6 +26,18 @@ def build_scene(config: Config) -> Scene:
     ------
     InputError : with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
         a bad mesh is reported alone, since nothing else can be judged without it
+
+    Examples
+    --------
+    >>> from orchestrator import build_scene, config_from
+    >>> scene = build_scene(config_from({
+    ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]}))
+    >>> scene
+    Scene(bar: 4 subdomains, 3 interfaces, 243 dofs, 1 load steps)
+    >>> [interface.subdomains for interface in scene.interfaces]
+    [(0, 1), (1, 2), (2, 3)]
     """
     mesh, faces = make_mesh(config.mesh)
     if config.codes[0].element == "P2":

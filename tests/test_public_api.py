@@ -1,0 +1,47 @@
+"""What is public: listed, light to import, and shown by examples that run."""
+
+import doctest
+import subprocess
+import sys
+from importlib import import_module
+
+import pytest
+
+import orchestrator
+from orchestrator.registry import CODES, LAWS
+
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+# Values rather than things to call or to derive from: they are seen in the examples of others.
+PLAIN = {"__version__", "Config", "Scene", "Iteration", "Finished", "OrchestratorError", "InputError", "BlackBoxError",
+         "LAWS", "CODES", "Code"}
+MODULES = sorted({"orchestrator", *orchestrator._PUBLIC.values()})
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_examples(name, tmp_path, monkeypatch):
+    """As written, with the real codes; files that they write are in a folder of their own."""
+    monkeypatch.chdir(tmp_path)
+    for registry in (LAWS, CODES):  # what examples add to them is theirs alone
+        monkeypatch.setattr(registry, "_places", dict(registry._places))
+    assert doctest.testmod(import_module(name), optionflags=FLAGS).failed == 0
+
+
+def test_what_is_to_be_called_or_derived_from_has_an_example():
+    finder = doctest.DocTestFinder(recurse=False)
+    for name in set(orchestrator.__all__) - PLAIN:
+        thing = getattr(orchestrator, name)
+        assert any(test.examples for test in finder.find(thing, name)), name
+
+
+def test_all_names_are_there():
+    for name in orchestrator.__all__:
+        assert getattr(orchestrator, name) is not None and name in dir(orchestrator)
+    with pytest.raises(AttributeError, match="no attribute 'slove'"):
+        orchestrator.slove
+
+
+def test_the_package_alone_imports_nothing():
+    """Every server of a code imports it: no numpy, none of the rooms."""
+    program = "import sys, orchestrator; print(*sorted(sys.modules))"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
+    assert [name for name in loaded if name.startswith(("numpy", "orchestrator."))] == []
