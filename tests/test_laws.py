@@ -12,7 +12,7 @@ from orchestrator.errors import InputError
 from orchestrator.laws.base import Law
 from orchestrator.laws.contact import Contact
 from orchestrator.laws.points import Points
-from orchestrator.laws.status import BONDED, Status, table
+from orchestrator.laws.status import BONDED, Hold, Status, table
 from orchestrator.method.load_cases import load_cases
 from orchestrator.registry import DEFAULT_LAW, LAWS
 from orchestrator.scene.build import build_scene
@@ -63,7 +63,7 @@ def test_a_law_that_tells_nothing_is_on_the_safe_side():
 
 def test_statuses_of_one_scene_have_one_name_each():
     class Wear(Law):
-        name, statuses = "wear", (Status(2, "worn", "#000000", normal=True, tangential=False),)
+        name, statuses = "wear", (Status(2, "worn", "#000000", Hold.ALWAYS, Hold.NEVER),)
 
     assert [s.name for s in table(LAWS.values())][:4] == ["open", "stick", "slip", "bonded"]
     with pytest.raises(ValueError, match="law wear: status 2 is called 'worn', but it is 'slip' elsewhere"):

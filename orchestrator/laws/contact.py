@@ -23,11 +23,11 @@ from orchestrator.config.base import Positive, either
 from orchestrator.config.entry import Entry
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, Points, dot
-from orchestrator.laws.status import BONDED, Status
+from orchestrator.laws.status import BONDED, Hold, Status
 
-OPEN = Status(0, "open", "#d0d0d0", normal=False, tangential=False)
-STICK = Status(1, "stick", "#0072B2", normal=True, tangential=True, pressed=True)
-SLIP = Status(2, "slip", "#E69F00", normal=True, tangential=False, pressed=True)
+OPEN = Status(0, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
+STICK = Status(1, "stick", "#0072B2", Hold.PRESSED, Hold.PRESSED)
+SLIP = Status(2, "slip", "#E69F00", Hold.PRESSED, Hold.NEVER)
 
 Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str), "a number, or geometry")
 

@@ -1,12 +1,22 @@
 """What a node pair does: a number for the files, a name and a colour for people, and what it holds.
 
-Each law declares its own; here are the two that no law needs to declare: a pair that nothing holds together, and
-one that nothing moves apart. Nodes that boundary conditions prescribe on both sides are bonded whatever the law.
+Each law declares its own; ``BONDED`` is everybody's, as nodes that boundary conditions prescribe on both sides are
+bonded whatever the law.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from enum import IntEnum
+
+
+class Hold(IntEnum):
+    """When the sides are kept from moving against each other in a direction."""
+
+    NEVER = 0
+    ALWAYS = 1
+    PRESSED = 2  # only where they are pressed together
+    PULLED = 3  # only where they are pulled apart
 
 
 class Status(int):
@@ -16,33 +26,27 @@ class Status(int):
     ----------
     number : in fields.npz and the interface files; unique among the laws of a scene
     name, colour : in tables and pictures, the colour as #rrggbb
-    normal, tangential : whether the sides are kept from moving along the normal, and across it
-    pressed : whether that needs the sides to be pressed together
+    normal, tangential : when the sides are kept from moving along the normal, and across it
     """
 
-    def __new__(cls, number: int, name: str, colour: str, *, normal: bool, tangential: bool, pressed: bool = False):
+    def __new__(cls, number: int, name: str, colour: str, normal: Hold, tangential: Hold):
         status = super().__new__(cls, number)
-        status.name, status.colour = name, colour
-        status.normal, status.tangential, status.pressed = normal, tangential, pressed
+        status.name, status.colour, status.normal, status.tangential = name, colour, normal, tangential
         return status
 
     def __reduce__(self):
-        return _again, (int(self), self.name, self.colour, self.normal, self.tangential, self.pressed)
+        return Status, (int(self), self.name, self.colour, self.normal, self.tangential)
 
     def __repr__(self) -> str:
         return f"Status({int(self)}, {self.name!r})"
 
     @property
     def holds(self) -> bool:
-        """Whether any motion is kept from."""
-        return self.normal or self.tangential
+        """Whether any motion may be kept from."""
+        return bool(self.normal or self.tangential)
 
 
-def _again(number: int, name: str, colour: str, normal: bool, tangential: bool, pressed: bool) -> Status:
-    return Status(number, name, colour, normal=normal, tangential=tangential, pressed=pressed)
-
-
-BONDED = Status(3, "bonded", "#009E73", normal=True, tangential=True)
+BONDED = Status(3, "bonded", "#009E73", Hold.ALWAYS, Hold.ALWAYS)
 
 
 def table(laws: Iterable) -> list[Status]:

@@ -2,8 +2,8 @@
 
 A body is what joining laws make one. A *detached* body has no way to a prescribed one over node pairs that hold;
 a *weakly held* one has, but could still move as a rigid body without opening a pair that is kept closed or sliding
-where the sides are kept from it. The rigid position of both is undetermined. What a status holds, it declares; one
-that needs pressure holds nothing where the sides touch without pressing.
+where the sides are kept from it. The rigid position of both is undetermined. What a status holds, it declares: contact
+holds nothing where the sides touch without pressing.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.laws.status import Status, table
+from orchestrator.laws.status import Hold, Status, table
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import motions
 
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
-PRESSING = 1e-6  # pressure relative to the largest of all steps, from which a pair holds
+PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts
 FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as none
 
 
@@ -43,12 +43,11 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[st
 
 def _holding(interfaces: InterfaceFields, statuses: list[Status]) -> tuple[np.ndarray, np.ndarray]:
     """(T, N) bool twice: where the sides are kept from moving along the normal, and across it."""
-    idle = interfaces.pressure <= PRESSING * np.abs(interfaces.pressure).max(initial=0.0)
+    pressure, least = interfaces.pressure, PRESSING * np.abs(interfaces.pressure).max(initial=0.0)
+    when = {Hold.NEVER: np.zeros(pressure.shape, bool), Hold.ALWAYS: np.ones(pressure.shape, bool),
+            Hold.PRESSED: pressure > least, Hold.PULLED: pressure < -least}
     which = np.searchsorted(statuses, interfaces.status)
-    normal, tangential, pressed = (np.array([getattr(s, name) for s in statuses])[which]
-                                   for name in ("normal", "tangential", "pressed"))
-    idle &= pressed
-    return normal & ~idle, tangential & ~idle
+    return tuple(np.choose(which, [when[getattr(s, way)] for s in statuses]) for way in ("normal", "tangential"))
 
 
 def _groups(count: int, edges: np.ndarray) -> tuple[int, np.ndarray]:
