@@ -85,7 +85,7 @@ def interfaces(fields: Fields) -> Panels:
     return Panels(first + second, 2 * _headings(fields, steps), columns,
                   [(first[0], "status", i.kind_names.tolist()), (second[0], "pressure", [])],
                   f"{len(i.names)} interfaces{moved}   ·   largest pressure {i.pressure[steps].max():.3g}   ·   "
-                  f"largest friction traction {np.linalg.norm(most, axis=2).max(initial=0.0):.3g}")
+                  f"largest tangential traction {np.linalg.norm(most, axis=2).max(initial=0.0):.3g}")
 
 
 def compose(panels: Panels, pictures: list[np.ndarray] | None, title: str) -> bytes:
