@@ -74,6 +74,7 @@ LAWS = Registry({
     "perfect": "orchestrator.laws.perfect:Perfect",
     "contact": "orchestrator.laws.contact:Contact",
     "jump": "orchestrator.laws.jump:Jump",
+    "elastic": "orchestrator.laws.elastic:Elastic",
 })
 
 DEFAULT_CODE = "freefem"  # keeps its factors between requests, and is the fastest here
