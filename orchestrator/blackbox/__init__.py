@@ -1,7 +1,8 @@
 """The black box: finite element codes that solve subdomains without knowing it.
 
-What a code is given (``protocol.Model``): the extended mesh of a subdomain (four-node tets, the soles of its interfaces
-among them), materials per region, clamped dofs, and the trace dofs. Dof = 3 * node + component; units are the YAML's.
+What a code is given (``protocol.Model``): the extended mesh of a subdomain (four-node tets, ten-node ones with P2; the
+soles of its interfaces among them), materials per region, clamped dofs, and the trace dofs. Dof = 3 * node + component;
+units are the YAML's.
 
 What it must answer:
 
@@ -14,8 +15,19 @@ all processes end, and no file is left. ``orchestrator conformance CODE`` checks
 
 Three ways to take part, from the shortest to the most general:
 
-1. a class with three methods in Python: copy ``template``; ``scikit_fem`` is a worked example. No line is registered;
-2. a program that speaks the bytes of ``messages`` on two pipes or files: see ``freefem_scripts/subdomain_server.edp``
-   and ``freefem``;
-3. a program that reads and writes files of its own: a ``Worker`` that writes decks and reads results, see ``calculix``.
+1. a class with three methods in Python: copy ``codes/template.py`` and name the copy in the YAML, nothing is registered.
+   With a name and options of its own it is a few lines more, see ``codes/python_code.py``; ``codes/scikit_fem`` is a
+   worked example;
+2. a program that speaks the bytes of ``transport/messages.py`` on two pipes or files: a ``MessageCode`` of
+   ``codes/code.py`` says how it is started and writes its mesh files, see ``codes/freefem`` and the other end,
+   ``freefem_scripts/subdomain_server.edp``;
+3. a program that reads and writes files of its own: a ``Code`` with a worker that writes decks and reads results, see
+   ``codes/calculix``.
+
+A code with a name is one module and one line in ``orchestrator/registry.py``. Its ``Settings`` are the model of its
+entries in the YAML; keys that they add are validated like all others.
+
+The rooms: ``models`` makes plain models of the scene's subdomains; ``pool`` spreads them over processes that ``codes``
+start and ``transport`` talks to; ``layers`` share, remember and route; ``trial`` puts a code to the test. ``start`` makes
+what a configuration asks for, ``cost`` tells when a compliance is cheaper than solves.
 """

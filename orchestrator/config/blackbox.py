@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from orchestrator.config.base import AutoCount, ByName, Name, Part, Positive, as_list, either
+from orchestrator.errors import KeyPath
 from orchestrator.registry import CODES, DEFAULT_CODE
 
 
@@ -51,3 +53,8 @@ BlackBoxes = either(Annotated[list[_BY_CODE.mapping], Field(min_length=1)], _BY_
 def settings_class(entry: Any) -> type[CodeSettings]:
     """The model of a raw entry: that of the code it names; where it names none, one that says which there are."""
     return _BY_CODE.model(entry)
+
+
+def entry_path(index: int, entries: Sequence[CodeSettings]) -> KeyPath:
+    """Where an entry stands in the YAML: a single one is the section itself."""
+    return ("blackbox", index) if len(entries) > 1 else ("blackbox",)

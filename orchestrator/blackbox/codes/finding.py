@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.config.blackbox import CodeSettings
+from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import InputError, Problem
 from orchestrator.registry import CODES
 
@@ -26,11 +26,10 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
     problems: list[Problem] = []
     found: dict[int, Code] = {}
     for index in sorted(set(range(len(settings)) if used is None else used)) or [0]:
-        path = ("blackbox", index) if len(settings) > 1 else ("blackbox",)
         try:
             found[index] = CODES[settings[index].code](settings[index])
         except InputError as error:  # a code knows nothing of lists
-            problems += [replace(p, path=(*path, *p.path[1:])) for p in error.problems]
+            problems += [replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
     if problems:
         raise InputError(problems)
     return found

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
+from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import Problems
 from orchestrator.scene.model import Mesh, Subdomain
-from orchestrator.scene.names import matching, patterns_of, suggestion
+from orchestrator.scene.names import matching, suggestion
 
 
-def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: list[Any]) -> None:
+def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[CodeSettings]) -> None:
     """Give every subdomain the index of the last entry that matches its name or that of the volume it is in.
 
     Raises
@@ -22,11 +23,10 @@ def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: list[Any]) ->
     names = [_names(mesh, s) for s in subdomains]
     known = [name for own in names for name in own]
     for i, entry in enumerate(entries):
-        patterns = patterns_of(getattr(entry, "on", None))
-        for pattern in patterns:
+        for pattern in entry.on:
             hit = [bool(matching(pattern, own)) for own in names]
             if not any(hit):
-                problems.add(("blackbox", i, "on"), f"no subdomain and no volume is called {pattern!r}",
+                problems.add((*entry_path(i, entries), "on"), f"no subdomain and no volume is called {pattern!r}",
                              "names of subdomains, shell wildcards allowed", suggestion(pattern, known, "subdomain"))
             chosen[hit] = i
     left = [s.name for s, code in zip(subdomains, chosen) if code < 0]

@@ -74,7 +74,7 @@ class FreeFem(MessageCode):
 
     def mesh(self, model: Model) -> bytes:
         """Medit's binary format."""
-        from orchestrator.blackbox.transport import meshb
+        from orchestrator.blackbox.codes.freefem import meshb
 
         return meshb.encode(model)
 

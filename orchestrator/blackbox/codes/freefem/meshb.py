@@ -6,12 +6,10 @@ Tets and their regions only: clamped dofs travel by number, in the message that 
 from __future__ import annotations
 
 import struct
+
 import numpy as np
 
 from orchestrator.blackbox.protocol import Model
-
-# Of the ten nodes of a tet in our order, FreeFEM's: its edges are 01, 02, 03, 12, 13, 23.
-FREEFEM_ORDER = [0, 1, 2, 3, 4, 6, 7, 5, 8, 9]
 
 # readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and
 # never ends when 512 does.

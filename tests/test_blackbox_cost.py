@@ -1,0 +1,85 @@
+"""The cost model: what it decides between solves and an interface compliance, whoever asks."""
+
+import math
+
+import numpy as np
+import pytest
+from blackbox_case import box, settings
+
+from orchestrator.blackbox import cost
+from orchestrator.blackbox.cost import Request, compliance_pays, copies, to_come
+from orchestrator.blackbox.layers.compliance import Compliance
+from orchestrator.blackbox.start import make_blackbox
+from orchestrator.savings import Savings
+
+
+def spent(requests: int, trace: int, cases: int, request: Request, unit_loads: Request, expected: int = 0) -> float:
+    """Seconds of a run of so many requests that follows the model."""
+    seconds = 0.0
+    for done in range(requests):
+        if compliance_pays(trace, to_come(done, expected), cases, request, unit_loads):
+            return seconds + unit_loads.of(trace) + (requests - done) * cost.product_seconds(trace, cases)
+        seconds += request.of(cases)
+    return seconds
+
+
+@pytest.mark.parametrize("start, each, factor", [(0.0, 1e-3, 1.0), (0.3, 1e-3, 1.0), (0.0, 0.2, 0.01), (0.05, 0.01, 30.0)],
+                         ids=["alive", "runs", "green", "dear unit loads"])
+def test_at_most_twice_the_cheaper_way(start, each, factor):
+    """However many requests come: codes that stay alive, end after every run, or have a cheaper way to unit loads."""
+    request, unit_loads = Request(start, each), Request(start, factor * each)
+    for trace in (9, 150, 1500):
+        for cases in (1, 7):
+            formed = unit_loads.of(trace)
+            for requests in (1, 2, 5, 17, 60, 400):
+                found = spent(requests, trace, cases, request, unit_loads)
+                solved = requests * request.of(cases)
+                product = formed + requests * cost.product_seconds(trace, cases)
+                assert found <= 2 * min(solved, product) + request.of(cases)
+            assert spent(10**5, trace, cases, request, unit_loads) < 0.5 * 10**5 * request.of(cases)
+
+
+def test_what_is_expected_decides_before_anything_has_been():
+    """Twenty stages are worth twenty solves of each load case, less the products; forty dofs are not."""
+    request = Request(0.0, 1.0)
+    assert [compliance_pays(trace, to_come(0, 20), 2, request, request) for trace in (39, 40, 41)] == [True, False, False]
+    assert not compliance_pays(39, to_come(0), 2, request, request), "nothing is expected of who was never asked"
+    assert [to_come(done, 20) for done in (0, 5, 10, 19, 30)] == [20, 15, 11, 20, 31]
+
+
+def test_products_are_not_free():
+    """Where back-substitutions are as quick as products nothing is gained."""
+    quick = cost.product_seconds(1000, 1)
+    assert 0 < quick < cost.product_seconds(1000, 4000) and math.isclose(quick, 100 * cost.product_seconds(100, 1))
+    assert not compliance_pays(1000, 10**6, 1, Request(0.0, 0.9 * quick), Request(0.0, 0.9 * quick))
+    assert compliance_pays(1000, 10**6, 1, Request(0.0, 1.1 * quick), Request(0.0, 1.1 * quick))
+
+
+def test_copies_pay_by_the_solves_they_take_off_others():
+    assert copies(10**4, 1, 1, 8, False) == 1
+    assert copies(10**4, 60, 60, 8, False) == 8, "as many as there are workers"
+    assert copies(10**4, 60, 3, 8, False) == 3, "or members"
+    assert copies(10**4, 12, 60, 8, False) == 2, "each must be worth a factorisation"
+    assert copies(100, 60, 60, 8, True) == 1, "the compliance answers"
+    assert copies(1200, 60, 60, 8, True) == 8, "more unit loads than right-hand sides to come"
+
+
+@pytest.mark.parametrize("code", [{}, {"code": "calculix"}, {"transport": "file"}], ids=str)
+def test_no_compliance_without_room_for_it(code, monkeypatch):
+    """Neither the layer nor a code that ends after every run forms what memory would not hold; answers are right."""
+    model = box(name="wide")
+    model.cases = 10**6
+    forces = np.random.default_rng(2).standard_normal((2 * len(model.trace), len(model.trace)))
+    with make_blackbox(settings()) as plain:
+        plain.load([model])
+        expected = plain.traces({0: forces})[0]
+    for room, formed in ((0.0, False), (math.inf, True)):
+        monkeypatch.setattr(cost, "room", lambda: room)
+        savings = Savings()
+        with Compliance(make_blackbox(settings(**code)), workers=1, savings=savings) as blackbox:
+            blackbox.load([model])
+            answers = [blackbox.traces({0: forces})[0] for _ in range(2)]
+            inside = bool(blackbox.usage.codes()[0]["compliances"])
+        assert bool(blackbox.matrices) is ("compliance" in savings.counts) is formed
+        assert inside is (formed and bool(code))
+        assert all(np.abs(u - expected).max() < 1e-11 * np.abs(expected).max() for u in answers)
