@@ -32,7 +32,8 @@ _PUBLIC = {
     "Subscriber": "orchestrator.method.events", "Iteration": "orchestrator.method.events",
     "Finished": "orchestrator.method.events",
     "Law": "orchestrator.laws.base", "LAWS": "orchestrator.registry",
-    "Code": "orchestrator.blackbox.pool.worker", "CODES": "orchestrator.registry",
+    "Code": "orchestrator.blackbox.codes.code", "PythonCode": "orchestrator.blackbox.codes.python_code",
+    "CodeSettings": "orchestrator.config.blackbox", "CODES": "orchestrator.registry",
     "OrchestratorError": "orchestrator.errors", "InputError": "orchestrator.errors",
     "BlackBoxError": "orchestrator.errors",
 }

@@ -18,6 +18,14 @@ class CodeSettings(Part):
 
     A code derives its own from it: fewer words where it cannot do all, more keys where it has options. The last entry
     that matches a subdomain wins.
+
+    Examples
+    --------
+    >>> class Mine(CodeSettings):
+    ...     transport: Literal["file"] = "file"
+    ...     digits: int = 12
+    >>> Mine(digits=14).model_dump(exclude={"timeout"})
+    {'code': 'freefem', 'on': ['*'], 'element': 'P1', 'transport': 'file', 'workers': 'auto', 'digits': 14}
     """
 
     code: Name = Field(DEFAULT_CODE, description=(

@@ -30,6 +30,13 @@ class Code(ABC):
     Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
 
     The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
+
+    Examples
+    --------
+    >>> import orchestrator
+    >>> code = orchestrator.CODES["freefem"]()
+    >>> code.name, code.settings.element, code.meaning(8)
+    ('freefem', 'P1', '8: runtime error in the script')
     """
 
     Settings: ClassVar[type[CodeSettings]] = CodeSettings

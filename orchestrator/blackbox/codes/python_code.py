@@ -38,6 +38,19 @@ class PythonCode(MessageCode):
     package : the Python package it needs beside itself, if any
 
     Raises InputError when the file, the module or the package is not there.
+
+    Examples
+    --------
+    >>> import orchestrator
+    >>> class ByHand(PythonCode):
+    ...     solver = "orchestrator.blackbox.codes.template:Solver"
+    >>> orchestrator.CODES.add("by-hand", ByHand)
+    >>> orchestrator.solve(orchestrator.config_from({
+    ...     "name": "bar", "mesh": {"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 2}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [0, 0, 1]}],
+    ...     "blackbox": {"code": "by-hand"}}))
+    Solution(bar: converged after ... iterations, error bound ...)
     """
 
     forms: ClassVar[str] = "solver.py, solver.py:Class or package.module:Class"
