@@ -81,7 +81,7 @@ def test_no_other_module_asks_for_a_law():
     files = [*(ROOT / "orchestrator").glob("*.py"), *(p for r in rooms for p in (ROOT / "orchestrator" / r).rglob("*.py"))]
     assert len(files) > 100
     assert [f"{p}: {line}" for p in files if p.name != "registry.py" for line in p.read_text().splitlines()
-            if asks.search(line) and own_word not in line] == []
+            if asks.search(line) and own_word not in line and not line.lstrip().startswith((">>>", "..."))] == []
 
 
 # --- a law of one's own -----------------------------------------------------------------------------------
