@@ -20,3 +20,14 @@ def nothing_goes_on():
 def configs_dir() -> Path:
     """The folder of the configurations shipped with the project."""
     return Path(__file__).parents[1] / "configs"
+
+
+def pytest_addoption(parser):
+    parser.addoption("--freefem", action="store_true", help="solve with FreeFEM what is solved in process otherwise")
+
+
+def pytest_configure(config):
+    if config.getoption("freefem"):
+        import in_process
+
+        in_process.IN_PROCESS.update(in_process.FREEFEM)

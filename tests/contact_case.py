@@ -1,4 +1,4 @@
-"""Contact problems for the tests, and how to look at a solution pair by pair."""
+"""Contact problems for the tests, solved in process unless told otherwise, and how to look at a solution pair by pair."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import gmsh
 import meshio
 import numpy as np
+from in_process import IN_PROCESS
 from monolithic import OPEN, Monolithic, free_normals
 
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
@@ -30,12 +31,12 @@ CASES = {
 }
 
 
-def contact(friction=0.0, *, gap=None, poisson=0.3, error=1e-10, law=None, workers=1, **changes) -> Config:
+def contact(friction=0.0, *, gap=None, poisson=0.3, error=1e-10, law=None, **changes) -> Config:
     """Two blocks of 1 × 1 × 0.5, one on the other, pressed and sheared, in frictional contact."""
     laws = [{"law": "contact", "friction": friction, "gap": gap}] if law is None else law
     data = {"name": "contact", **CASES["two blocks"], "materials": [{"young": 200e3, "poisson": poisson}],
             "boundary": [BOTTOM, {"on": TOP, "displacement": PATH}], "interfaces": laws,
-            "blackbox": {"workers": workers}, "method": {"tolerance": {"error": error}, "max_iterations": 1000}}
+            "blackbox": IN_PROCESS, "method": {"tolerance": {"error": error}, "max_iterations": 1000}}
     return Config.model_validate({**data, **changes})
 
 

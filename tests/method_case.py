@@ -1,9 +1,10 @@
-"""Small problems for the whole chain: configurations, meshes with parts, and solutions through FreeFEM."""
+"""Small problems for the whole chain: configurations, meshes with parts, and solutions, in process unless told otherwise."""
 
 from pathlib import Path
 
 import meshio
 import numpy as np
+from in_process import IN_PROCESS
 
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
@@ -27,7 +28,7 @@ METIS = {"mesh": {"box": {"size": [4.0, 2.0, 2.0], "cells": [8, 4, 4]}}, "subdom
 def config(**changes) -> Config:
     """A bar of 4 × 1 × 1 held at x = 0, pulled and sheared at x = 4, in four slices of 96 tets."""
     data = {"name": "bar", "mesh": {"box": {"size": [4.0, 1.0, 1.0], "cells": [8, 2, 2]}}, "subdomains": SLICES,
-            "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [CLAMP, PULL], "blackbox": {"workers": 1}}
+            "materials": [{"young": 200e3, "poisson": 0.3}], "boundary": [CLAMP, PULL], "blackbox": IN_PROCESS}
     return Config.model_validate({**data, **changes})
 
 

@@ -37,7 +37,8 @@ def solved(folder, h, path, *, half, friction=0.0):
     boundary += [{"on": BOTTOM, "displacement": [None if half else 0, None, 0]}, {"on": TOP, "displacement": path}]
     law = {"law": "contact", "friction": friction, "gap": "geometry", "within": 0.02}
     return converged(contact(error=1e-6, law=[law], mesh={"file": str(folder / f"{h}.msh")}, subdomains="groups",
-                             materials=[{"young": YOUNG, "poisson": POISSON}], boundary=boundary, workers=2))
+                             materials=[{"young": YOUNG, "poisson": POISSON}], boundary=boundary,
+                             blackbox={"workers": 2}))
 
 
 def lines(c, values):

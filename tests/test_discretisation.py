@@ -6,6 +6,7 @@ import json
 import meshio
 import numpy as np
 import pytest
+from in_process import FREEFEM, IN_PROCESS
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
@@ -19,7 +20,7 @@ YOUNG, WEIGHT, LENGTH = 1000.0, 3.0, 4.0
 
 
 def solved(problem, **more):
-    config = config_from({"name": "t", "output": {"figures": False}, "blackbox": {"workers": 1}, **problem, **more})
+    config = config_from({"name": "t", "output": {"figures": False}, "blackbox": IN_PROCESS, **problem, **more})
     return solve(config, build_scene(config))
 
 
@@ -66,7 +67,7 @@ def test_bending():
 
 
 def test_ten_node_tets():
-    p2 = {"blackbox": {"element": "P2", "workers": 1}}
+    p2 = {"blackbox": {**FREEFEM, "element": "P2"}}
     runs = [solved(bent(h, 1e-7, **p2)) for h in (5.0, 2.5)]
     exact = 2 * solved(bent(1.25, 1e-4, **p2)).summary["energy"][0]
     for run in runs:

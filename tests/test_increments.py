@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from in_process import IN_PROCESS
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
@@ -18,6 +19,7 @@ SCENE = {
         {"on": "zmax", "displacement": [[0, 0, -0.002], [0.002, 0, -0.002], [0.001, 0, -0.002], [0, 0, -0.001]]},
     ],
     "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.3}],
+    "blackbox": IN_PROCESS,
 }
 
 

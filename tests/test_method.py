@@ -1,4 +1,4 @@
-"""The method on real FreeFEM: macro problems, fixed point, accelerations, error bound, loads, recovery."""
+"""The method: macro problems, fixed point, accelerations, error bound, loads, recovery."""
 
 import itertools
 

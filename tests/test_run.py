@@ -13,6 +13,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from in_process import FREEFEM
 from method_case import CLAMP, CUBES, METIS, config, method, solved
 from processes import begin
 
@@ -138,7 +139,7 @@ def nothing_left(temporary):
 
 def written(tmp_path, **changes):
     """A configuration file of the bar; JSON is YAML."""
-    data = config(**changes).complete()
+    data = config(**{"blackbox": FREEFEM, **changes}).complete()
     lines = [f"{json.dumps(key)}: {json.dumps(value)}" for key, value in data.items() if key != "output"]
     path = tmp_path / "bar.yaml"
     path.write_text("\n".join(lines) + "\n")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg as la
+from in_process import IN_PROCESS
 
 from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
@@ -31,7 +32,7 @@ def prepared():
     pools = []
 
     def make(interfaces, **method):
-        config = config_from({**BAR, "interfaces": interfaces, "method": method})
+        config = config_from({**BAR, "interfaces": interfaces, "method": method, "blackbox": IN_PROCESS})
         scene = build_scene(config)
         pools.append(make_blackbox(config.blackbox))
         return prepare(scene, make_soles(scene, config.method.sole), config.method, pools[-1], 2, Stopwatch()), config.method

@@ -1,0 +1,80 @@
+"""A code without a process, for tests of the method: the template's solver, called where others are sent messages.
+
+    blackbox=IN_PROCESS     # what the cases of the tests take unless told otherwise
+    blackbox=FREEFEM        # the real thing
+
+It is a code like any other, found by its name in the registry: pool, layers and guards are those of every run. What is
+missing is the process, its pipes and its files. That the real code gives the same is shown in ``test_in_process``.
+"""
+
+import time
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from quadratic_case import assemble_ten
+
+from orchestrator.blackbox.codes.code import Code
+from orchestrator.blackbox.codes.template import Solver
+from orchestrator.blackbox.pool.worker import Worker
+from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.transport import messages
+from orchestrator.registry import CODES
+
+FREEFEM = {"code": "freefem", "workers": 1}
+IN_PROCESS = {"code": "in-process", "workers": 1}
+
+
+class TemplateSolver(Solver):
+    """The template's solver, for tets of ten nodes too, and with an elimination order fit for symmetric matrices."""
+
+    def stiffness(self, model: Model) -> sp.csr_array:
+        return super().stiffness(model) if model.cells.shape[1] == 4 else assemble_ten(model)
+
+    def prepare(self, model: Model):
+        free = np.flatnonzero(~model.fixed)
+        held = sp.csc_array(self.stiffness(model)[free][:, free])
+        return free, spla.splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options={"SymmetricMode": True})
+
+
+class InProcessWorker(Worker):
+    """What a worker does, in the thread that the pool keeps for it."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.solver, self.models, self.prepared = TemplateSolver(), {}, {}
+
+    def load(self, index: int, model: Model) -> None:
+        begin = time.thread_time()
+        self.models[index], self.prepared[index] = model, self.solver.prepare(model)
+        self.count([0.0, time.thread_time() - begin, 0.0])
+
+    def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        begin, answers = time.thread_time(), {}
+        for index, forces in jobs:
+            model = self.models[index]
+            wanted = model.trace if op == messages.TRACES else slice(None)
+            full = np.zeros((len(forces), model.fixed.size))
+            full[:, wanted] = forces
+            answers[index] = self.solver.solve(self.prepared[index], full)[:, wanted]
+        self.count([0.0, 0.0, time.thread_time() - begin])
+        return answers
+
+    def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        begin = time.thread_time()
+        matrix = self.solver.stiffness(model)
+        self.count([time.thread_time() - begin, 0.0, 0.0])
+        return matrix
+
+
+class InProcess(Code):
+    """The template's solver as a code; of what a code tells about its process there is nothing to tell."""
+
+    def worker(self) -> type[Worker]:
+        return InProcessWorker
+
+    def command(self, requests: str, replies: str) -> list[str]:
+        raise AssertionError("no process is started")
+
+
+CODES.add(IN_PROCESS["code"], InProcess)
