@@ -51,7 +51,7 @@ def of_both(make, changes):
     for blackbox in (IN_PROCESS, FREEFEM):
         made = make(blackbox={**blackbox, **changes})
         found = solve(made, build_scene(made))
-        assert found.outcome.converged, found.outcome.stop_reason
+        assert found.iterated.converged, found.iterated.stop_reason
         yield found
 
 
@@ -65,8 +65,8 @@ def test_bonded_scenes(tmp_path, name):
     """The same iterations, one by one, and the same field and reactions."""
     data, changes = BONDED[name]
     ours, theirs = of_both(lambda **blackbox: config(**{**data(tmp_path), **blackbox}), changes)
-    assert ours.outcome.iterations == theirs.outcome.iterations
-    assert close([e.residual for e in ours.outcome.history], [e.residual for e in theirs.outcome.history], 1e-6)
+    assert ours.iterated.iterations == theirs.iterated.iterations
+    assert close([e.residual for e in ours.iterated.history], [e.residual for e in theirs.iterated.history], 1e-6)
     assert close(ours.displacement, theirs.displacement, 1e-9)
     assert close(ours.summary["reactions"], theirs.summary["reactions"], 1e-9)
 
@@ -76,7 +76,7 @@ def test_scenes_with_contact(name):
     """The same statuses, and the same forces as far as the tolerance tells them."""
     make, changes = CONTACT[name]
     ours, theirs = of_both(make, changes)
-    assert abs(ours.outcome.iterations - theirs.outcome.iterations) <= 2  # rounding may cost or save one
+    assert abs(ours.iterated.iterations - theirs.iterated.iterations) <= 2  # rounding may cost or save one
     assert ours.summary["status_counts"] == theirs.summary["status_counts"]
     assert close(ours.summary["reactions"], theirs.summary["reactions"], 1e-7)
     assert close(ours.interfaces.pressure, theirs.interfaces.pressure, 1e-6)
