@@ -81,7 +81,7 @@ def test_its_entries_are_validated_like_all_others(name, softened):
 
 
 def test_without_its_line_it_is_unknown():
-    with pytest.raises(InputError, match="one of freefem, calculix, scikit-fem, or your own solver: solver.py"):
+    with pytest.raises(InputError, match=f"one of {', '.join(CODES)}, or your own solver: solver.py"):
         config_from(problem({"code": "softened"}))
 
 
@@ -89,6 +89,6 @@ def test_a_registry_knows_names_of_the_users_own_by_their_form():
     """Names are listed, forms are not; what has neither is not in it."""
     assert CODES["my_solver.py"] is CODES["package.module:Class"] is PythonCode
     assert "solver.py:Class" in CODES and "solver" not in CODES and "" not in CODES and 3 not in CODES
-    assert list(CODES) == ["freefem", "calculix", "scikit-fem"] and CODES.own() == [PythonCode]
+    assert list(CODES)[:3] == ["freefem", "calculix", "scikit-fem"] and CODES.own() == [PythonCode]
     with pytest.raises(KeyError):
         CODES["solver"]
