@@ -29,7 +29,7 @@ from orchestrator.results.subscribers.progress import Progress
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.spent import Spent
-from orchestrator.results.summary.summary import print_summary
+from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.summary.workload import Workload
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene

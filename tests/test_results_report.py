@@ -28,7 +28,8 @@ from orchestrator.results.subscribers.progress import Progress, fraction_done, s
 from orchestrator.results.report import document
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.summary import KEYS, memory_peak_mb, print_summary, read_summary, versions, write_summary
+from orchestrator.results.summary.short_form import print_summary
+from orchestrator.results.summary.summary import KEYS, memory_peak_mb, read_summary, versions, write_summary
 
 
 def pixels(path):

@@ -15,7 +15,8 @@ from orchestrator.parallel.team import Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import write_history
 from orchestrator.results.report.report import report
-from orchestrator.results.summary.summary import print_summary, write_summary
+from orchestrator.results.summary.short_form import print_summary
+from orchestrator.results.summary.summary import write_summary
 from orchestrator.results.summary.workload import Workload, idle_share, joined
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

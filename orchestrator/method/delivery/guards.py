@@ -31,7 +31,7 @@ LAWS = 100.0  # a node's violation over the law residual that the run claims
 ROUNDING = 1e-9
 
 
-def failed_guards(d: Decomposition, outcome: Iterated, parts: list[np.ndarray],
+def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
                   interfaces: InterfaceFields | None) -> list[str]:
     """What the delivered fields break, a sentence each.
 
@@ -40,16 +40,16 @@ def failed_guards(d: Decomposition, outcome: Iterated, parts: list[np.ndarray],
     parts : per subdomain (T, n_E, 3), as recovered
     interfaces : fields of the interfaces that are not perfect, if there are any
     """
-    found = _works(d, outcome, parts)
-    if interfaces is not None and outcome.converged:
+    found = _works(d, iterated, parts)
+    if interfaces is not None and iterated.converged:
         reach = max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0)
-        found += _laws(d, interfaces, reach, LAWS * max(outcome.last.law_residual, ROUNDING))
+        found += _laws(d, interfaces, reach, LAWS * max(iterated.last.law_residual, ROUNDING))
     return found
 
 
-def works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two external works and the size of the terms that they sum, each (T,) force × length."""
-    fields, steps = outcome.fields, d.scene.steps
+    fields, steps = iterated.fields, d.scene.steps
     forces = d.space.loads(fields.f)
     inner = d.loading.energy_of(d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, forces)
     outer, size = np.zeros((2, steps))
@@ -68,40 +68,40 @@ def works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple
     return tuple(d.space.team.sum(inner, outer, size))
 
 
-def with_noise(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> Iterated:
-    """The outcome with the noise of the answers in its bound; not converged any more if that is too much."""
-    bound, floor = outcome.bound.relative, NOISE * noise(d, outcome, parts)
+def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> Iterated:
+    """The same with the noise of the answers in its bound; not converged any more if that is too much."""
+    bound, floor = iterated.bound.relative, NOISE * noise(d, iterated, parts)
     if not floor > NOTICED * bound:
-        return outcome
-    outcome = replace(outcome, bound=replace(outcome.bound, relative=float(np.hypot(bound, floor))))
-    name, wanted = outcome.last.target
-    if not outcome.converged or name != "error_bound" or outcome.bound.relative <= wanted:
-        return outcome
-    return replace(outcome, converged=False, stop_reason=(
+        return iterated
+    iterated = replace(iterated, bound=replace(iterated.bound, relative=float(np.hypot(bound, floor))))
+    name, wanted = iterated.last.target
+    if not iterated.converged or name != "error_bound" or iterated.bound.relative <= wanted:
+        return iterated
+    return replace(iterated, converged=False, stop_reason=(
         f"guard: repeated answers of the code differ: no error below {floor:.1e} can be claimed"))
 
 
-def noise(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> float:
+def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> float:
     """Energy norm of what recovered and iterated interface displacements differ by, and of the forces that go with it,
     relative to the solution's."""
-    apart, mode = np.zeros_like(outcome.fields.u), 0
+    apart, mode = np.zeros_like(iterated.fields.u), 0
     for s, modes, part, trace in zip(d.own, d.modes, d.space.boundary, d.traces):
-        rigid = outcome.bound.repositioned[:, mode : mode + modes.shape[1]] @ modes[trace].T
+        rigid = iterated.bound.repositioned[:, mode : mode + modes.shape[1]] @ modes[trace].T
         mode += modes.shape[1]
-        apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - outcome.fields.u[:, part] - rigid
+        apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - iterated.fields.u[:, part] - rigid
     # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
     forces = d.space.loads(d.stage.direction.times(d.space.trace(apart)))
     strain = dots(apart, times(d.bound.stiffness, apart))
     stress = np.sum(forces**2 / d.bound.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
-    size = outcome.bound.energy.max(initial=0.0)
+    size = iterated.bound.energy.max(initial=0.0)
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
 
 
-def _works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> list[str]:
-    inner, outer, size = works(d, outcome, parts)
+def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> list[str]:
+    inner, outer, size = works(d, iterated, parts)
     # where nothing is strained, what rounding leaves of the soles' energy is no work
-    soles, = d.space.team.sum(dots(outcome.fields.w, d.stage.direction.times(outcome.fields.w)))
+    soles, = d.space.team.sum(dots(iterated.fields.w, d.stage.direction.times(iterated.fields.w)))
     scale = max(size.max(initial=0.0), ROUNDING * soles.max(initial=0.0), np.finfo(float).tiny)
     found = []
     if not np.isfinite([inner, outer]).all():
@@ -109,7 +109,7 @@ def _works(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> list
     apart = np.abs(inner - outer).max(initial=0.0) / scale
     if apart > WORK:
         found.append(f"the external work differs by {apart:.1e} between forces times displacements and interface data")
-    least = min(inner.min(initial=0.0), outer.min(initial=0.0), outcome.bound.energy.min(initial=0.0))
+    least = min(inner.min(initial=0.0), outer.min(initial=0.0), iterated.bound.energy.min(initial=0.0))
     if least < -WORK * scale:
         found.append(f"a strain energy is negative ({least:.2g})")
     return found

@@ -81,7 +81,7 @@ class InterfaceFields:
                         for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
 
 
-def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | None:
+def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | None:
     """Fields of the interfaces that are not perfect, on rank 0; None elsewhere, and where all are."""
     if d.all_perfect:
         return None
@@ -97,10 +97,10 @@ def interface_fields(d: Decomposition, outcome: Iterated) -> InterfaceFields | N
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
-    at = PairTraces.of(pairs, *outcome.fields.extended)
+    at = PairTraces.of(pairs, *iterated.fields.extended)
     jumps, forces = (x.transpose(0, 2, 1) for x in (at.w2 - at.w1, 0.5 * (at.f1 - at.f2)))
     mine = pairs.mine
-    parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], outcome.local.status[:, mine]))
+    parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], iterated.local.status[:, mine]))
     if parts is None:
         return None
     for place, jumps, forces, kinds in parts:
@@ -124,7 +124,7 @@ def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
     return np.concatenate(places) if places else np.zeros(0, int)
 
 
-def sides(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+def sides(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
     """Displacements where interfaces open: the bodies' own, and one per node of the input mesh.
 
     Parameters
@@ -138,7 +138,7 @@ def sides(d: Decomposition, outcome: Iterated, parts: list[np.ndarray]) -> tuple
     """
     total = np.zeros((d.scene.steps, len(d.scene.mesh.nodes), 3))
     copies = np.zeros(len(d.scene.mesh.nodes))
-    result = delivered(d, outcome.bound, parts)
+    result = delivered(d, iterated.bound, parts)
     for s, own in zip(d.scene.subdomains, result):
         if own is not None:
             total[:, s.nodes] += own

@@ -10,8 +10,7 @@ import numpy as np
 
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.registry import LAWS
-from orchestrator.results.summary import codes
-from orchestrator.results.figures import deformed, panels
+from orchestrator.results.figures import codes, deformed, panels
 from orchestrator.results.figures.drawing import Drawing
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
@@ -30,6 +29,7 @@ from orchestrator.results.figures.plotting import (
     powers_of_ten,
     tidy,
 )
+from orchestrator.results.summary.codes import code_label
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES
 
 # column, label, colour, marker
@@ -167,7 +167,7 @@ def time_per_stage(summary: Mapping[str, object]) -> bytes:
     for entry in entries:
         own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
         if spent := sum(seconds for _, seconds in own):
-            name = codes.label(entry) if len(entries) > 1 else entry["code"]
+            name = code_label(entry) if len(entries) > 1 else entry["code"]
             sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers", own, ORANGE))
 
     rows = sum(len(bars) + 1 for _, bars, _ in sections)

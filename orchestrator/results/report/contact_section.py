@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from orchestrator.registry import LAWS
 from orchestrator.results.report.document import heading, number, plain, table
-from orchestrator.results.summary.summary import hold_sentences, jsonable, shown_statuses
+from orchestrator.results.summary.short_form import hold_sentences, shown_statuses
+from orchestrator.results.summary.summary import jsonable
 
 _MOST = 60  # interfaces with their own rows: of many, those with the largest resultants
 

@@ -13,7 +13,8 @@ from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.figures import tolerance, write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds, summary_rows
+from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
 from orchestrator.results.summary.workload import (
     PERIODS,
     RANK_HEAD,

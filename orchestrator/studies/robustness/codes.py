@@ -11,7 +11,8 @@ import numpy as np
 from orchestrator.blackbox.pool.diagnosis import difference
 from orchestrator.config import config_from, load_config
 from orchestrator.results.figures.plotting import new_figure, png, tidy
-from orchestrator.results.summary.codes import PALETTE, label
+from orchestrator.results.figures.codes import PALETTE
+from orchestrator.results.summary.codes import code_label
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.studies.kit.framework import Case, Study
@@ -78,13 +79,13 @@ def _solve(study: Study, scene: str, name: str, data: Mapping[str, Any], first: 
            "difference": difference(solved.displacement, base.displacement),
            "resultants": difference(np.array(summary["reactions"]), np.array(base.summary["reactions"])),
            "statuses": solved.interfaces and int((solved.interfaces.status != base.interfaces.status).sum()),
-           "code_seconds": ", ".join(f"{label(c)} {c['seconds']['total']:.2f}" for c in summary["codes"]),
+           "code_seconds": ", ".join(f"{code_label(c)} {c['seconds']['total']:.2f}" for c in summary["codes"]),
            "orchestrator_seconds": round(watch.total - summary["asking_seconds"], 2),
            "unit_loads": sum(note["unit_loads"] for c in summary["codes"] for note in c["compliances"]),
            "seconds": round(watch.total, 2)}
     study.add(Case(data, {"scene": scene, "codes": name}), row, solved.iterated.history,
               f"{row['difference']:.1e} from the first")
-    spent.append((f"{scene}: {name}", {**{label(c): c["seconds"]["total"] for c in summary["codes"]},
+    spent.append((f"{scene}: {name}", {**{code_label(c): c["seconds"]["total"] for c in summary["codes"]},
                                        "orchestrator": row["orchestrator_seconds"]}))
     return solved
 

@@ -1,0 +1,155 @@
+"""The short form of a summary: a label and a text each, for the console and for the report."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from orchestrator.method.events import COUNTED
+from orchestrator.results.summary.codes import codes_text
+from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
+from orchestrator.results.summary.workload import idle_text
+
+LARGEST = 6  # stages named
+
+
+def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None,
+                  console: object | None = None) -> None:
+    """Prints what matters of a summary as a compact table.
+
+    Parameters
+    ----------
+    summary : as for ``write_summary``
+    directory : the results folder, to say where the figures are
+    console : a rich Console; default: standard output
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = console or Console(highlight=False)
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in summary_rows(summary):
+        style = "" if label != "result" else "green" if summary.get("converged") else "red"
+        table.add_row(label, Text(text, style=style))
+    if directory is not None:
+        figures = sorted(Path(directory).glob("figures/*.png"))
+        table.add_row("results", Text(str(directory)))
+        if figures:
+            table.add_row("figures", Text("\n".join(map(str, figures))))
+    console.print(table)
+
+
+def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
+    """Label and text of each line of the short summary; what is not known is left out."""
+    def shown(key: str, form: str = "{:,}") -> str | None:
+        value = jsonable(summary.get(key))
+        return None if value is None else form.format(value)
+
+    state = "converged" if summary.get("converged") else "NOT converged"
+    reason = str(summary.get("stop_reason") or "")
+    sweeps = summary.get("sweeps") or {}
+    total = sweeps.get("total") if isinstance(sweeps, Mapping) else sweeps
+    rows = [("run", shown("name", "{}")),
+            ("result", state if reason in ("", "converged") else f"{state} ({reason})"),
+            ("iterations", shown("iterations") and f"{shown('iterations')}"
+             + (f", {total:.4g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
+            ("error bound", shown("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
+            ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
+            ("law residual", _law_text(summary)),
+            ("mesh's error", _mesh_text(summary)),
+            ("interfaces", _status_text(summary)),
+            ("not held", "\n".join(hold_sentences(summary))),
+            ("warning", "\n".join(summary.get("warnings") or ())),
+            ("size", ", ".join(f"{shown(key)} {word if summary[key] == 1 else word + 's'}"
+                               for key, word in (("dofs", "dof"), ("subdomains", "subdomain"),
+                                                 ("interfaces", "interface"), ("load_steps", "load step"))
+                               if shown(key))),
+            ("time", _time_text(summary)),
+            ("codes", codes_text(summary)),
+            ("workers", idle_text(summary.get("workload"))),
+            ("skipped", _skipped_text(summary)),
+            ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
+    return [(label, text) for label, text in rows if text]
+
+
+def _law_text(summary: Mapping[str, object]) -> str | None:
+    residuals = jsonable(summary.get("residuals"))
+    value = residuals.get("law_residual") if isinstance(residuals, Mapping) else None
+    return None if value is None else f"{value:.2e}  (equilibrium and interface laws, the largest relative residual)"
+
+
+def _mesh_text(summary: Mapping[str, object]) -> str | None:
+    value, config = jsonable(summary.get("discretisation_error")), summary.get("config") or {}
+    if value is None:
+        return None
+    asked = (config.get("method") or {}).get("tolerance") or {}
+    text = f"{value:.2e}  (estimated discretisation error, relative, energy norm)"
+    if asked.get("error") == "auto":
+        text += f"; tolerance {summary['tolerance']:.2e}, {asked['fraction']:g} of it"
+    return text
+
+
+def shown_statuses(counts: object) -> list[str]:
+    """Names of the statuses that say something: open, stick and slip only where there are such."""
+    if not isinstance(counts, Mapping):
+        return []
+    usual = [name for name in COUNTED if counts.get(name)]
+    return (usual if any(any(counts[name]) for name in usual) else []) + [n for n in counts if n not in COUNTED]
+
+
+def _status_text(summary: Mapping[str, object]) -> str | None:
+    """Node pairs that are open, stick, slip … at the last load step."""
+    counts = summary.get("status_counts")
+    names = shown_statuses(counts)
+    if not names:  # imposed jumps alone
+        return None
+    steps = len(counts[names[0]])
+    when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
+    return ", ".join(f"{counts[name][-1]:,} {name}" for name in names) + when
+
+
+def hold_sentences(summary: Mapping[str, object]) -> list[str]:
+    """Which bodies are detached or weakly held, at which load steps, in words."""
+    result = []
+    for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole")):
+        when: dict[str, list[int]] = {}
+        for step, names in enumerate(summary.get(key) or (), 1):
+            for name in names:
+                when.setdefault(name, []).append(step)
+        alike: dict[tuple[int, ...], list[str]] = {}
+        for name, steps in when.items():
+            alike.setdefault(tuple(steps), []).append(name)
+        for steps, names in alike.items():
+            shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+            result.append(f"{shown}: {what} at load step {', '.join(map(str, steps))}; "
+                          f"{'its' if len(names) == 1 else 'their'} rigid position is undetermined")
+    return result
+
+
+def _skipped_text(summary: Mapping[str, object]) -> str:
+    """What was not done because the scene does not need it, and which switch of ``method.skip`` allowed it."""
+    return "; ".join(f"{', '.join(f'{count:,} {what}' for what, count in entry['saved'].items())} ({entry['skip']})"
+                     for entry in summary.get("skipped") or ())
+
+
+def _time_text(summary: Mapping[str, object]) -> str | None:
+    timing = jsonable(summary.get("timing")) or {}
+    if timing.get("total") is None:
+        return None
+    stages = sorted(((timing[s], s) for s in STAGES if timing.get(s)), reverse=True)
+    text = f"{timing['total']:.2f} s"
+    shown = [f"{STAGES[name]} {seconds:.2f}" for seconds, name in stages[:LARGEST]]
+    rest = timing["total"] - sum(seconds for seconds, _ in stages[:LARGEST])
+    if shown:
+        text += ": " + ", ".join(shown + ([f"the rest {rest:.2f}"] if rest >= 0.005 else []))
+    own = blackbox_seconds(timing)
+    if own:
+        text += f"\nblack box {own:.2f} s of its own clock, summed over its workers"
+        workers = summary.get("workers")
+        if workers and timing["total"]:
+            text += f" ({100 * own / (workers * timing['total']):.0f} % of {workers} × {timing['total']:.2f} s)"
+    return text
