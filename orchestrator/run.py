@@ -111,7 +111,7 @@ def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, sta
 
         chosen, estimate = cases.part_of(d), DiscretisationEstimate(scene, cases)
         true_error = TrueError(chosen, cases, exact, watch) if reference else None
-        begin = Start(start.state[:, d.space.number], start.iteration, start.sweeps - d.setup_sweeps) if start else Start()
+        begin = Start.resumed(d, start.state, start.iteration, start.sweeps) if start else Start()
         iterated = iterate(chosen, method, whole_states(told.all, d.space), watch, begin, true_error=true_error,
                            estimate=estimate, savings=savings)
         workload.end("iterations")

@@ -48,6 +48,11 @@ class Start:
     iteration: int = 0
     sweeps: float = 0.0
 
+    @classmethod
+    def resumed(cls, d: Decomposition, state: np.ndarray, iteration: int, sweeps: float) -> Start:
+        """Where an earlier run stood, as its last event told: the state of all ranks, sweeps with its set-up."""
+        return cls(state[:, d.space.number], iteration, sweeps - d.setup_sweeps)
+
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(), *,
             true_error: ErrorOf | None = None, estimate: EstimateOf | None = None,
