@@ -5,10 +5,14 @@ import subprocess
 import sys
 from importlib import import_module
 
+import numpy as np
 import pytest
+from method_case import CLAMP, config
 
 import orchestrator
+from orchestrator import Finished, InputError, Iteration, Solution, Subscriber, solve
 from orchestrator.registry import CODES, LAWS
+from orchestrator.results.summary.summary import jsonable
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 # Values rather than things to call or to derive from: they are seen in the examples of others.
@@ -45,3 +49,81 @@ def test_the_package_alone_imports_nothing():
     program = "import sys, orchestrator; print(*sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
     assert [name for name in loaded if name.startswith(("numpy", "orchestrator."))] == []
+
+
+class Ear(Subscriber):
+    """Keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.heard = []
+
+    def stage(self, name):
+        self.heard.append(name)
+
+    def iteration(self, event):
+        assert isinstance(event, Iteration) and np.isfinite(event.state).all()
+        self.heard.append(event.iteration)
+
+    def finished(self, event):
+        self.heard.append(event)
+
+    def failed(self, error):
+        self.heard.append(error)
+
+
+class Deaf(Subscriber):
+    """Needs nothing: all methods are optional."""
+
+
+class Impatient(Subscriber):
+    """Interrupts at the third iteration."""
+
+    def iteration(self, event):
+        if event.iteration == 3:
+            raise KeyboardInterrupt
+
+
+def test_subscribers_hear_the_run_in_its_order():
+    ear = Ear()
+    solution = solve(config(), subscribers=[Deaf(), ear], reference=True)
+    assert ear.heard == ["meshing", "solving undecomposed", "assembling and factorising",
+                         *range(1, solution.iterations + 1), Finished(True, "converged", solution.iterations)]
+
+
+def test_subscribers_hear_of_its_failure():
+    ear, contact = Ear(), config(interfaces=[{"law": "contact"}])
+    with pytest.raises(InputError) as refused:
+        solve(contact, subscribers=[ear], reference=True)
+    assert ear.heard == ["meshing", refused.value]
+    ear = Ear()
+    with pytest.raises(KeyboardInterrupt) as blow:
+        solve(config(), subscribers=[ear, Impatient()])
+    assert ear.heard[2:] == [1, 2, 3, blow.value]
+
+
+@pytest.mark.parametrize("law, keys", [("perfect", {}), ("contact", {"friction": 0.5})])
+def test_a_solution_comes_back_from_its_files(law, keys, tmp_path):
+    """The same object, but for what only the run itself knows."""
+    push = {"on": {"plane": "x", "at": 4.0}, "traction": [-10.0, 1.0, 0.0]}
+    solution = solve(config(interfaces=[{"law": law, **keys}], boundary=[CLAMP, push],
+                            method={"tolerance": {"error": 1e-4}}))
+    again = Solution.read(solution.write(tmp_path))
+    known = {key: value for key, value in again.summary.items() if value is not None}
+    assert repr(again) == repr(solution)
+    assert known == {key: value for key, value in jsonable(solution.summary).items() if value is not None}
+    assert (again.converged, again.iterations, again.stop_reason) == (True, solution.iterations, "converged")
+    for name in ("displacement", "energy", "reactions"):
+        assert np.array_equal(getattr(again, name), getattr(solution, name)), name
+    assert again.reactions.shape == (2, 1, 3) and again.energy.shape == (1,)
+    assert list(again.history) == list(solution.history)
+    for name, column in solution.history.items():
+        assert np.array_equal(again.history[name], column, equal_nan=True) and again.history[name].dtype == column.dtype
+    for s, one, two in zip(solution.scene.subdomains, solution.sides, again.sides, strict=True):
+        assert one.shape == (1, len(s.nodes), 3) and np.array_equal(one, two)
+        if law == "perfect":
+            assert np.array_equal(one, solution.displacement[:, s.nodes])
+    if law == "contact":
+        assert np.array_equal(again.interfaces.status, solution.interfaces.status)
+    else:
+        assert again.interfaces is None and solution.error_bound <= 1e-4
+    assert again.scene is None and again.iterated is None and again.parts is None
