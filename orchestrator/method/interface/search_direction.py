@@ -44,7 +44,7 @@ class SearchDirection:
     @cached_property
     def solve(self):
         """k⁻¹ applied to rows (T, D), by a factorisation made at the first call."""
-        return factorised(self.k)
+        return Factor(self.k)
 
     def times(self, w: np.ndarray) -> np.ndarray:
         """(T, D) k⁻ w."""
@@ -62,13 +62,22 @@ class SearchDirection:
         return self.space.transfer.seen_across(self.whole)
 
 
-def factorised(matrix: sp.csr_array):
-    """Solver of a symmetric positive definite sparse matrix, for rows (T, n) of right-hand sides."""
-    if matrix.shape[0] == 0:
-        return lambda rows: np.array(rows)
-    lu = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                  options={"SymmetricMode": True})
-    return lambda rows: np.ascontiguousarray(lu.solve(rows.T).T)
+class Factor:
+    """Solves with a symmetric positive definite sparse matrix, factorised once.
+
+    Attributes
+    ----------
+    entries : numbers that the factors hold
+    """
+
+    def __init__(self, matrix: sp.csr_array):
+        lu = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                      options={"SymmetricMode": True}) if matrix.shape[0] else None
+        self._lu, self.entries = lu, lu.nnz if lu else 0
+
+    def __call__(self, rows: np.ndarray) -> np.ndarray:
+        """Solutions (T, n) for rows (T, n) of right-hand sides."""
+        return np.ascontiguousarray(self._lu.solve(rows.T).T) if self._lu else np.array(rows)
 
 
 def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
-from orchestrator.method.interface.search_direction import SearchDirection, factorised
+from orchestrator.method.interface.search_direction import Factor, SearchDirection
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
@@ -121,7 +121,7 @@ def _positive_definite_solver(matrix: sp.csr_array):
     try:
         if matrix.shape[0] and scale.min() <= 0:
             raise RuntimeError("a diagonal entry is not positive")
-        return factorised(matrix)
+        return Factor(matrix)
     except RuntimeError as error:
         raise InputError(Problem(
             ("method", "macro"), f"the macro matrix is singular ({error})",

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import times
-from orchestrator.method.interface.search_direction import SearchDirection, conditioning, factorised
+from orchestrator.method.interface.search_direction import Factor, SearchDirection, conditioning
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
 
@@ -85,4 +85,4 @@ class Exchange:
             k, other = other, k
         elif self.kplus == "diagonal":
             k, other = (sp.csr_array(sp.diags_array(x.diagonal())) for x in (k, other))
-        return k, factorised(sp.csr_array(k + other))
+        return k, Factor(sp.csr_array(k + other))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.search_direction import factorised
+from orchestrator.method.interface.search_direction import Factor
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube
@@ -88,18 +88,17 @@ def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[s
     """Factorise matrices of the macro problem's pattern for cubes in a grid; also what was measured."""
     rows = []
     for side in grids:
-        matrix, right = macro_pattern(side), np.ones((FIELDS * 3 * side * side * (side - 1), 1))
+        matrix, right = macro_pattern(side), np.ones((1, FIELDS * 3 * side * side * (side - 1)))
         begin = time.process_time()
-        solve = factorised(matrix)
+        solve = Factor(matrix)
         done = time.process_time()
         repeats = 0
         while time.process_time() - done < 0.02:
             solve(right)
             repeats += 1
         seconds = (time.process_time() - done) / repeats
-        # the solver is a method of its factor
-        rows.append({"subdomains": side**3, "unknowns": len(right), "factorise": done - begin, "solve": seconds,
-                     "entries": solve.__self__.nnz})
+        rows.append({"subdomains": side**3, "unknowns": right.size, "factorise": done - begin, "solve": seconds,
+                     "entries": solve.entries})
     return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "entries"))), rows
 
 
