@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from orchestrator.results.report.contact_section import contact_section, law_quantities
+from orchestrator.results.report.interface_section import interface_section, law_quantities
 from orchestrator.results.report.document import heading, listing, number, page, picture, plain, table
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.figures import tolerance, write_figures
@@ -79,7 +79,7 @@ def _parts(solution: Solution) -> list[str]:
     parts = [heading(str(summary.get("name") or "Run"), 1), plain(_in_words(solution)),
              table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers", "codes")])]
     parts += [heading("How well"), _stopping(solution), heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
-    parts += contact_section(summary)
+    parts += interface_section(summary)
     for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
         if found := {"reactions": _reactions, "energy": _energy}[key](summary.get(key)):
             parts += [heading(title), found]

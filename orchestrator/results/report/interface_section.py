@@ -1,4 +1,4 @@
-"""The report's section on interfaces that open, slip or jump."""
+"""The report's section on interfaces that are not perfect."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def law_quantities() -> list[tuple[str, str, str]]:
         *((measure.name, measure.formula, measure.meaning) for law in LAWS.values() for measure in law.measures)]
 
 
-def contact_section(summary: Mapping[str, object]) -> list[str]:
+def interface_section(summary: Mapping[str, object]) -> list[str]:
     """Laws, status, bodies that nothing holds, resultants; what is not known is left out."""
     summary = {key: jsonable(value) for key, value in summary.items() if key != "config"}
     parts: list[str] = []
