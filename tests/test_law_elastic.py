@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 from contact_case import BOTTOM, TOP, contact
+from in_process import FREEFEM, IN_PROCESS
 from matplotlib import image
 from monolithic import Monolithic
 from test_laws import assert_consistent
@@ -38,7 +39,7 @@ def bars(*laws, count=2, at_the_end=None, element="P1", unit=1.0, **changes):
     return config_from({
         "name": "bars", "mesh": {"box": {"size": [LENGTH * count * unit, unit, unit], "cells": [2 * count, 2, 2]}},
         "subdomains": {"slices": {"axis": "x", "count": count}}, "materials": [{"young": YOUNG / unit**2, "poisson": 0.0}],
-        "boundary": [LEFT, end], "interfaces": scaled, "blackbox": {"workers": 1, "element": element},
+        "boundary": [LEFT, end], "interfaces": scaled, "blackbox": {**IN_PROCESS, "element": element},
         "method": {"tolerance": {"error": 1e-10}}, "output": {"fields": False}, **changes})
 
 
@@ -209,7 +210,8 @@ def test_from_the_configuration_to_the_report(tmp_path):
     """Columns, residuals, statuses, picture: those of springs, none of contact."""
     out, path = tmp_path / "out", tmp_path / "bars.yaml"
     ends = {"on": {"plane": "x", "at": 2 * LENGTH}, "displacement": [[-0.05, 0, 0], [0.05, 0, 0]]}
-    made = bars(springs(tension_only=True), at_the_end=ends, output={"directory": str(out), "figures": False})
+    made = bars(springs(tension_only=True), at_the_end=ends, output={"directory": str(out), "figures": False},
+                blackbox=FREEFEM)
     path.write_text(json.dumps(made.complete()))
     assert run(load_config(path), output=out) == 0
     history, summary = read_history(out), read_summary(out)
