@@ -17,8 +17,8 @@ setup-tests:
 run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and where the figures are
 	@.venv/bin/orchestrator run $(CONFIG)
 
-test: setup-tests  ## set up CalculiX too, run the tests
-	@.venv/bin/python -m pytest -q
+test: setup-tests  ## set up CalculiX too, run the tests in two processes
+	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
 
 clean:  ## remove results, caches and the virtual environment
 	@rm -rf .venv results *.egg-info .pytest_cache

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from in_process import FREEFEM
 from method_case import CLAMP, CUBES, METIS, config, method, solved
-from processes import begin
+from processes import begin, gone, nothing_left, working_below
 
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.results.solution import Solution
@@ -116,27 +116,6 @@ def ended(process, timeout=60):
     return process.returncode, out, err
 
 
-def freefems(folder):
-    """FreeFEM processes that work below a folder."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            state = (path / "stat").read_text().rpartition(")")[2].split()[0]
-            if state != "Z" and str(folder) in os.readlink(path / "cwd"):
-                found.append(int(path.name))
-        except OSError:
-            pass
-    return found
-
-
-def nothing_left(temporary):
-    """No process, no file."""
-    deadline = time.monotonic() + 5
-    while freefems(temporary) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    return not freefems(temporary) and not list(temporary.iterdir())
-
-
 def written(tmp_path, **changes):
     """A configuration file of the bar; JSON is YAML."""
     data = config(**{"blackbox": FREEFEM, **changes}).complete()
@@ -176,101 +155,6 @@ def test_the_shipped_example(tmp_path, temporary):
     assert result.displacement.shape == (1, 129 * 81, 3)
     assert not (out / "checkpoint.npz").exists(), "nothing to resume"
     assert "converged" in shown and "error bound" in shown and str(out) in shown.replace("\n", "")
-    assert nothing_left(temporary)
-
-
-SHIPPED = {  # configuration: what shortens it, iterations at most
-    "traction_beam": (["mesh.beam.h=2.5", "subdomains.slices.count=16"], 9),
-    "assembly": (["mesh.h=8", "output.fields=false"], 25),
-    "metis_box": ([], 25),
-    "bending_beam_p2": ([], 14),
-}
-SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show
-    "two_blocks": ([], 40, lambda s, f: statuses(s, "stick")[0] == statuses(s, "slip")[1] == statuses(s, "open")[3] == 81),
-    "sliding_block": ([], 40, lambda s, f: abs(s["reactions"][1][2][0] - 20) < 1e-3 and statuses(s, "slip") == [0, 0, 81]),
-    "press_fit": ([], 20, lambda s, f: close(f["pressure"], 200.0, 1e-5)),
-    "hertz": ([], 60, lambda s, f: abs(f["pressure"][-1].max() / hertz_pressure(s["reactions"][0][-1][2]) - 1) < 0.03),
-    "assembly_contact": (["mesh.h=10", "method.tolerance.error=1e-3"], 150, lambda s, f: s["interfaces"] == 32 and all(
-        700 < abs(i["resultant"][0][2]) < 1200 for i in s["interface_resultants"] if set(i["name"].split()[::2]) & {"plate"}
-        and "nut" in i["name"])),
-    "polycrystal_10": (["mesh.polycrystal.h=0.2"], 120, lambda s, f: statuses(s, "open")[3] > statuses(s, "open")[1]),
-    "polycrystal_100": (["mesh.polycrystal.grains=8", "mesh.polycrystal.h=0.25"], 150,
-                        lambda s, f: statuses(s, "slip")[2] > 0),
-}
-
-
-SHIPPED_CODES = {  # what shortens it, iterations at most, its codes and transports
-    "two_codes": (["mesh.box.cells=[16, 4, 4]"], 15, ["freefem pipe", "calculix file"]),
-    "four_codes": (["mesh.box.cells=[10, 2, 2]"], 20,
-                   ["freefem pipe", "freefem file", "calculix file", "scikit-fem pipe", "template.py pipe"]),
-    "assembly_codes": (["mesh.h=12", "output.fields=false"], 30, ["freefem pipe", "calculix file"]),
-    "punch": ([], 50, ["freefem pipe", "calculix file"]),
-}
-
-
-def statuses(summary, kind):
-    return summary["status_counts"][kind]
-
-
-def hertz_pressure(force):
-    """Closed form for half a cylinder of radius 2 on a slice 0.02 thick, from the force on it."""
-    per_length, effective = 2 * force / 0.02, 200e3 / (2 * (1 - 0.3**2))
-    return np.sqrt(per_length * effective / (np.pi * 2))
-
-
-def test_every_shipped_configuration_is_run(configs_dir):
-    """No example without a test."""
-    assert {path.stem for path in configs_dir.glob("*.yaml")} == {*SHIPPED, *SHIPPED_CONTACT, *SHIPPED_CODES}
-
-
-@pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_configurations(name, tmp_path, temporary, configs_dir):
-    """Converged, with a true error below a bound below 1e-6, within the stages expected; supports carry the loads."""
-    changes, iterations = SHIPPED[name]
-    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
-    code, _, err = ended(launch(temporary, "run", configs_dir / f"{name}.yaml", "--reference", "--quiet",
-                                "--output", tmp_path / "out", *settings))
-    assert code == 0, err
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["true_error"] <= summary["error_bound"] <= 1e-6 and summary["iterations"] <= iterations
-    if name != "metis_box":  # weight is no entry of the boundary
-        reactions = np.array(summary["reactions"])
-        assert np.abs(reactions.sum(axis=0)).max() <= 1e-9 * np.abs(reactions).max()
-
-
-@pytest.mark.parametrize("name", SHIPPED_CONTACT)
-def test_shipped_contact_configurations(name, tmp_path, temporary, configs_dir):
-    """Converged within the stages expected: laws and equilibrium hold, and each shows what it is there for."""
-    changes, iterations, shows = SHIPPED_CONTACT[name]
-    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
-    code, _, err = ended(launch(temporary, "run", configs_dir / f"{name}.yaml", "--quiet", "--output", tmp_path / "out", *settings))
-    assert code == 0, err
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["iterations"] <= iterations
-    assert summary["residuals"]["law_residual"] <= summary["config"]["method"]["tolerance"]["error"]
-    with np.load(tmp_path / "out" / "fields.npz") as fields:
-        assert shows(summary, fields)
-
-
-@pytest.mark.parametrize("name", SHIPPED_CODES)
-def test_shipped_configurations_of_several_codes(name, tmp_path, temporary, configs_dir):
-    """Converged, with every code at work; supports carry the loads; nothing is left by any code."""
-    changes, iterations, codes = SHIPPED_CODES[name]
-    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
-    code, shown, err = ended(launch(temporary, "run", configs_dir / f"{name}.yaml", "--output", tmp_path / "out", *settings))
-    assert code == 0, err
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["iterations"] <= iterations
-    assert [f"{entry['code']} {entry['transport']}" for entry in summary["codes"]] == codes
-    assert all(entry["seconds"]["total"] > 0 and entry["subdomains"] for entry in summary["codes"])
-    assert 0 < summary["orchestrator_seconds"] < summary["timing"]["total"] and "orchestrator: " in shown
-    reactions = np.array(summary["reactions"])
-    assert np.abs(reactions.sum(axis=0)).max() <= 1e-5 * np.abs(reactions).max()
-    if name == "punch":  # sticks in part, sticks more, slides, sticks again
-        assert statuses(summary, "slip")[2] == statuses(summary, "stick")[3] == 88
-        assert abs(reactions[0][2][0] / reactions[0][2][2]) == pytest.approx(0.3, rel=0.03)
-    else:
-        assert summary["error_bound"] <= 1e-6
     assert nothing_left(temporary)
 
 
@@ -317,7 +201,7 @@ def test_interrupted_and_resumed(blow, tmp_path, temporary):
     """Exit code 130, a checkpoint, nothing left; --resume ends where an undisturbed run ends."""
     out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS)
     process = under_way(temporary, path, out)
-    assert freefems(temporary)
+    assert working_below(temporary)
     # Ctrl-C reaches the whole foreground group, SIGTERM the program alone
     os.killpg(process.pid, blow) if blow == signal.SIGINT else process.send_signal(blow)
     code, _, err = ended(process)
@@ -341,7 +225,7 @@ def test_freefem_is_killed(tmp_path, temporary):
     """Exit code 3, a message that names the signal and the log, history and checkpoint on disk, nothing left."""
     out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS, blackbox={"workers": 2})
     process = under_way(temporary, path, out)
-    os.kill(freefems(temporary)[0], signal.SIGKILL)
+    os.kill(working_below(temporary)[0], signal.SIGKILL)
     code, _, err = ended(process)
     assert code == 3 and "SIGKILL" in err and "Traceback" not in err
     assert lines_of(out / "history.csv") > 5 and (out / "checkpoint.npz").is_file()
@@ -355,10 +239,7 @@ def test_the_program_is_killed(tmp_path, temporary):
     process = under_way(temporary, path := written(tmp_path, **BENT, **ENDLESS), tmp_path / "out")
     process.kill()
     process.communicate()
-    deadline = time.monotonic() + 5
-    while freefems(temporary) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert not freefems(temporary)
+    assert gone(working_below(temporary))
     code, *_ = ended(launch(temporary, "run", path, "--output", tmp_path / "next", *SHORTEN,
                             "--set", "method.max_iterations=2"))
     assert code == 1 and nothing_left(temporary)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from functools import cached_property
+from functools import cache
 from typing import TYPE_CHECKING
 
 from orchestrator.blackbox.codes.code import MessageCode
@@ -61,16 +61,7 @@ class FreeFem(MessageCode):
 
     def version(self) -> str:
         """What FreeFEM says it is, e.g. "4.9"; empty when it does not answer."""
-        return self._version
-
-    @cached_property
-    def _version(self) -> str:
-        with tempfile.NamedTemporaryFile("w", suffix=".edp", prefix="orchestrator-version-") as question:
-            question.write("cout << version << endl;\n")
-            question.flush()
-            answer = subprocess.run([self.executable, "-ne", "-nw", "-v", "0", question.name], env=self.environment(),
-                                    stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-        return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")
+        return _version(self.executable)
 
     def mesh(self, model: Model) -> bytes:
         """Medit's binary format."""
@@ -92,3 +83,13 @@ class FreeFem(MessageCode):
     def doctor(cls, name: str) -> list[str]:
         """Executable, scripts, plugin, OpenBLAS and setpriv, a line each."""
         return installation.report()
+
+
+@cache
+def _version(executable: str) -> str:
+    with tempfile.NamedTemporaryFile("w", suffix=".edp", prefix="orchestrator-version-") as question:
+        question.write("cout << version << endl;\n")
+        question.flush()
+        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", question.name], env=installation.environment(),
+                                stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+    return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")

@@ -1,0 +1,126 @@
+"""The shipped configurations, shortened where they are long: each converges and shows what it is there for."""
+
+import json
+import tempfile
+from copy import deepcopy
+from functools import cache
+
+import numpy as np
+import pytest
+from processes import nothing_left
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+from orchestrator.scene.mesh import cad
+
+pytestmark = pytest.mark.xdist_group("shipped")  # one process reads the CAD model for all
+
+SHIPPED = {  # configuration: what shortens it, iterations at most
+    "traction_beam": (["mesh.beam.h=2.5", "subdomains.slices.count=16"], 9),
+    "assembly": (["mesh.h=10", "output.fields=false"], 25),
+    "metis_box": ([], 25),
+    "bending_beam_p2": ([], 14),
+}
+SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results show
+    "two_blocks": ([], 40, lambda s, f: statuses(s, "stick")[0] == statuses(s, "slip")[1] == statuses(s, "open")[3] == 81),
+    "sliding_block": ([], 40, lambda s, f: abs(s["reactions"][1][2][0] - 20) < 1e-3 and statuses(s, "slip") == [0, 0, 81]),
+    "press_fit": ([], 20, lambda s, f: np.abs(f["pressure"] / 200.0 - 1).max() < 1e-5),
+    "hertz": ([], 60, lambda s, f: abs(f["pressure"][-1].max() / hertz_pressure(s["reactions"][0][-1][2]) - 1) < 0.03),
+    "assembly_contact": (["mesh.h=10", "method.tolerance.error=1e-3"], 150, lambda s, f: s["interfaces"] == 32 and all(
+        700 < abs(i["resultant"][0][2]) < 1200 for i in s["interface_resultants"] if set(i["name"].split()[::2]) & {"plate"}
+        and "nut" in i["name"])),
+    "polycrystal_10": (["mesh.polycrystal.h=0.2"], 120, lambda s, f: statuses(s, "open")[3] > statuses(s, "open")[1]),
+    "polycrystal_100": (["mesh.polycrystal.grains=8", "mesh.polycrystal.h=0.25"], 150,
+                        lambda s, f: statuses(s, "slip")[2] > 0),
+}
+
+
+SHIPPED_CODES = {  # what shortens it, iterations at most, its codes and transports
+    "two_codes": (["mesh.box.cells=[16, 4, 4]"], 15, ["freefem pipe", "calculix file"]),
+    "four_codes": (["mesh.box.cells=[10, 2, 2]"], 20,
+                   ["freefem pipe", "freefem file", "calculix file", "scikit-fem pipe", "template.py pipe"]),
+    "assembly_codes": (["mesh.h=10", "output.fields=false"], 30, ["freefem pipe", "calculix file"]),
+    "punch": ([], 50, ["freefem pipe", "calculix file"]),
+}
+
+
+def statuses(summary, kind):
+    return summary["status_counts"][kind]
+
+
+def hertz_pressure(force):
+    """Closed form for half a cylinder of radius 2 on a slice 0.02 thick, from the force on it."""
+    per_length, effective = 2 * force / 0.02, 200e3 / (2 * (1 - 0.3**2))
+    return np.sqrt(per_length * effective / (np.pi * 2))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def cad_is_read_once():
+    """Three configurations share a CAD model: gmsh joins its 18 solids once."""
+    with pytest.MonkeyPatch.context() as patch:
+        read = cache(cad.load)
+        patch.setattr(cad, "load", lambda *arguments: deepcopy(read(*arguments)))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(tmp_path, monkeypatch):
+    """Every run has a temporary folder of its own; it leaves that empty, and no process in it."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    yield
+    assert nothing_left(folder)
+
+
+def of_command(path, out, changes, *options):
+    """Summary and stdout of ``orchestrator run``, called in this process; it converged."""
+    settings = [word for change in [*changes, "output.figures=false"] for word in ("--set", change)]
+    done = CliRunner().invoke(app, ["run", str(path), "--output", str(out), *options, *settings])
+    assert done.exit_code == 0, done.stderr
+    return json.loads((out / "summary.json").read_text()), done.stdout
+
+
+def test_every_shipped_configuration_is_run(configs_dir):
+    """No example without a test."""
+    assert {path.stem for path in configs_dir.glob("*.yaml")} == {*SHIPPED, *SHIPPED_CONTACT, *SHIPPED_CODES}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_configurations(name, tmp_path, configs_dir):
+    """Converged, with a true error below a bound below 1e-6, within the stages expected; supports carry the loads."""
+    changes, iterations = SHIPPED[name]
+    summary, _ = of_command(configs_dir / f"{name}.yaml", tmp_path / "out", changes, "--reference", "--quiet")
+    assert summary["true_error"] <= summary["error_bound"] <= 1e-6 and summary["iterations"] <= iterations
+    if name != "metis_box":  # weight is no entry of the boundary
+        reactions = np.array(summary["reactions"])
+        assert np.abs(reactions.sum(axis=0)).max() <= 1e-9 * np.abs(reactions).max()
+
+
+@pytest.mark.parametrize("name", SHIPPED_CONTACT)
+def test_shipped_contact_configurations(name, tmp_path, configs_dir):
+    """Converged within the stages expected: laws and equilibrium hold, and each shows what it is there for."""
+    changes, iterations, shows = SHIPPED_CONTACT[name]
+    summary, _ = of_command(configs_dir / f"{name}.yaml", tmp_path / "out", changes, "--quiet")
+    assert summary["iterations"] <= iterations
+    assert summary["residuals"]["law_residual"] <= summary["config"]["method"]["tolerance"]["error"]
+    with np.load(tmp_path / "out" / "fields.npz") as fields:
+        assert shows(summary, fields)
+
+
+@pytest.mark.parametrize("name", SHIPPED_CODES)
+def test_shipped_configurations_of_several_codes(name, tmp_path, configs_dir):
+    """Converged, with every code at work; supports carry the loads; nothing is left by any code."""
+    changes, iterations, codes = SHIPPED_CODES[name]
+    summary, shown = of_command(configs_dir / f"{name}.yaml", tmp_path / "out", changes)
+    assert summary["iterations"] <= iterations
+    assert [f"{entry['code']} {entry['transport']}" for entry in summary["codes"]] == codes
+    assert all(entry["seconds"]["total"] > 0 and entry["subdomains"] for entry in summary["codes"])
+    assert 0 < summary["orchestrator_seconds"] < summary["timing"]["total"] and "orchestrator: " in shown
+    reactions = np.array(summary["reactions"])
+    assert np.abs(reactions.sum(axis=0)).max() <= 1e-5 * np.abs(reactions).max()
+    if name == "punch":  # sticks in part, sticks more, slides, sticks again
+        assert statuses(summary, "slip")[2] == statuses(summary, "stick")[3] == 88
+        assert abs(reactions[0][2][0] / reactions[0][2][2]) == pytest.approx(0.3, rel=0.03)
+    else:
+        assert summary["error_bound"] <= 1e-6
