@@ -15,6 +15,7 @@ from orchestrator.method.delivery.guards import failed_guards, works
 from orchestrator.method.delivery.interface_fields import interface_fields
 from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.solver import iterate
+from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.studies.robustness.hard_scenes import slices
@@ -78,26 +79,27 @@ def pressed():
     with box_of(made) as blackbox:
         d = prepared(made, scene, blackbox)
         outcome = iterate(d, made.method, (), Stopwatch())
-        return d, outcome, recover(d, outcome.fields, outcome.bound)[1], interface_fields(d, outcome)
+        return (d, outcome, recover(d, outcome.fields, outcome.bound)[1], interface_fields(d, outcome),
+                LengthScale(d)(outcome.fields.u))
 
 
 def test_sound_fields_pass(pressed):
-    d, outcome, parts, interfaces = pressed
-    assert outcome.converged and failed_guards(d, outcome, parts, interfaces) == []
+    d, outcome, parts, interfaces, lengths = pressed
+    assert outcome.converged and failed_guards(d, outcome, parts, interfaces, lengths) == []
     inner, outer, size = works(d, outcome, parts)
     assert inner == pytest.approx(outer, rel=1e-9) and (inner > 0).all()
 
 
 def test_broken_fields_are_named(pressed):
-    d, outcome, parts, interfaces = pressed
+    d, outcome, parts, interfaces, lengths = pressed
     wrong = [1.001 * u for u in parts]
-    assert "external work differs" in failed_guards(d, outcome, wrong, interfaces)[0]
+    assert "external work differs" in failed_guards(d, outcome, wrong, interfaces, lengths)[0]
     high = interfaces.pressure.max()
     for name, values in {"tension": {"pressure": interfaces.pressure - high},
                          "penetration": {"gap": interfaces.gap - 1e-3},
                          "complementarity": {"gap": interfaces.gap + 1e-3},
                          "Coulomb's cone": {"friction_traction": interfaces.friction_traction + high}}.items():
-        found = " ".join(failed_guards(d, outcome, parts, replace(interfaces, **values)))
+        found = " ".join(failed_guards(d, outcome, parts, replace(interfaces, **values), lengths))
         assert name in found, name
     assert "finite" in failed_guards(d, outcome, [np.full_like(u, np.nan) for u in parts], None)[0]
 

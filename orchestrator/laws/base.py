@@ -25,7 +25,7 @@ class Measure:
     name : in history.csv and summary.json
     label : in the convergence figure
     formula, meaning : in the report
-    length, pressure : powers of the largest displacement and of the law's largest pressure that it is divided by
+    length, pressure : powers of the scene's length scale and of the law's largest pressure that it is divided by
     """
 
     name: str
@@ -154,6 +154,11 @@ class Law:
         return 0.0
 
     @property
+    def imposed(self) -> float:
+        """The largest displacement, a length ≥ 0, that the law asks for by itself, whatever the load."""
+        return 0.0
+
+    @property
     def caution(self) -> str:
         """What a reader of the results must know of these parameters, to follow the interfaces' names; or nothing."""
         return ""
@@ -203,7 +208,7 @@ class Law:
 
         Parameters
         ----------
-        length, pressure : largest displacement of the structure; largest pressure on interfaces of this law, or what
+        length, pressure : the scene's length scale; largest pressure on interfaces of this law, or what
             counts as next to nothing
         """
         return {}

@@ -76,11 +76,11 @@ class Contact(Law):
     meaning = "unilateral contact with Coulomb friction"
     statuses = (OPEN, STICK, SLIP, BONDED)
     measures = (
-        Measure("penetration", "penetration", "max −(g₀ + n·d) / max |u|", "sides inside each other", length=1),
+        Measure("penetration", "penetration", "max −(g₀ + n·d) / ℓ", "sides inside each other", length=1),
         Measure("tension", "tension", "max (n·f / A) / max pressure", "sides that pull each other", pressure=1),
         Measure("cone", "cone violation", "max (|f_t| − μ |f_n|) / A / max pressure",
                 "more friction than Coulomb's law allows", pressure=1),
-        Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · max |u|)",
+        Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
                 "friction that does not oppose the slip Δs", length=1, pressure=1),
     )
 
@@ -95,6 +95,10 @@ class Contact(Law):
     @property
     def distance(self) -> np.ndarray:
         return self.gap
+
+    @property
+    def imposed(self) -> float:
+        return float(np.max(-self.gap, initial=0.0))
 
     @property
     def caution(self) -> str:

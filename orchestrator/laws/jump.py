@@ -40,6 +40,10 @@ class Jump(Law):
     def homogeneous(self) -> bool:
         return not self.jump.any()
 
+    @property
+    def imposed(self) -> float:
+        return float(np.linalg.norm(self.jump))
+
     @classmethod
     def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Jump:
         return cls(direction * np.asarray(entry.jump, dtype=float))

@@ -62,7 +62,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         displacement = cases.all_steps(displacement)
         parts = [part if part is None else cases.all_steps(part) for part in parts]
         iterated = expanded(d, iterated, cases)
-    discretisation = own = laws = None
+    discretisation = own = laws = lengths = None
     if estimate is not None:
         with watch("bound"):
             discretisation = estimate.of_parts(d, iterated.bound, parts)
@@ -71,8 +71,9 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         iterated = with_noise(d, iterated, parts)
     else:
         displacement, own = sides(d, iterated, parts)
-        laws = LawCriterion(d, tolerance).laws(iterated.fields, iterated.local)
-    broken = failed_guards(d, iterated, parts, interfaces)
+        criterion = LawCriterion(d, tolerance)
+        laws, lengths = criterion.laws(iterated.fields, iterated.local), criterion.lengths(iterated.fields.u)
+    broken = failed_guards(d, iterated, parts, interfaces, lengths)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
     return Delivered(iterated, displacement, parts, own, interfaces, laws, reactions(d, parts, iterated.fields.f),

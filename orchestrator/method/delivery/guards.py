@@ -22,7 +22,7 @@ from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.pairs import pair_normals
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.law_residuals import REST
+from orchestrator.method.stopping.lengths import Lengths
 
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
 NOTICED = 0.2  # share of the bound from which on noise is part of it
@@ -32,18 +32,18 @@ ROUNDING = 1e-9
 
 
 def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
-                  interfaces: InterfaceFields | None) -> list[str]:
+                  interfaces: InterfaceFields | None, lengths: Lengths | None = None) -> list[str]:
     """What the delivered fields break, a sentence each.
 
     Parameters
     ----------
     parts : per subdomain (T, n_E, 3), as recovered
-    interfaces : fields of the interfaces that are not perfect, if there are any
+    interfaces, lengths : fields of the interfaces that are not perfect, if there are any, and what they are
+        compared with
     """
     found = _works(d, iterated, parts)
     if interfaces is not None and iterated.converged:
-        reach = max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0)
-        found += _laws(d, interfaces, reach, LAWS * max(iterated.last.law_residual, ROUNDING))
+        found += _laws(d, interfaces, lengths, LAWS * max(iterated.last.law_residual, ROUNDING))
     return found
 
 
@@ -115,25 +115,25 @@ def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> lis
     return found
 
 
-def _laws(d: Decomposition, interfaces: InterfaceFields, reach: float, allowed: float) -> list[str]:
+def _laws(d: Decomposition, interfaces: InterfaceFields, lengths: Lengths, allowed: float) -> list[str]:
     chosen, worst = [i for i in d.scene.interfaces if not i.law.perfect], {}
-    pressures = _pressures(d, interfaces, reach)
+    pressures = _pressures(d, interfaces, lengths)
     for i, start in zip(chosen, interfaces.offsets):
         mobile = np.flatnonzero(i.free[i.corners].any(axis=1))
         at, nodes = start + mobile, i.corners[mobile]
         written = Written((interfaces.gap - interfaces.initial_gap)[:, at], interfaces.slip[:, at],
                           interfaces.pressure[:, at], interfaces.friction_traction[:, at], nodes,
                           pair_normals(d.scene.points(i), i)[1][nodes])
-        for what, value in i.law.violations(written, reach or 1.0, pressures[i.law.name]).items():
+        for what, value in i.law.violations(written, lengths.of_displacements, pressures[i.law.name]).items():
             worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
             for what, value in worst.items() if not value <= allowed]
 
 
-def _pressures(d: Decomposition, interfaces: InterfaceFields, reach: float) -> dict[str, float]:
+def _pressures(d: Decomposition, interfaces: InterfaceFields, lengths: Lengths) -> dict[str, float]:
     """Law → the largest pressure or shear on its interfaces, or what counts as next to nothing."""
     points = d.local.pairs.points
-    resting = REST * reach * (points.stiff_n / points.area).max(initial=0.0)
+    resting = lengths.of_rest * (points.stiff_n / points.area).max(initial=0.0)
     size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
     return {str(law): max(size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0), resting) or 1.0
             for law in set(interfaces.laws)}

@@ -35,6 +35,7 @@ from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.stopping.indicator import Measures, energy_residual
+from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.method.stopping.law_residuals import LawResiduals, law_residuals
 from orchestrator.method.linear.stage import Admissible
 
@@ -147,8 +148,7 @@ class LawCriterion:
         self.auto = tolerance.error == "auto"
         self.name = "law_residual" if self.by_error else "indicator"
         self.done = np.zeros(d.steps, dtype=bool)  # history joins the steps: none is done before the others
-        # bodies move by their loads even where their interfaces do not
-        self.scale = max((np.abs(s.prescribed).max(initial=0.0) for s in d.scene.subdomains), default=0.0)
+        self.lengths = LengthScale(d)
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         laws, bound = self.laws(fields, local), None
@@ -160,9 +160,8 @@ class LawCriterion:
 
     def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces."""
-        stage, space = self.d.local, self.d.space
-        moved, = space.team.max(np.abs(fields.u).max(initial=0.0))
-        return law_residuals(stage.pairs, *fields.extended, local, max(moved, self.scale), stage.previous, space.team)
+        stage, team = self.d.local, self.d.space.team
+        return law_residuals(stage.pairs, *fields.extended, local, self.lengths(fields.u), stage.previous, team)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""

@@ -5,9 +5,9 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 
 - residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹, tied dofs included
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
-- the laws' own measures, over powers of the largest displacement and of the law's largest pressure
+- the laws' own measures, over powers of the length scale ℓ (see ``lengths``) and of the law's largest pressure
 
-Forces and pressures are compared with the largest there are, or with a small share of k⁺ w where
+Forces and pressures are compared with the largest there are, or with a small share of k⁺ ℓ where
 the interfaces carry next to nothing.
 """
 
@@ -20,10 +20,8 @@ import numpy as np
 from orchestrator.laws.base import Stages
 from orchestrator.method.interface.pairs import Pairs, PairTraces
 from orchestrator.method.local.state import LocalState
+from orchestrator.method.stopping.lengths import Lengths
 from orchestrator.parallel.team import ALONE, Team
-
-# Forces are differences of k w: below this share of it they count as none, as where all contacts are open.
-REST = 1e-4
 
 
 @dataclass(frozen=True)
@@ -46,13 +44,13 @@ class LawResiduals:
                 **self.measures}
 
 
-def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, scale: float,
+def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, lengths: Lengths,
                   first_previous: np.ndarray, team: Team = ALONE) -> LawResiduals:
     """Measure traces (T, D + G) of the linear stage against the local stage.
 
     Parameters
     ----------
-    scale : largest displacement of the structure, at least on its interfaces
+    lengths : the length scale of these displacements
     first_previous : (3, P) jump before the first step
     team : the ranks over which to sum and to take the largest
     """
@@ -67,17 +65,17 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
 
     top = norm2(at.f1 - local.force) + norm2(at.f2 + local.force)
     bottom, unbalanced = norm2(at.f1) + norm2(at.f2), norm2(at.f1 + at.f2)
-    moved = squared(at.w1, points.stiffness(at.w1)) + squared(at.w2, points.stiffness(at.w2))
+    stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
     tied = pairs.tied
     if len(tied):
         top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
-    top, bottom, unbalanced, moved = (float(x) for x in team.sum(top, bottom, unbalanced, moved))
-    bottom = max(bottom, REST**2 * moved)
+    top, bottom, unbalanced, stiff = (float(x) for x in team.sum(top, bottom, unbalanced, stiff))
+    bottom = max(bottom, stiff * lengths.of_rest**2)
     return LawResiduals(_root(top, bottom), _root(unbalanced, bottom),
-                        _measured(pairs, at, local, scale or 1.0, first_previous, team))
+                        _measured(pairs, at, local, lengths, first_previous, team))
 
 
-def _measured(pairs: Pairs, at: PairTraces, local: LocalState, scale: float, before: np.ndarray,
+def _measured(pairs: Pairs, at: PairTraces, local: LocalState, lengths: Lengths, before: np.ndarray,
               team: Team) -> dict[str, float]:
     """The measures of all laws of the scene; of measures that laws share, the largest."""
     here = {run.law: run for run in pairs.runs}
@@ -86,19 +84,18 @@ def _measured(pairs: Pairs, at: PairTraces, local: LocalState, scale: float, bef
         found = [0.0] * (2 + len(law.measures))
         if law in here:
             part, points = here[law].part, here[law].points
-            w, stiff = (at.w1 + at.w2)[..., part], points.stiff_n / points.area
             pressure, values = law.residuals(points, Stages(
                 0.5 * (at.f1 - at.f2)[..., part], (at.w2 - at.w1)[..., part], local.jump[..., part], before[:, part],
                 local.status[:, part]))
-            found = [_largest(stiff * np.abs(w).max(axis=1)), *map(_largest, (
+            found = [_largest(points.stiff_n / points.area) * lengths.of_rest, *map(_largest, (
                 pressure, *(values[measure.name] for measure in law.measures)))]
         largest += found
     ends, result = iter(team.max(*largest)), {}
     for law in pairs.laws:
         rest, pressure = next(ends), next(ends)
-        pressure = max(pressure, REST * rest) or 1.0
+        pressure = max(pressure, rest) or 1.0
         for measure in law.measures:
-            value = next(ends) / (scale**measure.length * pressure**measure.pressure)
+            value = next(ends) / (lengths.of_displacements**measure.length * pressure**measure.pressure)
             result[measure.name] = max(value, result.get(measure.name, value))
     return result
 

@@ -20,12 +20,17 @@ def motions(nodes: np.ndarray) -> np.ndarray:
 
     Rotations are divided by the body's size, so that all columns have entries of order one.
     """
-    arm = (nodes - nodes.mean(axis=0)) / size_of(nodes)
+    return motions_about(nodes, nodes.mean(axis=0), size_of(nodes)).reshape(-1, 6)
+
+
+def motions_about(nodes: np.ndarray, centre: np.ndarray, size: float) -> np.ndarray:
+    """The same as (n, 3, 6), rotations about any ``centre`` (3,) and divided by any ``size``, a length."""
+    arm = (nodes - centre) / size
     columns = np.zeros((len(nodes), 3, 6))
     columns[:, range(3), range(3)] = 1.0
     for axis in range(3):
         columns[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm)
-    return columns.reshape(-1, 6)
+    return columns
 
 
 def size_of(nodes: np.ndarray) -> float:

@@ -1,0 +1,108 @@
+"""Residuals are relative to what is loaded, held and deformed: not to where a loose body happens to be."""
+
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+from method_case import box_of, prepared
+
+from orchestrator.config import config_from
+from orchestrator.method.events import Subscriber
+from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.results.subscribers.checkpoint import SavedState
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.rigid import motions
+
+TOLERANCE = 1e-6
+FAR = [0.1, 1e4, 1e6]
+
+
+def stack(top=None, unit=1.0, **more):
+    """Three blocks in frictional contact: the lowest stands, the middle one is pushed, the upper one is sent away."""
+    boundary = [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                {"on": {"box": [[0, 0, 0.6 * unit], [0, unit, 0.9 * unit]]}, "displacement": [1e-3 * unit, 0, -5e-3 * unit]}]
+    if top is not None:
+        boundary.append({"on": {"plane": "z", "at": 1.5 * unit}, "displacement": [0, 0, top * unit]})
+    return config_from({
+        "name": "stack", "mesh": {"box": {"size": [unit, unit, 1.5 * unit], "cells": [4, 4, 12]}},
+        "subdomains": {"grid": [1, 1, 3]}, "materials": [{"young": 200e3 / unit**2, "poisson": 0.3}],
+        "boundary": boundary, "interfaces": [{"law": "contact", "friction": 0.2}], "blackbox": IN_PROCESS,
+        "method": {"tolerance": {"error": TOLERANCE}, "max_iterations": 200}, **more})
+
+
+class LastState(Subscriber):
+    wants_states = True
+
+    def iteration(self, event):
+        self.state = event.state.copy()
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """The two lower blocks to many digits."""
+    return solve(stack(FAR[0], method={"tolerance": {"error": 1e-9}})).sides[:2]
+
+
+def apart(solution, exact):
+    return max(np.abs(a - b).max() for a, b in zip(solution.sides, exact)) / max(np.abs(u).max() for u in exact)
+
+
+@pytest.mark.parametrize("far", FAR)
+def test_a_body_sent_far_away_leaves_the_others_as_exact(exact, far):
+    solution = solve(stack(far))
+    assert solution.converged and apart(solution, exact) < 10 * TOLERANCE
+
+
+def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):
+    """What is left of an absurd state is the place of the loose block, as far away as the state says."""
+    kept = LastState()
+    sound = solve(stack(), subscribers=[kept])
+    assert sound.converged
+    for factor in (1e3, 1e12):
+        resumed = solve(stack(), start=SavedState(factor * kept.state, 0, 0.0, 0.0))
+        wrong = max(np.abs(a - b).max() for a, b in zip(resumed.sides[:2], sound.sides)) / np.abs(sound.sides[1]).max()
+        assert not resumed.converged or wrong < 30 * TOLERANCE
+        assert factor > 1e3 or resumed.converged
+
+
+def lengths_of(config):
+    with box_of(config) as blackbox:
+        return LengthScale(prepared(config, build_scene(config), blackbox))
+
+
+def test_rigid_motions_count_for_nothing():
+    config = stack()
+    with box_of(config) as blackbox:
+        d = prepared(config, build_scene(config), blackbox)
+        scale, x, loose = LengthScale(d), d.scene.mesh.nodes, d.space.boundary[2]
+        dof, random = d.space.global_dof, np.random.default_rng(1)
+        u = 1e-3 * random.standard_normal((1, len(dof)))
+        moved, part = u.copy(), dof[loose]
+        nodes = np.unique(part // 3)
+        rigid = motions(x[nodes]).reshape(-1, 3, 6)[np.searchsorted(nodes, part // 3), part % 3]
+        moved[:, loose] += 1e3 * rigid @ random.standard_normal(6)
+        assert scale(moved).deformation == pytest.approx(scale(u).deformation, rel=1e-6)
+        held = u.copy()
+        held[:, d.space.boundary[0]] += 1.0  # what a support holds does not move rigidly
+        assert scale(held).deformation > 0.9
+        assert scale(np.full_like(u, np.nan)).deformation != scale(u).deformation
+
+
+def test_what_the_scene_was_told():
+    assert lengths_of(stack(1e6)).told == pytest.approx(5e-3)
+    assert lengths_of(stack(1e-2)).told == pytest.approx(5e-3)
+    pressed = stack(1e6, interfaces=[{"law": "contact", "gap": -1e-4}])
+    assert lengths_of(pressed).told == pytest.approx(1e-4)
+    loaded = [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "pressure": 10.0},
+              {"on": {"plane": "x", "at": 0}, "displacement": [0, None, None]}]
+    one, two = (lengths_of(stack(boundary=loaded, materials=[{"young": e, "poisson": 0.3}])).told for e in (2e5, 1e5))
+    assert two == pytest.approx(2 * one) and 0 < one < 1e-3  # a load over a stiffness
+
+
+def test_units_do_not_matter():
+    """Metres and millimetres: the same iterations and relative residuals."""
+    one, other = solve(stack(0.1)), solve(stack(0.1, 1000.0))
+    assert one.iterations == other.iterations
+    for name, value in one.summary["residuals"].items():
+        if value > 1e-9:
+            assert other.summary["residuals"][name] == pytest.approx(value, rel=1e-3)
