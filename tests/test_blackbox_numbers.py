@@ -123,7 +123,8 @@ def test_doctor_finds_everything_here():
     assert not [line for line in report() if line.startswith("missing")]
 
 
-def test_the_clock_and_memory(pool):
+def test_the_clock_and_memory(pool, models):
+    pool.traces({i: forces(model) for i, model in enumerate(models)})
     clock = pool.usage.clock()
     assert set(clock) == {"start", "assemble", "factorise", "solve"}
     assert all(seconds > 0 for seconds in clock.values())
