@@ -12,6 +12,7 @@ from orchestrator.errors import InputError, Problems
 from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import check_held, rigid_modes
+from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
@@ -69,7 +70,8 @@ def interfaces_of(mesh, fixed=None, entries=()):
     partition = Partition(mesh.volume, mesh.volumes)
     numbering = split_numbering(mesh.cells, mesh.volume, len(mesh.nodes))
     fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
-    return make_interfaces(mesh, faces, partition, numbering, fixed, list(entries), found), found.found
+    interfaces = make_interfaces(mesh, faces, partition, numbering, list(entries), found)
+    return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
 
 
 def area(made, interface):

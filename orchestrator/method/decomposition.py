@@ -86,7 +86,7 @@ class Decomposition:
         previous : (3, P) jump of the pairs that are not perfect at the end of the step before; None at the start
         """
         loading, stage = self.loading.batch(steps), copy(self.stage)
-        stage.loaded = loading.boundary
+        stage.loaded, stage.known = loading.boundary, loading.known
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:
             local.pairs = local.pairs.batch(steps)
@@ -140,14 +140,14 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
                              savings)
         stiffness = boundary_stiffness(space, traces, rims) if whole else None
         if space.ties is not None:
-            space.ties.stiffen(stiffness.diagonal()[space.gather])
+            space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
     with watch("linear_stage"):
-        loading = apply_loads(own, space, models, traces, rims, blackbox)
+        loading = apply_loads(scene, direction, models, traces, rims, blackbox)
     sweeps = loading.sweeps
     with watch("macro"):
         guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
         macro = _macro(scene, space, direction, method, guarded)
-        stage = LinearStage(space, direction, macro, loading.boundary, guarded)
+        stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
         sweeps += (macro.sweeps if macro else 0) / scene.steps
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
     bound = coarse = None

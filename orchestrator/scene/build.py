@@ -6,11 +6,12 @@ import numpy as np
 
 from orchestrator.config import Config, steps, vectors_per_step
 from orchestrator.errors import InputError, Problems
-from orchestrator.scene.conditions.boundary import prescribe, resolve_boundary
+from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
+from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.sources import make_mesh
@@ -47,7 +48,6 @@ def build_scene(config: Config) -> Scene:
     vectors = [vectors_per_step(entry, config) for entry in config.boundary]
     boundary = resolve_boundary(mesh, faces, config.boundary, vectors, problems)
     unresolved = any(path[0] == "boundary" for path in (p.path for p in problems.found))
-    fixed, prescribed = prescribe(mesh, boundary, count, problems)
     try:
         partition = make_partition(mesh, faces, config.subdomains)
     except InputError as error:
@@ -62,19 +62,23 @@ def build_scene(config: Config) -> Scene:
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
                problems)
-    interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, fixed, config.interfaces, problems)
+    interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, config.interfaces, problems)
+    held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
+                                          moving_as_one(numbering, interfaces), count, problems)
+    fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
+    interfaces = leave_free(mesh, interfaces, partition, numbering, held_by >= 0, config.interfaces, problems)
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces]
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
-    subdomains = _subdomains(partition, numbering, cell_material, fixed, prescribed, split)
+    subdomains = _subdomains(partition, numbering, cell_material, held_by, split_prescribed, split)
     assign_codes(mesh, subdomains, config.codes)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
                  fixed, prescribed, _joined(split, numbering), count)
 
 
-def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, fixed: np.ndarray,
+def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray,
                 prescribed: np.ndarray, split: np.ndarray) -> list[Subdomain]:
     order = np.argsort(partition.subdomain, kind="stable")
     bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
@@ -83,8 +87,8 @@ def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: 
         cells, start, end = order[bounds[i]:bounds[i + 1]], numbering.offsets[i], numbering.offsets[i + 1]
         nodes = numbering.nodes[start:end]
         made.append(Subdomain(i, name, cells, nodes, numbering.corners[cells] - start, cell_material[cells],
-                              fixed[nodes], prescribed[:, nodes], np.ascontiguousarray(split[:, start:end]),
-                              body=partition.body(i)))
+                              held_by[start:end] >= 0, np.ascontiguousarray(prescribed[:, start:end]),
+                              np.ascontiguousarray(split[:, start:end]), held_by[start:end], body=partition.body(i)))
     return made
 
 

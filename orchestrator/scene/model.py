@@ -56,6 +56,7 @@ class Subdomain:
     fixed : (n_E, 3) bool, prescribed displacement components
     prescribed : (steps, n_E, 3) float, their values (zero elsewhere)
     loads : (steps, n_E, 3) float, consistent nodal forces of tractions, pressures, body forces
+    held_by : (n_E, 3) int, entry of ``boundary`` that prescribes each component, −1 for none
     code : index of the entry of the YAML's ``blackbox`` that solves it
     body : name of the body that it is a piece of; its own where bodies are not cut further
     """
@@ -69,6 +70,7 @@ class Subdomain:
     fixed: np.ndarray
     prescribed: np.ndarray
     loads: np.ndarray
+    held_by: np.ndarray
     code: int = 0
     body: str = ""
 
@@ -89,8 +91,10 @@ class Interface:
     nodes : two (n,) int arrays, local node indices in E1 and E2, paired
     triangles : (k, 3 or 6) int, indices into the patch's nodes, the corners first, oriented outward of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
-    free : (n, 3) bool, components that no boundary condition prescribes
+    free : (n, 3) bool, components that boundary conditions do not prescribe on both sides; where they do on one, the
+        other meets what is prescribed there
     law : the interface law, with its parameters
+    entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
     normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
         larger one between bodies that are cut further
     """
@@ -105,6 +109,7 @@ class Interface:
     free: np.ndarray
     law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
+    entry: int = -1
 
     @property
     def corners(self) -> np.ndarray:
@@ -134,7 +139,7 @@ class BoundaryEntry:
     index : position in the YAML's list
     kind : "displacement", "traction" or "pressure"
     triangles : (k, 3 or 6) int, global node ids of the selected boundary faces, outward oriented
-    cells : (k,) int, the tet each face belongs to
+    cells : (k, 2) int, the tet each face belongs to, and the one behind it, −1 on the outer boundary
     nodes : (p,) int, global ids of all nodes on those faces
     fixed : (3,) bool, prescribed components (displacement entries; all False for forces)
     values : (steps, 3) float, displacement or traction per step; pressures in column 0
@@ -160,7 +165,8 @@ class Scene:
     cell_subdomain : (m,) int
     cell_material : (m,) int, index into ``materials``
     materials, subdomains, interfaces, boundary : lists
-    fixed : (n, 3) bool and prescribed : (steps, n, 3), the boundary conditions on global nodes
+    fixed : (n, 3) bool and prescribed : (steps, n, 3), the boundary conditions on global nodes; a node that several
+        bodies share where interfaces open is fixed if it is in one of them
     loads : (steps, n, 3), consistent nodal forces on global nodes
     steps : number of load steps
     """

@@ -70,8 +70,8 @@ class CoarseCorrection:
         own = space.owner[: space.size]
         self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in self.own]
         k = stage.direction.k
-        frames = _Frames.of(scene, space)
-        fields = space.trace(frames.fields)
+        frames = _Frames.of(scene, space, self.parts)
+        fields = space.changed(frames.fields)
         if space.ties is not None:
             fields[:, space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
         R = self._independent(fields, times(k, fields))
@@ -156,7 +156,7 @@ class CoarseCorrection:
         """φ (P, m) and A (I, 3m, 24) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
         space, pairs = self.stage.space, self.pairs
         centre, size = self._of_all(frames.centre), self._of_all(frames.size)
-        x, = space.extended(scene.mesh.nodes[space.global_dof[space.gather] // 3].T)
+        x, = space.extended(scene.mesh.nodes[space.dof // 3].T)
         pair, component = np.arange(len(pairs)), pairs.free.argmax(axis=0)
         x1, x2 = (side(x)[:, component, pair].T for side in (pairs.transfer.first, pairs.transfer.second))
         first, second = np.repeat(ends, np.diff(pairs.bounds), axis=0).T
@@ -197,7 +197,8 @@ class _Frames:
 
     Parameters
     ----------
-    fields : (12, B) per boundary dof; field 3m + c is monomial m in component c
+    fields : (12, D) per trace dof; field 3m + c is monomial m in component c. Held ones are no exception: they do
+        not move, but their force answers a change of s and has to agree with the laws as well
     centre, size : (own bodies, 3) and (own bodies,)
     """
 
@@ -206,12 +207,12 @@ class _Frames:
     size: np.ndarray
 
     @classmethod
-    def of(cls, scene: Scene, space: TraceSpace) -> _Frames:
-        """Of the bodies of a space."""
-        bodies = len(space.boundary)
-        result = cls(np.zeros((FIELDS, len(space.global_dof))), np.zeros((bodies, 3)), np.ones(bodies))
-        for e, part in enumerate(space.boundary):
-            dof = space.global_dof[part]
+    def of(cls, scene: Scene, space: TraceSpace, parts: list[slice]) -> _Frames:
+        """Of the bodies of a space, whose trace dofs are the ``parts``."""
+        bodies = len(parts)
+        result = cls(np.zeros((FIELDS, space.size)), np.zeros((bodies, 3)), np.ones(bodies))
+        for e, part in enumerate(parts):
+            dof = space.dof[part]
             if not len(dof):
                 continue
             x, rows = scene.mesh.nodes[dof // 3], np.arange(part.start, part.stop)

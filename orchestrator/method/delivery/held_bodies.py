@@ -76,7 +76,10 @@ class _Motions:
             for side, own in enumerate((interfaces.nodes, interfaces.others)):
                 here = self.sides[:, side] == b
                 self.columns[side, here] = columns[np.searchsorted(nodes, own[here])]
-            held = columns[scene.fixed[nodes]]
+            fixed = np.zeros((len(nodes), 3), bool)
+            for s in mine:
+                fixed[np.searchsorted(nodes, s.nodes)] |= s.fixed
+            held = columns[fixed]
             self.support[b] = held.T @ held
 
     def free(self, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:

@@ -76,13 +76,42 @@ def gathered(d: Decomposition, own: list) -> list:
     return everything
 
 
+def support_forces(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[np.ndarray | None]:
+    """Per own subdomain (T, n_E, 3) what the supports exert on its nodes: K u less the loads and the interfaces' forces.
+
+    None where nothing is prescribed. Parameters as of ``reactions``.
+
+    Notes
+    -----
+    Prescribed corners take half of what tied mid-edge nodes beside them need, see ``ties``.
+    """
+    steps, space, result = d.scene.steps, d.space, []
+    subdomain, dof = space.held_at.T
+    pushed = space.on_supports(f)
+    for s, rim in zip(d.own, d.rims):
+        if not s.fixed.any():
+            result.append(None)
+            continue
+        u = parts[s.index][:, rim.nodes].reshape(steps, -1)
+        forces = np.zeros((steps, len(s.nodes), 3))
+        internal = (rim.stiffness @ u.T).T.reshape(steps, -1, 3)
+        forces[:, rim.nodes] = np.where(s.fixed[rim.nodes], internal - s.loads[:, rim.nodes], 0.0)
+        flat, mine = forces.reshape(steps, -1), subdomain == s.index
+        np.subtract.at(flat, (slice(None), dof[mine]), pushed[:, mine])
+        if (ties := space.ties) is not None:
+            at, _, node, component = ties.supports[ties.supports[:, 1] == s.index].T
+            np.add.at(flat, (slice(None), 3 * node + component), 0.5 * f[:, ties.dofs[at]])
+        result.append(forces)
+    return result
+
+
 def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[list[list[float]]]:
     """Resultant force on each boundary entry, per load step.
 
     Parameters
     ----------
     parts : per subdomain (T, n_E, 3), as recovered
-    f : (T, D) interface forces; prescribed corners take half of what tied mid-edge nodes beside them need
+    f : (T, D) interface forces
 
     Returns
     -------
@@ -90,26 +119,16 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
     displacements (a node in several entries counts for the last), the applied resultant for loads
     """
     scene, steps = d.scene, d.scene.steps
-    nodal = np.zeros((steps, len(scene.mesh.nodes), 3))
-    for s, rim in zip(d.own, d.rims):
-        u = parts[s.index]
-        if s.fixed.any():
-            internal = (rim.stiffness @ u[:, rim.nodes].reshape(steps, -1).T).T.reshape(steps, -1, 3)
-            held = s.fixed[rim.nodes]
-            np.add.at(nodal, (slice(None), s.nodes[rim.nodes]),
-                      np.where(held, internal - s.loads[:, rim.nodes], 0.0))
-    if (ties := d.space.ties) is not None:
-        at, subdomain, node, component = ties.supports.T
-        held = np.array([scene.subdomains[e].nodes[n] for e, n in zip(subdomain, node)], dtype=int)
-        np.add.at(nodal, (slice(None), held, component), 0.5 * f[:, ties.dofs[at]])
-    owner = np.full(len(scene.mesh.nodes) * 3, -1).reshape(-1, 3)
-    for entry in scene.boundary:
-        if entry.kind == "displacement":
-            owner[np.ix_(entry.nodes, np.flatnonzero(entry.fixed))] = entry.index
+    supported = np.zeros((steps, len(scene.boundary), 3))
+    for s, forces in zip(d.own, support_forces(d, parts, f)):
+        for c in () if forces is None else range(3):
+            held = np.flatnonzero(s.fixed[:, c])
+            np.add.at(supported[:, :, c], (slice(None), s.held_by[held, c]), forces[:, held, c])
+    supported, = d.space.team.sum(supported)
     result = []
     for entry in scene.boundary:
         if entry.kind == "displacement":
-            total, = d.space.team.sum(np.where(owner == entry.index, nodal, 0.0).sum(axis=1))
+            total = supported[:, entry.index]
         else:
             area = area_vectors(scene.mesh.nodes, entry.triangles)
             if entry.kind == "pressure":

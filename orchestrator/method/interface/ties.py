@@ -83,8 +83,9 @@ class Ties:
                     self.stiffness[kept], supports)
 
     def stiffen(self, diagonal: np.ndarray) -> None:
-        """Take k⁺ from the diagonal (D,) of the bodies' stiffness on the trace dofs."""
-        self.stiffness = SHARE * diagonal[self.dofs]
+        """Take k⁺ from the diagonal (D,) of the bodies' stiffness on the trace dofs; zero where they are held."""
+        own = diagonal[self.dofs]
+        self.stiffness = SHARE * np.where(own > 0, own, own.max(initial=0.0) or 1.0)
 
 
 def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:

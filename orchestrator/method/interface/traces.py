@@ -8,7 +8,9 @@ Two numberings are used throughout the method:
   that lies on several interfaces (cross point) has one trace dof for each of them.
 
 The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose adds up. Where ten-node
-tets are in contact, a change of basis follows (see ``ties``). All fields are rows, one per load step: (T, B), (T, D).
+tets are in contact, a change of basis follows (see ``ties``). A component that is prescribed on one side of an opening
+interface is no unknown of its body: *held* trace dofs have no boundary dof, their displacement is ``known``, and their
+force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
 How the two sides of an interface meet, the operators of eq. 5, is the ``transfer``'s business.
 
 Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
@@ -18,6 +20,7 @@ brings the ghosts' values, point to point; fields are kept without them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -28,7 +31,7 @@ from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import Ties, make_ties
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass
@@ -40,7 +43,10 @@ class TraceSpace:
     subdomains : those numbered here, ascending
     boundary : for each, the slice of its boundary dofs
     global_dof : (B,) int, 3 * global node + component
-    gather : (D,) int, boundary dof of each trace dof
+    gather : (D,) int, boundary dof of each trace dof; anything where it is held
+    held : (h,) int, ascending, trace dofs whose displacement is prescribed
+    held_at : (h, 2) int, the subdomain of each of these, and its dof there, 3 * node + component
+    dof : (D,) int, 3 * global node + component of each trace dof
     transfer : how the two sides of all interfaces meet, with a point for every component that is free on both
     sides : per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2; empty where neither
         is of this part
@@ -67,6 +73,9 @@ class TraceSpace:
     total: int
     subdomain_count: int
     label: np.ndarray
+    held: np.ndarray
+    held_at: np.ndarray
+    dof: np.ndarray
     ties: Ties | None = None
     team: Team = ALONE
     sends: dict[int, np.ndarray] = field(default_factory=dict)
@@ -86,12 +95,18 @@ class TraceSpace:
         boundary = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
         global_dof = [3 * s.nodes[t // 3] + t % 3 for s, t in zip(scene.subdomains, traces)]
         own_sides: list[list] = [[None, None] for _ in scene.interfaces]
-        gather, owner, count = [], [], 0
+        gather, owner, held, held_at, trace_dof, count = [], [], [], [], [], 0
         for subdomain, pairs in enumerate(sides):
             for index, side in pairs:
                 interface = scene.interfaces[index]
+                own = scene.subdomains[subdomain]
                 dofs = (3 * interface.nodes[side][:, None] + np.arange(3))[interface.free]
-                gather.append(boundary[subdomain].start + np.searchsorted(traces[subdomain], dofs))
+                fixed = own.fixed.ravel()[dofs]
+                at = boundary[subdomain].start + np.searchsorted(traces[subdomain], dofs)
+                gather.append(np.where(fixed, 0, at))
+                held.append(count + np.flatnonzero(fixed))
+                held_at.append(np.column_stack([np.full(fixed.sum(), subdomain), dofs[fixed]]))
+                trace_dof.append(3 * own.nodes[dofs // 3] + dofs % 3)
                 owner.append(np.full(len(dofs), subdomain))
                 own_sides[index][side] = np.arange(count, count + len(dofs))
                 count += len(dofs)
@@ -99,7 +114,9 @@ class TraceSpace:
         transfer = Matching.of(own_sides, count)
         return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
                    [tuple(s) for s in own_sides], _joined(owner), perfect, np.arange(count), count, len(sides),
-                   _labels(transfer, perfect, gather, int(ends[-1])), make_ties(scene, own_sides, count))
+                   _labels(transfer, perfect, gather, int(ends[-1])), _joined(held),
+                   np.concatenate([np.empty((0, 2), int), *held_at]), _joined(trace_dof),
+                   make_ties(scene, own_sides, count))
 
     def part(self, rank_of: np.ndarray, team: Team) -> "TraceSpace":
         """A rank's part of the numbering of a whole scene.
@@ -131,7 +148,7 @@ class TraceSpace:
 
         chosen = _joined([np.arange(s.start, s.stop) for s in (self.boundary[e] for e in mine)])
         ends = np.cumsum([0] + [self.boundary[e].stop - self.boundary[e].start for e in mine])
-        position = np.empty(len(self.global_dof), dtype=int)
+        position = np.zeros(len(self.global_dof), dtype=int)  # held trace dofs have no boundary dof to be found
         position[chosen] = np.arange(len(chosen))
         labels, label = np.unique(self.label[chosen], return_inverse=True)
         shared = {}
@@ -144,7 +161,8 @@ class TraceSpace:
         return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
                           self.global_dof[chosen], position[self.gather[own]],
                           self.transfer.renumbered(place, len(own), len(held)), sides, self.owner[held], self.perfect, own,
-                          self.total, self.subdomain_count, label,
+                          self.total, self.subdomain_count, label, np.flatnonzero(np.isin(own, self.held)),
+                          self.held_at[np.isin(self.held, own)], self.dof[own],
                           self.ties and self.ties.part(held, len(own)), team, sends, receives, shared)
 
     @property
@@ -171,15 +189,49 @@ class TraceSpace:
 
     @cached_property
     def scatter(self) -> sp.csr_array:
-        """(B, D) transpose of the trace operator: sums trace forces into boundary forces."""
+        """(B, D) transpose of the trace operator: sums trace forces into boundary forces; held ones load no body."""
         d = self.size
-        sums = sp.csr_array((np.ones(d), (self.gather, np.arange(d))), shape=(len(self.global_dof), d))
+        loose = np.delete(np.arange(d), self.held)
+        sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), d))
         return sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T)
 
     def trace(self, boundary: np.ndarray) -> np.ndarray:
-        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1."""
+        """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest."""
+        return self.changed(self.gathered(boundary))
+
+    def gathered(self, boundary: np.ndarray) -> np.ndarray:
+        """(T, D) at every trace dof what its boundary dof has, of (T, B); zero where it is held."""
+        if not boundary.shape[1]:
+            return np.zeros((len(boundary), self.size))
         traces = boundary.take(self.gather, axis=1)
+        if len(self.held):
+            traces[:, self.held] = 0.0
+        return traces
+
+    def changed(self, traces: np.ndarray) -> np.ndarray:
+        """(T, D) traces of the nodes in the basis of the ties, if there are any."""
         return traces if self.ties is None else times(self.ties.change, traces)
+
+    def known(self, subdomains: Sequence[Subdomain]) -> np.ndarray | None:
+        """(T, D) what ``trace`` lacks: the prescribed displacement of held trace dofs; None where none is held.
+
+        Parameters
+        ----------
+        subdomains : of the scene
+        """
+        if not len(self.held):
+            return None
+        steps = len(subdomains[0].prescribed)
+        traces = np.zeros((steps, self.size))
+        for e in np.unique(self.held_at[:, 0]):
+            mine = self.held_at[:, 0] == e
+            traces[:, self.held[mine]] = subdomains[e].prescribed.reshape(steps, -1)[:, self.held_at[mine, 1]]
+        return self.changed(traces)
+
+    def on_supports(self, forces: np.ndarray) -> np.ndarray:
+        """(T, h) what trace forces (T, D) do at the nodes of held trace dofs."""
+        forces = forces if self.ties is None else times(sp.csr_array(self.ties.change.T), forces)
+        return forces[:, self.held]
 
     def loads(self, forces: np.ndarray) -> np.ndarray:
         """(T, B) boundary forces Nᵀ f of trace forces (T, D)."""

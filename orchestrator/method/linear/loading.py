@@ -1,7 +1,8 @@
 """What the loads and prescribed displacements give before any interface force acts.
 
 Prescribed displacements are lifted: u = u_free + u_lift, the black box clamps, and the load becomes
-f_d = f_ext − K u_lift. K u_lift needs the tets around the prescribed nodes only: the rims.
+f_d = f_ext − K u_lift. K u_lift needs the tets around the prescribed nodes only: the rims. Soles on prescribed nodes
+are lifted with them: f_d − NᵀkN u_lift.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.rows import dots
+from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene, Subdomain
@@ -69,6 +71,7 @@ class Loading:
     ----------
     forces : per subdomain (T, 3n_E) f_d on the free dofs, zero elsewhere
     lift : per subdomain (T, 3n_E) prescribed displacements
+    known : (T, D) their traces on interfaces, None where there are none
     boundary : (T, B) boundary values of M⁻¹f_d
     working : (T, B) boundary values of M⁻¹(f_ext + K u_lift): gives energies by duality
     energy : (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
@@ -77,6 +80,7 @@ class Loading:
 
     forces: list[np.ndarray]
     lift: list[np.ndarray]
+    known: np.ndarray | None
     boundary: np.ndarray
     working: np.ndarray
     energy: np.ndarray
@@ -84,7 +88,8 @@ class Loading:
 
     def batch(self, steps: slice) -> "Loading":
         """The part that belongs to some of the load steps."""
-        return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift], self.boundary[steps],
+        return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift],
+                       None if self.known is None else self.known[steps], self.boundary[steps],
                        self.working[steps], self.energy[steps], self.sweeps)
 
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -99,15 +104,19 @@ class Loading:
         Notes
         -----
         u = u_free + u_lift with K u = f_ext + Nᵀf on free dofs, so that
-        ‖u‖² = u_freeᵀ(f_ext + Nᵀf + K u_lift) + ‖u_lift‖², and u_free = M⁻¹(f_d + robin).
+        ‖u‖² = u_freeᵀ(f_ext + Nᵀf + K u_lift) + ‖u_lift‖², and u_free = M⁻¹(f_d + robin);
+        on boundary dofs u is u_free.
         """
         return self.energy + dots(self.working, robin) + dots(u, forces)
 
 
-def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], traces: list[np.ndarray],
+def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], traces: list[np.ndarray],
                 rims: list[RimStiffness], blackbox: BlackBox) -> Loading:
     """Solve the extended subdomains under the loads alone, all load steps at once: M⁻¹f_d of eq. 30."""
-    steps = own[0].loads.shape[0]
+    space, steps = direction.space, scene.steps
+    own = [scene.subdomains[e] for e in space.subdomains]
+    known = space.known(scene.subdomains)
+    soles = None if known is None else space.loads(direction.times(known))
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
     lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
     working_forces = []
@@ -120,6 +129,8 @@ def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], tr
             energy += np.sum(lift * reaction, axis=1)
             reaction[:, s.fixed.ravel()] = 0.0
         forces.append(external - reaction)
+        if soles is not None:
+            forces[-1][:, traces[e]] -= soles[:, space.boundary[e]]
         working_forces.append(external + reaction)
         lifts.append(lift)
         columns = np.vstack([forces[-1], working_forces[-1]]) if lifted_any else forces[-1]
@@ -135,4 +146,4 @@ def apply_loads(own: list[Subdomain], space: TraceSpace, models: list[Model], tr
         boundary[:, part] = answer[:steps, trace]
         working[:, part] = answer[-steps:, trace]
         energy += np.sum(working_forces[e] * answer[:steps, : working_forces[e].shape[1]], axis=1)
-    return Loading(forces, lifts, boundary, working, energy, 2.0 if lifted_any else 1.0)
+    return Loading(forces, lifts, known, boundary, working, energy, 2.0 if lifted_any else 1.0)

@@ -125,7 +125,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     at_dofs = np.zeros((counts.max(initial=0), len(space.global_dof)))
     for e, mode in modes.items():
         at_dofs[: mode.shape[1], space.boundary[e]] = mode.T
-    traces, = space.extended(at_dofs.take(space.gather, axis=1))
+    traces, = space.extended(space.gathered(at_dofs))
     transfer, result, given = space.transfer, [], {}
     both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
     for index, (a, b, basis) in enumerate(zip(transfer.bounds[:-1], transfer.bounds[1:], bases)):

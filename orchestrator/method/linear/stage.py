@@ -81,13 +81,14 @@ class LinearStage:
     space, direction : numbering and search direction
     macro : the macro problem, or None (mono-scale)
     loaded : (T, B) boundary values of M⁻¹f_d, computed once
+    known : (T, D) prescribed traces, None where there are none
     blackbox : the solver
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, macro: Macro | None,
-                 loaded: np.ndarray, blackbox: BlackBox):
+                 loaded: np.ndarray, known: np.ndarray | None, blackbox: BlackBox):
         self.space, self.direction, self.macro = space, direction, macro
-        self.loaded, self.blackbox = loaded, blackbox
+        self.loaded, self.known, self.blackbox = loaded, known, blackbox
 
     def __call__(self, s: np.ndarray) -> Admissible:
         """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and row.
@@ -99,15 +100,20 @@ class LinearStage:
             u += self.solve(self.space.loads(s))
         alpha = np.zeros((len(s), 0))
         if self.macro is not None:
-            w = self.space.trace(u)
+            w = self.trace(u)
             alpha = self.macro.multiplier(w, s - self.direction.times(w))
             u -= self.macro.displacement(alpha)
         return self.complete(s, u, alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
-        w = self.space.trace(u)
+        w = self.trace(u)
         return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.times(w), self.space)
+
+    def trace(self, u: np.ndarray) -> np.ndarray:
+        """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""
+        w = self.space.trace(u)
+        return w if self.known is None else w + self.known
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
         """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""

@@ -38,7 +38,7 @@ class RigidModes:
         dense = np.zeros((RIGID, len(space.global_dof)))
         for part, mode in zip(space.boundary, modes):
             dense[: mode.shape[1], part] = mode.T
-        traces, = space.extended(dense.take(space.gather, axis=1))
+        traces, = space.extended(space.gathered(dense))
         subdomain = np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary])
         self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or
                                   [np.empty(0, int)])

@@ -1,4 +1,8 @@
-"""Boundary conditions: every entry resolved to faces, and what they prescribe on the nodes."""
+"""Boundary conditions: every entry resolved to faces, and what they prescribe on the nodes of each body.
+
+A condition belongs to the body whose face it is on. Copies of a node that perfect interfaces join move as one, so that
+what is prescribed on one of them is so on all; where an interface opens, the neighbour's copy stays free.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +12,10 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.selection import select
-from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import BoundaryEntry, Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
+from orchestrator.scene.partition.numbering import SplitNumbering
 
 KINDS = ("displacement", "traction", "pressure")
 # Two entries agree when their values differ by rounding only.
@@ -42,41 +47,90 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                          "the same components prescribed at every load step", "replace null by numbers, or numbers by null")
         values = np.array([[0.0 if value is None else value for value in row] for row in rows], dtype=float)
         triangles = faces.triangles[chosen]
-        resolved.append(BoundaryEntry(i, kind, triangles, faces.owner[chosen], np.unique(triangles),
+        resolved.append(BoundaryEntry(i, kind, triangles, np.c_[faces.owner[chosen], faces.neighbour[chosen]],
+                                      np.unique(triangles),
                                       given.all(axis=0) & (kind == "displacement"), values))
     return resolved
 
 
-def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], steps: int,
-              problems: Problems) -> tuple[np.ndarray, np.ndarray]:
-    """Prescribed components and their values on the nodes of the mesh.
+def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.ndarray:
+    """(N,) int, label of each split node: equal where perfect interfaces make nodes one.
 
-    Entries may meet on a node as long as they do not contradict each other there.
+    Parameters
+    ----------
+    interfaces : all there are, with their laws
+    """
+    perfect = [i for i in interfaces if i.law.perfect]
+    pairs = [[numbering.offsets[e] + own for e, own in zip(i.subdomains, i.nodes)] for i in perfect]
+    one, two = (np.concatenate([np.empty(0, int), *side]) for side in (zip(*pairs) if pairs else ((), ())))
+    if len(perfect) < len(interfaces):
+        return components(one, two, len(numbering.nodes))[1]
+    # nothing opens: copies of a node are one, and nodes that are numbered separately only where they are paired
+    one, two = numbering.nodes[one], numbering.nodes[two]
+    apart = one != two
+    if not apart.any():
+        return numbering.nodes
+    return components(one[apart], two[apart], numbering.total)[1][numbering.nodes]
+
+
+def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndarray, numbering: SplitNumbering,
+              label: np.ndarray, steps: int, problems: Problems) -> tuple[np.ndarray, np.ndarray]:
+    """What displacement entries prescribe on split nodes; a later entry that agrees repeats an earlier one.
+
+    Parameters
+    ----------
+    cell_subdomain : (m,) int
+    label : (N,) int, of ``moving_as_one``
 
     Returns
     -------
-    fixed : (n, 3) bool
-    prescribed : (steps, n, 3) float, zero where not fixed
+    held_by : (N, 3) int, the last entry that prescribes each component, −1 for none
+    prescribed : (steps, N, 3) float, zero where nothing is
     """
-    count = len(mesh.nodes)
+    count = int(label.max()) + 1
     setter = np.full((count, 3), -1)
-    prescribed = np.zeros((steps, count, 3))
+    values = np.zeros((steps, count, 3))
     for entry in boundary:
+        if not entry.fixed.any():
+            continue
+        at = _labels(entry, cell_subdomain, numbering, label)
         for c in np.flatnonzero(entry.fixed):
-            earlier = setter[entry.nodes, c]
-            there = prescribed[:, entry.nodes, c]
+            earlier = setter[at, c]
+            there = values[:, at, c]
             wanted = entry.values[:, c, None]
             differs = np.abs(there - wanted) > SAME * np.maximum(np.abs(there), np.abs(wanted))
             clash = (earlier >= 0) & differs.any(axis=0)
             if clash.any():
-                at = int(np.flatnonzero(clash)[0])
-                step = int(np.flatnonzero(differs[:, at])[0])
+                first = int(np.flatnonzero(clash)[0])
+                step = int(np.flatnonzero(differs[:, first])[0])
+                node = numbering.nodes[np.flatnonzero(label == at[first])[0]]
                 problems.add(("boundary", entry.index, "displacement"),
-                             f"boundary[{earlier[at]}] and boundary[{entry.index}] contradict each other on "
-                             f"{clash.sum()} nodes, the first at {format_point(mesh.nodes[entry.nodes[at]])}: u{'xyz'[c]} = "
-                             f"{there[step, at]:g} and {entry.values[step, c]:g} at load step {step + 1}",
+                             f"boundary[{earlier[first]}] and boundary[{entry.index}] contradict each other on "
+                             f"{clash.sum()} nodes, the first at {format_point(mesh.nodes[node])}: u{'xyz'[c]} = "
+                             f"{there[step, first]:g} and {entry.values[step, c]:g} at load step {step + 1}",
                              "one value per node and component",
                              f"put null for u{'xyz'[c]} in one of the two, or select faces that do not meet")
-            prescribed[:, entry.nodes, c] = wanted
-            setter[entry.nodes, c] = entry.index
-    return setter >= 0, prescribed
+            values[:, at, c] = wanted
+            setter[at, c] = entry.index
+    return setter[label], values[:, label]
+
+
+def _labels(entry: BoundaryEntry, cell_subdomain: np.ndarray, numbering: SplitNumbering,
+            label: np.ndarray) -> np.ndarray:
+    """Labels, ascending, of the split nodes on an entry's faces: of the bodies that they belong to."""
+    found = []
+    for cells in entry.cells.T:
+        there = cells >= 0
+        found.append(numbering.find(cell_subdomain[cells[there], None], entry.triangles[there]).ravel())
+    return np.unique(label[np.concatenate(found)])
+
+
+def on_mesh(numbering: SplitNumbering, held_by: np.ndarray, prescribed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``fixed`` (n, 3) and ``prescribed`` (steps, n, 3) on the nodes of the mesh."""
+    fixed = np.zeros((numbering.total, 3), dtype=bool)
+    values = np.zeros((len(prescribed), numbering.total, 3))
+    for c in range(3):
+        own = np.flatnonzero(held_by[:, c] >= 0)
+        fixed[numbering.nodes[own], c] = True
+        values[:, numbering.nodes[own], c] = prescribed[:, own, c]
+    return fixed, values

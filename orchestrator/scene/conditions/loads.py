@@ -24,7 +24,7 @@ def surface_loads(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.
     for entry in boundary:
         if entry.kind == "displacement" or len(entry.triangles) == 0:
             continue
-        at = numbering.find(cell_subdomain[entry.cells][:, None], entry.triangles)
+        at = numbering.find(cell_subdomain[entry.cells[:, 0]][:, None], entry.triangles)
         vectors, shares = area_vectors(mesh.nodes, entry.triangles), TRIANGLE_SHARES[entry.triangles.shape[1]]
         if entry.kind == "traction":
             weight = _gather(at, np.outer(np.linalg.norm(vectors, axis=1), shares), loads.shape[1])

@@ -54,7 +54,7 @@ class Laws:
         """
         if index < 0:
             return
-        entry = self.entries[index]
+        entry, interface.entry = self.entries[index], index
         direction = 1.0 if self._any(entry.between[0], first) else -1.0
         interface.law = LAWS[entry.law].of(entry, len(interface.global_nodes), direction, distance)
 

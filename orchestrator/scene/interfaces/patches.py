@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
-from orchestrator.scene.interfaces.shared_normals import share_normals
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.mesh.quality import format_point
@@ -24,16 +22,14 @@ from orchestrator.scene.partition.partition import Partition
 MOST = 50
 
 
-def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering,
                     entries: list[Any], problems: Problems) -> list[Interface]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
 
-    Pairs that touch along an edge or in a node are none. Patches on which everything is prescribed are
-    left out: nothing is to be found there.
+    Pairs that touch along an edge or in a node are none. All components count as free, see ``leave_free``.
 
     Parameters
     ----------
-    fixed : (n, 3) bool, prescribed components
     entries : of ``interfaces:`` in the YAML
     """
     shared, sides, bounds = patches(faces, partition.subdomain)
@@ -42,8 +38,6 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     found: list[Interface] = []
     pairs: list[tuple[str, str]] = []
     cuts: list[tuple[str, str]] = []  # names of the two sides, between bodies and within one
-    kept: list[int] = []  # entry behind each patch that stays, and that is left out
-    lost: list[int] = []
     for first, last in zip(bounds[:-1], bounds[1:]):
         one, other = (int(i) for i in sides[first])
         names = partition.names[one], partition.names[other]
@@ -52,32 +46,19 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         (cuts if whole else pairs).append(names)
         entry = -1 if whole else laws.between(*known)
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
-        free = ~fixed[nodes]
-        if not free.any():
-            lost.append(entry)
-            continue
-        kept.append(entry)
         own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
         found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own,
-                               local.reshape(-1, triangles.shape[1]), cells[first:last], free))
+                               local.reshape(-1, triangles.shape[1]), cells[first:last],
+                               np.ones((len(nodes), 3), dtype=bool)))
         laws.apply(entry, found[-1], known[0])
-    for entry in sorted(set(lost) - set(kept)):
-        if entry >= 0 and not LAWS[entries[entry].law].perfect:
-            problems.add(("interfaces", entry, "law"),
-                         f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
-                         "interfaces with nodes that are free to open or slip",
-                         "hold the parts elsewhere, or leave the law out")
     bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
-    for interface, names in _opposite(mesh, bodies, partition, numbering, fixed, laws, problems):
+    for interface, names in _opposite(mesh, bodies, partition, numbering, laws, problems):
         interface.index = len(found)
         found.append(interface)
         pairs.append(names)
     laws.refuse_within(cuts, problems)
     laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems,
                        lambda entry: _how_far(mesh, bodies, partition, entry))
-    _number_patches(found)
-    if cuts:
-        share_normals(mesh, numbering, found, [partition.body(i) for i in range(len(partition.names))])
     return found
 
 
@@ -138,7 +119,7 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
     return tuple((name, *(mesh.volumes[v] for v in own)) for name, own in zip(names, volumes))
 
 
-def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering,
               laws: Laws, problems: Problems) -> Iterator[tuple[Interface, tuple[str, str]]]:
     """Interfaces of parts that share no faces there, and the names of their subdomains."""
     within = max((e.reach or 0.0 for e in laws.entries), default=0.0)
@@ -159,16 +140,8 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
             others = patch.opposite.ravel()[at]
             own = tuple(numbering.find(np.int64(b.subdomain), ids) - numbering.offsets[b.subdomain]
                         for b, ids in zip(pair, (nodes, others)))
-            one_sided = (fixed[nodes] != fixed[others]).any(axis=1)
-            if one_sided.any():
-                problems.add(("interfaces", max(index, 0)), f"{one_sided.sum()} node pairs of {' | '.join(names)} are prescribed "
-                             f"on one side only, the first at {format_point(mesh.nodes[nodes[one_sided][0]])}",
-                             "the same components prescribed on both sides of a pair",
-                             "select boundary faces by a plane or box that holds both sides, or neither")
             interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
-                                  local.reshape(patch.triangles.shape), patch.cells, ~(fixed[nodes] | fixed[others]))
-            if not interface.free.any():
-                continue
+                                  local.reshape(patch.triangles.shape), patch.cells, np.ones((len(nodes), 3), dtype=bool))
             laws.apply(index, interface, known[0],
                        _measured(mesh, interface, others, (index, apart), problems) if apart else None)
             yield interface, names
@@ -201,14 +174,3 @@ def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -
     allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
                if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
     return f"; their nearest nodes are {distance:.3g} apart, at {format_point(where)}, and {allowed}"
-
-
-def _number_patches(found: list[Interface]) -> None:
-    """Adds "(patch 1)", "(patch 2)" … to the names of pairs that touch in several places."""
-    by_pair: dict[tuple[int, int], list[Interface]] = {}
-    for interface in found:
-        by_pair.setdefault(interface.subdomains, []).append(interface)
-    for group in by_pair.values():
-        if len(group) > 1:
-            for number, interface in enumerate(group, start=1):
-                interface.name += f" (patch {number})"

@@ -82,7 +82,7 @@ class Trail:
         """
         end = self.seen(w)
         owner = self.space.owner[:: self.stride]
-        dof = self.space.global_dof[self.space.gather[:: self.stride]]
+        dof = self.space.dof[:: self.stride]
         rigid = {}
         for e in {s.index for s in scene.subdomains if any(s.name in names for names in loose)}:
             rows = np.flatnonzero(owner == e)

@@ -1,0 +1,57 @@
+"""Which components boundary conditions leave free on interfaces; those without any are none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import Problems
+from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.shared_normals import share_normals
+from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.partition.partition import Partition
+
+
+def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,
+               entries: list[Any], problems: Problems) -> list[Interface]:
+    """The interfaces on which something is to be found, numbered, with ``free`` and the normals of whole bodies.
+
+    Patches on which everything is prescribed on both sides are left out.
+
+    Parameters
+    ----------
+    found : all interfaces
+    fixed : (N, 3) bool, prescribed components of split nodes
+    entries : of ``interfaces:`` in the YAML
+    """
+    kept: list[Interface] = []
+    for interface in found:
+        one, two = (fixed[numbering.offsets[e] + own] for e, own in zip(interface.subdomains, interface.nodes))
+        interface.free = ~(one & two)
+        if interface.free.any():
+            interface.index = len(kept)
+            kept.append(interface)
+    for entry in sorted({i.entry for i in found} - {i.entry for i in kept}):
+        if entry >= 0 and not LAWS[entries[entry].law].perfect:
+            problems.add(("interfaces", entry, "law"),
+                         f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
+                         "interfaces with nodes that are free to open or slip",
+                         "hold the parts elsewhere, or leave the law out")
+    _number_patches(kept)
+    bodies = [partition.body(i) for i in range(len(partition.names))]
+    if len(set(bodies)) < len(bodies):
+        share_normals(mesh, numbering, kept, bodies)
+    return kept
+
+
+def _number_patches(found: list[Interface]) -> None:
+    """Adds "(patch 1)", "(patch 2)" … to the names of pairs that touch in several places."""
+    by_pair: dict[tuple[int, int], list[Interface]] = {}
+    for interface in found:
+        by_pair.setdefault(interface.subdomains, []).append(interface)
+    for group in by_pair.values():
+        if len(group) > 1:
+            for number, interface in enumerate(group, start=1):
+                interface.name += f" (patch {number})"
