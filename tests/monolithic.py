@@ -126,10 +126,10 @@ class Monolithic:
             last = (last[1].parts, last[1].force)
         return steps
 
-    def reactions(self, t: int, parts: list[np.ndarray]) -> np.ndarray:
-        """(n, 3) forces that supports exert on the nodes of the mesh."""
+    def reactions(self, t: int, parts: list[np.ndarray], force: np.ndarray) -> np.ndarray:
+        """(n, 3) forces that supports exert on the nodes of the mesh, which carry pair forces (P, 3) as well."""
         u = np.concatenate([p.ravel() for p in parts])
-        residual = np.where(self.supported, self.K @ u - self._loads(t), 0.0)
+        residual = np.where(self.supported, self.K @ u - self._loads(t) + self.pairs.D.T @ force.ravel(), 0.0)
         nodal = np.zeros_like(self.scene.mesh.nodes)
         for s, a, b in zip(self.scene.subdomains, self.offsets[:-1], self.offsets[1:]):
             np.add.at(nodal, s.nodes, residual[a:b].reshape(-1, 3))

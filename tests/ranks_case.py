@@ -39,7 +39,8 @@ CASES = {
         "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2},
                        {"between": ["block 0-0-0", "block 1-0-0"], "law": "perfect"}],
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
-                     {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]}],
+                     {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]},
+                     {"on": {"box": [[0, 0, 0.5], [0, 1, 1.5]]}, "displacement": [[1e-3, None, None], [0, None, None]]}],
         "method": {"tolerance": {"error": 1e-6}},
     },
     "contact on ten nodes": {
@@ -47,7 +48,8 @@ CASES = {
         "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},
         "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
-                     {"on": {"plane": "x", "at": 2}, "displacement": [[-0.01, 0, 0], [-0.01, 0.002, 0]]}],
+                     {"on": {"plane": "x", "at": 2}, "displacement": [[-0.01, 0, 0], [-0.01, 0.002, 0]]},
+                     {"on": {"box": [[0, 0, 0], [1, 1, 0]]}, "displacement": [None, None, 0]}],
         "method": {"tolerance": {"error": 1e-5}},
     },
     # a grain that nothing holds shows differences of rounding, ten million times larger

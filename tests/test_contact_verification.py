@@ -20,9 +20,9 @@ PROBLEMS = [("two blocks", mu) for mu in (0.0, 0.1, 0.3, 0.5)] \
     + [(name, mu) for name in ("eight cubes", "ten grains") for mu in (0.0, 0.1, 0.3)]
 
 
-def reactions(one_piece, t, parts):
+def reactions(one_piece, t, step):
     """Force on every boundary entry of a displacement."""
-    nodal = one_piece.reactions(t, parts)
+    nodal = one_piece.reactions(t, step.parts, step.force)
     return np.array([nodal[entry.nodes].sum(axis=0) * entry.fixed for entry in one_piece.scene.boundary])
 
 
@@ -50,7 +50,7 @@ def assert_agrees(made, loose):
             parts = [u[t] for u in solved.parts]
             largest = max(np.abs(u).max() for u in parts)
             assert distance(scene, parts, step.parts, loose and start is None) <= 1e-6 * largest
-            theirs = reactions(one_piece, t, step.parts)
+            theirs = reactions(one_piece, t, step)
             held = [entry.kind == "displacement" for entry in scene.boundary]
             assert np.abs(ours[t] - theirs)[held].max() <= 1e-6 * np.abs(theirs).max()
 

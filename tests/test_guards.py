@@ -11,6 +11,7 @@ from method_case import box_of, config, prepared
 
 from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError
+from orchestrator.method.delivery.balance import balance
 from orchestrator.method.delivery.guards import failed_guards, works
 from orchestrator.method.delivery.interface_fields import interface_fields
 from orchestrator.method.delivery.recovery import recover
@@ -102,6 +103,21 @@ def test_broken_fields_are_named(pressed):
         found = " ".join(failed_guards(d, outcome, parts, replace(interfaces, **values), lengths))
         assert name in found, name
     assert "finite" in failed_guards(d, outcome, [np.full_like(u, np.nan) for u in parts], None)[0]
+
+
+@pytest.mark.parametrize("share, found", [(1.0, False), (1 + 1e-5, True)], ids=["as solved", "falsified"])
+def test_balance_of_every_body(pressed, share, found):
+    """One force of an interface falsified at one node: the bodies beside it are named, in forces and in moments."""
+    d, outcome, parts, interfaces, lengths = pressed
+    pressure = interfaces.pressure.copy()
+    node = pressure[1].argmax()
+    pressure[1, node] += (share - 1) * np.abs(pressure[1]).sum()
+    wrong = failed_guards(d, outcome, parts, replace(interfaces, pressure=pressure), lengths)
+    assert any("out of balance" in sentence for sentence in wrong) == found
+    both = balance(d, parts, outcome.fields.f, replace(interfaces, pressure=pressure), np.ones(pressure.shape[1]))
+    assert both.names == ["block 0-0-0", "block 0-0-1"]
+    apart = np.abs(both.left).max(axis=0) / both.size.max()
+    assert ((apart > 1e-7).any(axis=1) == found).all()
 
 
 @pytest.mark.parametrize("digits, trusted", [(6, False), (17, True)])

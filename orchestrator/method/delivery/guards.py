@@ -4,7 +4,8 @@
   the displacements of all nodes, which another back-substitution has given; both are ≥ 0;
 - repetition: the last back-substitution gives the interface displacements that the iterations have combined from
   all earlier ones; no error below what both, and the forces they stand for, differ by in energy norm can be claimed;
-- interface laws, node by node on the written fields: what each law itself says is broken.
+- interface laws, node by node on the written fields: what each law itself says is broken;
+- balance of every body: its loads, its supports' reactions and what its interfaces carry, forces and moments.
 
 The answers on the way are guarded where they arrive: finite numbers and the residual of a probe solve after each
 factorisation in ``blackbox.messages``, reciprocity and strain energies in ``answers``.
@@ -18,6 +19,7 @@ import numpy as np
 
 from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.balance import balance
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.pairs import pair_normals
@@ -27,7 +29,7 @@ from orchestrator.method.stopping.lengths import Lengths
 NOISE = 5.0  # errors inside the subdomains, and of both, over the difference seen on the interfaces
 NOTICED = 0.2  # share of the bound from which on noise is part of it
 WORK = 1e-5  # relative difference of the two external works
-LAWS = 100.0  # a node's violation over the law residual that the run claims
+LAWS = 100.0  # a node's violation, or a body's imbalance, over the law residual or error that the run claims
 ROUNDING = 1e-9
 
 
@@ -42,9 +44,16 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
         compared with
     """
     found = _works(d, iterated, parts)
-    if interfaces is not None and iterated.converged:
-        found += _laws(d, interfaces, lengths, LAWS * max(iterated.last.law_residual, ROUNDING))
-    return found
+    length = None if interfaces is None else np.concatenate(
+        [pair_normals(d.scene.points(i), i)[1][i.corners] for i in d.scene.interfaces if not i.law.perfect])
+    claimed = iterated.bound.relative if d.all_perfect else iterated.last.law_residual
+    allowed = LAWS * max(claimed, ROUNDING)
+    unbalanced = _balances(d, iterated, parts, interfaces, length, lengths, allowed)
+    if not iterated.converged:
+        return found
+    if interfaces is not None:
+        found += _laws(d, interfaces, length, lengths, allowed)
+    return found + unbalanced
 
 
 def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -115,7 +124,30 @@ def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> lis
     return found
 
 
-def _laws(d: Decomposition, interfaces: InterfaceFields, lengths: Lengths, allowed: float) -> list[str]:
+def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], interfaces: InterfaceFields | None,
+              length: np.ndarray | None, lengths: Lengths | None, allowed: float) -> list[str]:
+    """The body that is farthest from balance, if one is; on rank 0."""
+    found = balance(d, parts, iterated.fields.f, interfaces, length)
+    # where next to nothing acts, forces are what rounding leaves of k w and of K u, or what laws take for rest
+    resting, noise = 0.0, np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1)
+    if lengths is not None:
+        pairs = d.local.pairs
+        resting = lengths.of_rest * pairs.points.stiff_n[pairs.mine].sum()
+    for s, rim in zip(d.own, d.rims):
+        if s.fixed.any():
+            moved = np.abs(parts[s.index][:, rim.nodes].reshape(d.scene.steps, -1))
+            noise += moved @ np.abs(rim.stiffness).sum(axis=0)
+    resting, noise = d.space.team.sum(resting, noise)
+    scale = max(found.size.max(initial=0.0), float(resting), ROUNDING * noise.max(initial=0.0), np.finfo(float).tiny)
+    apart = np.abs(found.left).max(axis=(0, 2)) / scale
+    worst = int(np.argmax(apart))  # nan stays
+    if d.space.team.rank or apart[worst] <= allowed:
+        return []
+    return [f"forces on {found.names[worst]} are out of balance by {apart[worst]:.1e}, {allowed:.1e} allowed"]
+
+
+def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, lengths: Lengths,
+          allowed: float) -> list[str]:
     chosen, worst = [i for i in d.scene.interfaces if not i.law.perfect], {}
     pressures = _pressures(d, interfaces, lengths)
     for i, start in zip(chosen, interfaces.offsets):
@@ -123,7 +155,7 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, lengths: Lengths, allow
         at, nodes = start + mobile, i.corners[mobile]
         written = Written((interfaces.gap - interfaces.initial_gap)[:, at], interfaces.slip[:, at],
                           interfaces.pressure[:, at], interfaces.friction_traction[:, at], nodes,
-                          pair_normals(d.scene.points(i), i)[1][nodes])
+                          length[at])
         for what, value in i.law.violations(written, lengths.of_displacements, pressures[i.law.name]).items():
             worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"

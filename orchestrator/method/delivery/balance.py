@@ -1,0 +1,89 @@
+"""Balance of every body: loads, what its supports exert and what its interfaces carry add up to nothing.
+
+A body is what perfect interfaces join. About the centre c of the scene, of size L,
+
+    Σ p + Σ r ± Σ f = 0,    Σ (x − c)/L × (p + r ± f) = 0
+
+over its nodes: p loads, r of the supports (stiffness times recovered displacements less the rest), f as written for the
+interfaces that are not perfect. Forces of perfect interfaces within a body cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.recovery import support_forces
+from orchestrator.scene.conditions.rigid import size_of
+from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.model import Scene
+
+
+@dataclass(frozen=True)
+class Balance:
+    """What is left over, T load steps, b bodies.
+
+    Parameters
+    ----------
+    names : (b,) of a piece of each body
+    left : (T, b, 6) force, and moment about the centre over the scene's size, of all that acts on the body
+    size : (T, b) sum of the magnitudes of these forces
+    """
+
+    names: list[str]
+    left: np.ndarray
+    size: np.ndarray
+
+
+def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces: InterfaceFields | None,
+            length: np.ndarray | None) -> Balance:
+    """All bodies' balance; on rank 0, elsewhere a part of it.
+
+    Parameters
+    ----------
+    parts : per subdomain (T, n_E, 3), as recovered
+    f : (T, D) interface forces
+    interfaces : fields of the interfaces that are not perfect, if there are any
+    length : (N,) what is left of their normals within the components that are free
+    """
+    scene = d.scene
+    joined = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
+    count, body = components(*joined.T, len(scene.subdomains))
+    low, high = scene.mesh.nodes.min(axis=0), scene.mesh.nodes.max(axis=0)
+    centre, extent = (low + high) / 2, size_of(np.array([low, high]))
+    left, size = np.zeros((scene.steps, count, 6)), np.zeros((scene.steps, count))
+
+    def add(at: int, nodes: np.ndarray, forces: np.ndarray) -> None:
+        """Forces (T, n, 3) on nodes (n,)."""
+        arm = (scene.mesh.nodes[nodes] - centre) / extent
+        left[:, at, :3] += forces.sum(axis=1)
+        left[:, at, 3:] += np.cross(arm, forces).sum(axis=1)
+        size[:, at] += np.linalg.norm(forces, axis=2).sum(axis=1)
+
+    for s, support in zip(d.own, support_forces(d, parts, f)):
+        if support is not None:
+            add(body[s.index], s.nodes, support)
+        if s.loads.any():
+            add(body[s.index], s.nodes, s.loads)
+    left, size = d.space.team.sum(left, size)
+    for one, two, nodes, others, forces in () if interfaces is None else _carried(interfaces, length):
+        add(body[one], nodes, forces)
+        add(body[two], others, -forces)
+    return Balance(_names(scene, body), left, size)
+
+
+def _carried(interfaces: InterfaceFields, length: np.ndarray) -> Iterator[tuple]:
+    """Per interface its subdomains, its nodes on either side, and the force (T, n, 3) on side 1."""
+    push = -interfaces.pressure * length * interfaces.area
+    forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
+    for (one, two), a, b in zip(interfaces.subdomains, interfaces.offsets[:-1], interfaces.offsets[1:]):
+        yield one, two, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b]
+
+
+def _names(scene: Scene, body: np.ndarray) -> list[str]:
+    first = np.unique(body, return_index=True)[1]
+    return [scene.subdomains[e].body for e in first]
