@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from orchestrator.config.base import TAG, UNKNOWN_NAME, ByName
+from orchestrator.config.foreign import instead
 from orchestrator.config.model import Config
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem
 
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
          "list": "a list", "dict": "a mapping (key: value)", "model": "a mapping (key: value)"}
+_COMMA, _DIGITS = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE), re.compile(r"\d+(e[+-]?\d+)?", re.IGNORECASE)
 BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="),
           "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
 
@@ -46,8 +49,9 @@ def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
         chooser = _choice(path[:-1], data, root)
         if chooser and (owners := chooser.owners(str(path[-1]))):
             return _foreign(path, chooser.name(get(data, *path[:-1])), chooser.key, owners)
+        known = chooser.keys() if chooser else keys
         return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys),
-                       nearest(str(path[-1]), chooser.keys() if chooser else keys))
+                       _comma(path, data) or instead(str(path[-1]), known) or nearest(str(path[-1]), known))
     if kind == UNKNOWN_NAME:
         return Problem(path, echo(entry["input"]), context["expected"],
                        nearest(str(entry["input"]), context["known"], otherwise=hint))
@@ -57,7 +61,21 @@ def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
             return Problem(path, echo(entry["input"]), options[0], hint)
         return Problem(path, echo(entry["input"]), "one of " + ", ".join(options),
                        nearest(str(entry["input"]), options, otherwise=hint))
-    return Problem(path, echo(entry["input"]), _expected(entry, kind, context, model), hint)
+    return Problem(path, echo(entry["input"]), _expected(entry, kind, context, model), _comma(path, data) or hint)
+
+
+def _comma(path: KeyPath, data: Any) -> str:
+    """The cure of a decimal comma: ``1,5`` as a text, or in brackets as ``1`` and a key or an entry ``5``."""
+    value = get(data, *path)
+    if isinstance(value, str) and _COMMA.fullmatch(value.strip()):
+        return f"write {value.strip().replace(',', '.')}: decimals follow a point"
+    beside = get(data, *path[:-1]) if path else None
+    if isinstance(beside, dict) and value is None and _DIGITS.fullmatch(str(path[-1])):
+        before = list(beside).index(path[-1]) - 1 if path[-1] in beside else -1
+        whole = list(beside.items())[before] if before >= 0 else None
+        if whole and isinstance(whole[1], int) and not isinstance(whole[1], bool):
+            return f"write {whole[0]}: {whole[1]}.{path[-1]}: decimals follow a point"
+    return ""
 
 
 def _expected(entry: Any, kind: str, context: dict, model: type[BaseModel] | None) -> str:

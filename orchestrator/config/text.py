@@ -6,10 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.constructor import DuplicateKeyError
+from ruamel.yaml.composer import Composer
+from ruamel.yaml.constructor import ConstructorError, DuplicateKeyError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from orchestrator.errors import InputError, KeyPath, Problem
+
+LARGEST = 20_000_000  # bytes, far above what ``MOST`` entries take: beyond, the file is something else
+DEEPEST = 50  # levels; no configuration has more than ten
+MOST = 100_000  # entries, those counted that aliases repeat: a few lines of aliases of aliases make thousands of millions
 
 
 def read_text(path: Path) -> str:
@@ -17,14 +22,17 @@ def read_text(path: Path) -> str:
 
     Raises
     ------
-    InputError : no such file, or none that can be read
+    InputError : no such file, none that can be read, or one larger than ``LARGEST``
     """
-    if not path.is_file():
-        raise InputError(Problem((), "a folder" if path.is_dir() else "no such file", "a YAML file",
-                                 "check the path, or start from configs/traction_beam.yaml", str(path)))
     try:
+        if not path.is_file():
+            raise InputError(Problem((), "a folder" if path.is_dir() else "no such file", "a YAML file",
+                                     "check the path, or start from configs/traction_beam.yaml", str(path)))
+        if (size := path.stat().st_size) > LARGEST:
+            raise InputError(Problem((), f"{size / 1e6:.0f} MB", f"a YAML file, below {LARGEST / 1e6:.0f} MB",
+                                     "name the configuration; meshes stand under mesh.file in it", str(path)))
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # of values: bytes that are no UTF-8, paths that no system takes
         raise InputError(Problem((), str(error), "a readable text file in UTF-8",
                                  "check the file's permissions and encoding", str(path))) from error
 
@@ -34,11 +42,14 @@ def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
 
     Raises
     ------
-    InputError : bad syntax, or a key given twice
+    InputError : bad syntax, a key given twice, more levels than ``DEEPEST`` or entries than ``MOST``
     """
-    lines: dict[KeyPath, int] = {}
+    reader, lines = YAML(), {}
+    reader.Composer, reader.Constructor = _Composer, _Constructor
     try:
-        return _plain(YAML().load(text), (), lines), lines
+        return _Plain(lines).of(reader.load(text), ()), lines
+    except _TooMuch as error:
+        raise InputError(Problem((), *error.args, file, max(lines.values(), default=1))) from None
     except DuplicateKeyError as error:
         raise InputError(Problem((), _first_line(error.problem), "every key once in its mapping", "remove one of the two",
                                  file, error.problem_mark.line + 1)) from error
@@ -49,21 +60,61 @@ def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
                                  file, mark.line + 1 if mark else None)) from error
 
 
-def _plain(node: Any, path: KeyPath, lines: dict[KeyPath, int]) -> Any:
+class _Composer(Composer):
+    """Refuses deep nesting where it stands, before Python runs out of stack."""
+
+    _depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self._depth += 1
+        try:
+            if self._depth > DEEPEST:
+                raise MarkedYAMLError(problem=f"more than {DEEPEST} levels of nesting",
+                                      problem_mark=self.parser.peek_event().start_mark)
+            return super().compose_node(parent, index)
+        finally:
+            self._depth -= 1
+
+
+class _Constructor(RoundTripConstructor):
+    """Says where a scalar stands that is none of its kind: a 13th month, a number of 5,000 digits."""
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep=deep)
+        except (ValueError, ArithmeticError) as error:
+            raise ConstructorError(problem=str(error), problem_mark=node.start_mark) from error
+
+
+class _TooMuch(Exception):
+    """What was found, what is expected, and the cure."""
+
+
+class _Plain:
     """Plain dicts, lists and numbers of a ruamel.yaml tree; notes the lines on the way."""
-    if isinstance(node, dict):
-        for key in node:
-            if key in (node.lc.data or {}):  # keys merged from an anchor have no line of their own
-                lines[*path, str(key)] = node.lc.key(key)[0] + 1
-        return {str(key): _plain(value, (*path, str(key)), lines) for key, value in node.items()}
-    if isinstance(node, list):
-        for index in node.lc.data or {}:
-            lines[*path, index] = node.lc.item(index)[0] + 1
-        return [_plain(value, (*path, index), lines) for index, value in enumerate(node)]
-    for kind in (bool, int, float, str):
-        if isinstance(node, kind):
-            return kind(node)
-    return node if node is None else str(node)
+
+    def __init__(self, lines: dict[KeyPath, int]):
+        self._lines, self._count = lines, 0
+
+    def of(self, node: Any, path: KeyPath) -> Any:
+        self._count += 1
+        if self._count > MOST or len(path) > DEEPEST:
+            raise _TooMuch(f"more than {MOST:,} entries" if self._count > MOST else f"more than {DEEPEST} levels of nesting",
+                           f"at most {MOST:,} entries, {DEEPEST} levels deep, with what aliases (*name) repeat",
+                           "write out what is meant, without aliases of aliases")
+        if isinstance(node, dict):
+            for key in node:
+                if key in (node.lc.data or {}):  # keys merged from an anchor have no line of their own
+                    self._lines[*path, str(key)] = node.lc.key(key)[0] + 1
+            return {str(key): self.of(value, (*path, str(key))) for key, value in node.items()}
+        if isinstance(node, list):
+            for index in node.lc.data or {}:
+                self._lines[*path, index] = node.lc.item(index)[0] + 1
+            return [self.of(value, (*path, index)) for index, value in enumerate(node)]
+        for kind in (bool, int, float, str):
+            if isinstance(node, kind):
+                return kind(node)
+        return node if node is None else str(node)
 
 
 def _first_line(text: str) -> str:

@@ -1,0 +1,62 @@
+"""Keys that other programs have and this one has not: what to do instead, in place of the nearest word."""
+
+from __future__ import annotations
+
+# What to do → the words for it. None of them is a key of this program's own, in whatever mapping.
+_WORDS: dict[str, tuple[str, ...]] = {
+    "not supported; solid elements have displacements alone: turn a face by different displacements or tractions on parts "
+    "of it, each with an on: of its own": ("rotation", "rx", "ry", "rz", "moment", "torque"),
+    "not supported; hold what lies on the plane along its normal: {on: {plane: x, at: 0}, displacement: [0, null, null]}":
+        ("symmetry", "symmetric", "symmetry_plane", "roller", "slider"),
+    "not supported; periodic and cyclic bodies are modelled whole, or cut along planes of symmetry":
+        ("antisymmetry", "periodic", "cyclic", "cyclic_symmetry"),
+    "not supported; temperature plays no part: what it causes goes in as loads: body_force, or boundary: traction":
+        ("temperature", "thermal", "thermal_expansion", "expansion", "alpha", "heat", "conductivity", "initial_temperature"),
+    "not supported; write weight as a force per volume, density times acceleration: loads: [{body_force: [0, 0, -7.7e-5]}]":
+        ("gravity", "weight", "density", "rho", "acceleration", "mass", "centrifugal", "rotational_speed"),
+    "not supported here; contact is a law between parts: interfaces: [{between: [a, b], law: contact, friction: 0.2}]":
+        ("contact", "contact_pair", "contacts"),
+    "not supported; parts are tied where they share faces: interfaces: [{between: [a, b], law: perfect}]":
+        ("tie", "coupling", "mpc", "constraint", "glue"),
+    "not supported; there is no time, only load steps: histories: {ramp: [0.5, 1.0]}, with history: ramp on the entries":
+        ("time", "time_step", "dt", "duration", "dynamic", "damping", "frequency", "eigenvalue", "amplitude",
+         "initial_condition", "velocity", "load_step"),
+    "not supported; matter is linear and isotropic: {young: 200e3, poisson: 0.3}":
+        ("plasticity", "plastic", "yield", "yield_stress", "hardening", "creep", "hyperelastic", "orthotropic",
+         "anisotropic", "shear_modulus", "bulk_modulus"),
+    "not supported; displacements are small and matter is linear, the interfaces' laws alone are not":
+        ("nonlinear_geometry", "nlgeom", "large_displacement", "large_deformation", "large_strain", "buckling"),
+    "not supported; two dimensions are a slab of one row of elements, its faces held along their normal for plane strain":
+        ("plane_stress", "plane_strain", "axisymmetric", "axisymmetry"),
+    "not supported; bodies are solid tetrahedra": ("shell", "truss", "cross_section"),
+    "write displacement: [0, 0, 0] in an entry of boundary; null leaves a component free":
+        ("fixed", "clamped", "clamp", "encastre", "fix", "support", "dirichlet", "ux", "uy", "uz"),
+    "write traction: [0, 0, 1], force per area, or pressure: 1, in an entry of boundary":
+        ("force", "point_load", "nodal_force", "neumann", "line_load"),
+}
+_OTHER_NAMES = {"e": "young", "youngs_modulus": "young", "young_modulus": "young", "elastic_modulus": "young", "nu": "poisson",
+                "poissons_ratio": "poisson", "poisson_ratio": "poisson", "material": "materials", "bcs": "boundary",
+                "bc": "boundary", "boundary_conditions": "boundary", "solver": "method", "geometry": "mesh"}
+
+
+def _plain(word: str) -> str:
+    return word.lower().replace("-", "_").replace(" ", "_").replace("'", "").rstrip("s")
+
+
+_CURES = {_plain(word): cure for cure, words in _WORDS.items() for word in words}
+_NAMES = {_plain(word): name for word, name in _OTHER_NAMES.items()}
+
+
+def instead(word: str, keys: list[str]) -> str:
+    """What to do in place of an unknown key that other programs have; empty where the word is none of those.
+
+    Parameters
+    ----------
+    keys : those that are known where the word stands; near misspellings of them are not foreign
+    """
+    plain = _plain(word)
+    if (name := _NAMES.get(plain)) in keys:
+        return f"write {name}"
+    if plain in _CURES and plain not in map(_plain, keys):
+        return _CURES[plain]
+    return ""
