@@ -16,6 +16,8 @@ from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, LAWS
 
+SMALLEST, HUGEST = 1e-30, 1e30
+
 # Mappings of which exactly one of some keys must be given.
 ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("mesh",): ("beam", "box", "polycrystal", "file", "step"),
@@ -154,7 +156,19 @@ def one_element(data: Any) -> Iterator[Problem]:
                           "interfaces need the same nodes on both sides: choose one element")
 
 
-RULES = [exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
+def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
+    """Numbers whose products with each other are numbers still: twenty powers of ten more than any unit asks for."""
+    if _is_number(data):
+        if data and not SMALLEST <= abs(data) <= HUGEST:
+            yield Problem(path, f"{data:.3g}" if isinstance(data, float) else f"a number of {len(str(data))} digits",
+                          f"0, or a number from {SMALLEST:g} to {HUGEST:g} but for its sign",
+                          "take units in which the problem's numbers are of ordinary size")
+    elif isinstance(data, (dict, list)):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from magnitudes(value, (*path, key))
+
+
+RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
          one_element]
 
 

@@ -31,11 +31,12 @@ class Box(Part):
 class Polycrystal(Part):
     """A cube or box filled with the grains of a Voronoi tessellation."""
 
-    grains: Count = Field(description="number of grains")
+    grains: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        description="number of grains, up to 10,000: tidying their faces takes half a minute per thousand")
     size: CubeOrBox = Field(description="the cube's side, or lengths along x, y and z")
     h: Positive = Field(description="element size")
     seed: int = Field(7, ge=0, description="of the random grain centres; fixed, so that runs repeat")
-    lloyd: int = Field(0, ge=0, description="relaxation steps towards rounder grains; 0: the paper's kind of grains")
+    lloyd: int = Field(0, ge=0, le=100, description="relaxation steps towards rounder grains; 0: the paper's kind of grains")
 
 
 class Mesh(Part):

@@ -14,10 +14,14 @@ from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.quadratic import quadratic
+from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
+
+# Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
+STEP_BYTES = 5 * 3 * 8
 
 
 def build_scene(config: Config) -> Scene:
@@ -44,6 +48,8 @@ def build_scene(config: Config) -> Scene:
     if config.codes[0].element == "P2":
         mesh, faces = quadratic(mesh, faces)
     problems, count = Problems(), steps(config)
+    check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
+                 "give fewer load steps, or a coarser mesh")
     materials, cell_material = assign_materials(mesh, config.materials, problems)
     vectors = [vectors_per_step(entry, config) for entry in config.boundary]
     boundary = resolve_boundary(mesh, faces, config.boundary, vectors, problems)

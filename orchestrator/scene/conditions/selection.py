@@ -35,12 +35,16 @@ def select(mesh: Mesh, faces: Faces, on: Any, path: KeyPath, problems: Problems)
 def _named(mesh: Mesh, faces: Faces, on: str, path: KeyPath, problems: Problems) -> np.ndarray:
     names = matching(on, mesh.surfaces)
     if not names:
-        problems.add(path, f"no surface is called {on!r}", "the name of a surface of the mesh, shell wildcards "
+        volume = ", only a volume" if matching(on, mesh.volumes) else ""
+        problems.add(path, f"no surface is called {on!r}{volume}", "the name of a surface of the mesh, shell wildcards "
                      "allowed, or {plane: x, at: 0}, or {box: [[0, 0, 0], [1, 1, 1]]}",
                      suggestion(on, mesh.surfaces, "surface; select a plane or a box instead")
                      if not mesh.surfaces else suggestion(on, mesh.surfaces, "surface"))
         return np.empty(0, dtype=int)
     triangles = np.concatenate([mesh.surfaces[name] for name in names])
+    if not len(triangles):
+        problems.add(path, f"{on!r} is a surface without triangles on the tets", "a surface that has some",
+                     "put faces of the body in the group and save them with the mesh, or select a plane or a box")
     found = faces.find(triangles)
     if (found < 0).any():
         bad = triangles[np.flatnonzero(found < 0)[0]]

@@ -11,9 +11,9 @@ from scipy.spatial import QhullError
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.grains.grains import Grains, tidied
 from orchestrator.scene.grains.voronoi import SIDES, area_vector, scattered
-from orchestrator.scene.mesh.faces import MAX_NODES
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.tets import dihedral_range, roundness
 from orchestrator.scene.model import Mesh
 
@@ -24,8 +24,6 @@ TRIES = 10
 ROUND, ANGLE = 0.05, 4.0
 # Faces whose corners leave their plane by more than this share of the box's longest side are cut into triangles.
 FLAT = 1e-7
-# Nodes per h³, measured.
-DENSITY = 0.82
 
 
 def polycrystal(mesh: Any) -> Mesh:
@@ -61,15 +59,11 @@ def polycrystal(mesh: Any) -> Mesh:
 
 
 def _check_size(count: int, size: np.ndarray, h: float) -> None:
-    typical = np.cbrt(np.prod(size) / count)
+    typical = min(float(np.cbrt(np.prod(size) / count)), float(size.min()))
     if h > typical:
         raise InputError(Problem((*PATH, "h"), f"h = {h:g}, where grains measure about {typical:.3g}",
                                  "elements smaller than the grains", f"take h: {typical / 3:.2g} or less"))
-    nodes = DENSITY * np.prod(size) / h**3
-    if nodes > MAX_NODES:
-        least = np.cbrt(DENSITY * np.prod(size) / MAX_NODES)
-        raise InputError(Problem((*PATH, "h"), f"h = {h:g} makes about {nodes:.2g} nodes", f"at most {MAX_NODES} nodes",
-                                 f"take h: {1.05 * least:.2g} or more"))
+    check_size(DENSITY * np.prod(size / h), (*PATH, "h"), f"h = {h:g}", coarser(h))
 
 
 def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int) -> Mesh | str:

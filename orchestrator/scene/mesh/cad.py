@@ -11,6 +11,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import unique_names
 
@@ -66,7 +67,7 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
     complaint = ""
     for algorithm, per_circle in ATTEMPTS:
         with session():
-            names, owner = _import(path, source)
+            names, owner = _import(path, source, h)
             if h is not None:
                 gmsh.option.setNumber("Mesh.MeshSizeMax", h)
             gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
@@ -86,7 +87,7 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
                              "solids that can be meshed", "try a smaller h, or repair the model"))
 
 
-def _import(path: Path, source: str) -> tuple[list[str], dict[int, int]]:
+def _import(path: Path, source: str, h: float | None) -> tuple[list[str], dict[int, int]]:
     """Names of the solids; and the tag of each piece of the joined model → the solid it comes from."""
     try:
         solids = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
@@ -98,7 +99,24 @@ def _import(path: Path, source: str) -> tuple[list[str], dict[int, int]]:
         raise InputError(Problem(("mesh", "step"), f"{source}: no solids", "a model with at least one solid",
                                  "export closed solids, not surfaces"))
     gmsh.model.occ.synchronize()
+    if h is not None:
+        _check_h(solids, h)
     return unique_names([_product(*s) or "solid" for s in solids]), _join(solids)
+
+
+def _check_h(solids: list[tuple[int, int]], h: float) -> None:
+    """Refuses an h that no mesher could follow: larger than the model, or far too small for memory."""
+    box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
+    extent = float(np.ptp(box, axis=0).max())
+    if h > extent:
+        raise InputError(Problem(("mesh", "h"), f"h = {h:g}, where the model measures {extent:.3g}",
+                                 "elements smaller than the model", f"take h: {extent / 10:.2g} or less; "
+                                 "h is in the model's own units, before scale"))
+    inside = DENSITY * sum(gmsh.model.occ.getMass(*solid) for solid in solids) / h**3
+    # A plane of equilateral triangles has 1.15 nodes per h².
+    faces = gmsh.model.getBoundary(solids, combined=False, oriented=False)
+    on_faces = 1.15 * sum(gmsh.model.occ.getMass(*face) for face in set(faces)) / h**2
+    check_size(max(inside, on_faces), ("mesh", "h"), f"h = {h:g}", coarser(h))
 
 
 def _product(dimension: int, tag: int) -> str:

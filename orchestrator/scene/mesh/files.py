@@ -11,11 +11,14 @@ import meshio
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.model import Mesh
 
 # Where the formats keep the number of each cell's group, the most telling first.
 TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "flac3d:group", "tetgen:ref",
         "netgen:index")
+# Bytes that reading takes per byte of the file, at least.
+ROOM = 2.0
 FLAT_CELLS = {"vertex", "line", "triangle", "quad"}
 
 
@@ -28,18 +31,23 @@ def read(path: Path) -> Mesh:
     """Reads tets and named groups; nodes that no tet uses are dropped.
 
     Volumes are named by gmsh's physical names or the format's cell sets, else ``volume_<tag>``;
-    surfaces likewise, else ``surface_<tag>``.
+    surfaces likewise, else ``surface_<tag>``. A named surface none of whose triangles lies on tets is there, empty.
 
     Raises
     ------
-    InputError : no such file, unreadable, no tets, quadratic tets, other solid elements
+    InputError : no such file, too large, unreadable, no tets, quadratic tets, other solid elements
     """
     raw = _load(path)
     solid = sorted({block.type for block in raw.cells} - FLAT_CELLS - {"line3", "triangle6", "quad8", "quad9"})
     problem = None
     if any(kind.startswith("tetra") and kind != "tetra" for kind in solid):
         problem = Problem(("mesh", "file"), f"{path}: tetrahedra of higher order ({', '.join(solid)})",
-                          "four-node tetrahedra", "save the mesh with linear elements (gmsh: -order 1)")
+                          "four-node tetrahedra", "save the mesh with linear elements (gmsh: -order 1) and write "
+                          "blackbox: {element: P2}: the nodes amid the edges are put back here")
+    elif "tetra" not in solid and solid:
+        problem = Problem(("mesh", "file"), f"{path}: no tetrahedra but {', '.join(solid)}", "four-node tetrahedra",
+                          "mesh the volume with tetrahedra (gmsh: without recombination, Mesh.RecombineAll = 0), or split "
+                          "each cell in tetrahedra the same way on both sides of its faces")
     elif "tetra" not in solid:
         kinds = ", ".join(sorted({block.type for block in raw.cells})) or "no cells at all"
         problem = Problem(("mesh", "file"), f"{path}: no tetrahedra (it has {kinds})", "four-node tetrahedra",
@@ -59,9 +67,10 @@ def read(path: Path) -> Mesh:
     for name, index in surfaces.items():
         rows = renumber[triangles[index]]
         # Triangles away from the tets (shells, helper geometry) are no faces of theirs.
-        rows = rows[(rows >= 0).all(axis=1)]
-        if len(rows):
-            named[name] = rows
+        named[name] = rows[(rows >= 0).all(axis=1)]
+    for name, (_, dimension) in _physical(raw):
+        if dimension == 2:
+            named.setdefault(name, np.empty((0, 3), dtype=np.int64))
     points = np.asarray(raw.points, dtype=float)[used]
     return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path))
 
@@ -70,6 +79,7 @@ def _load(path: Path) -> meshio.Mesh:
     if not path.is_file():
         raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file",
                                  "check the path"))
+    check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
     heard = io.StringIO()
     try:
         # meshio prints its complaint and ends the program.
@@ -98,8 +108,7 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
                  for i, offset in zip(blocks, offsets) if sets[i] is not None and len(sets[i])]
         if index:
             groups.setdefault(name, []).extend(index)
-    known = {(int(tag), int(dim)): name for name, (tag, dim) in
-             ((n, np.ravel(v)[:2]) for n, v in raw.field_data.items() if np.size(v) >= 2)}
+    known = {numbers: name for name, numbers in _physical(raw)}
     for key in TAGS:
         if key not in raw.cell_data:
             continue
@@ -111,6 +120,11 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
             break
     return cells, {name: np.unique(np.concatenate(index)) for name, index in groups.items()}, \
         f"{word}_0" if groups else f"{word}_1"
+
+
+def _physical(raw: meshio.Mesh) -> list[tuple[str, tuple[int, int]]]:
+    """gmsh's physical names, each with its tag and dimension."""
+    return [(name, tuple(map(int, np.ravel(value)[:2]))) for name, value in raw.field_data.items() if np.size(value) >= 2]
 
 
 def _volumes(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[list[str], np.ndarray]:

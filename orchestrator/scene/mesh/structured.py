@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.scene.mesh.size import check_size, coarser
 from orchestrator.scene.model import Mesh
 
 
@@ -18,7 +19,9 @@ def beam(mesh: Any) -> Mesh:
         raise InputError(Problem(("mesh", "beam"), f"size {mesh.beam.size}, h {mesh.beam.h}",
                                  "three positive lengths and a positive h"))
     # Python's rounding would send 2.5 cells to 2.
-    counts = np.maximum(np.floor(size / h + 0.5).astype(int), 1)
+    counts = np.maximum(np.floor(size / h + 0.5), 1)
+    check_size(np.prod(counts + 1), ("mesh", "beam", "h"), f"h = {h:g}", coarser(h))
+    counts = counts.astype(int)
     return bricks(size, counts, "beam")
 
 
@@ -28,6 +31,8 @@ def box(mesh: Any) -> Mesh:
     if size.shape != (3,) or np.any(size <= 0) or counts.shape != (3,) or np.any(counts < 1):
         raise InputError(Problem(("mesh", "box"), f"size {mesh.box.size}, cells {mesh.box.cells}",
                                  "three positive lengths and three counts of at least 1"))
+    check_size(np.prod(counts + 1.0), ("mesh", "box", "cells"), f"cells: {list(map(int, mesh.box.cells))}",
+               lambda factor: f"take fewer cells, each {factor:.2g} times as large")
     return bricks(size, counts, "box")
 
 

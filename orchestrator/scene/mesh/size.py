@@ -1,0 +1,82 @@
+"""How large a mesh would be, asked before it is made: a slip in h or a count must not take the machine's memory."""
+
+from __future__ import annotations
+
+import os
+import resource
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.mesh.faces import MAX_NODES
+
+# Nodes per h³, measured.
+DENSITY = 0.82
+# Bytes per node that a mesh of tets and its faces take at most while they are made, measured.
+BYTES = 2200.0
+
+
+def largest() -> tuple[float, str]:
+    """Nodes that a mesh may have here, and in words why no more."""
+    fit = memory_left() / BYTES
+    if fit >= MAX_NODES:
+        return float(MAX_NODES), f"at most {MAX_NODES} nodes"
+    return fit, f"at most {fit:.2g} nodes, in the {memory_left() / 1e9:.2g} GB of memory that are free"
+
+
+def check_size(nodes: float, path: KeyPath, found: str, cure: Callable[[float], str]) -> None:
+    """Refuses a mesh of more nodes than there may be.
+
+    Parameters
+    ----------
+    nodes : estimated
+    path : the key that decides on it
+    found : what stands there
+    cure : factor that elements have to grow by → what to write
+
+    Raises
+    ------
+    InputError : with what would do
+    """
+    most, expected = largest()
+    if not nodes <= most:
+        raise InputError(Problem(path, f"{found} makes about {nodes:.2g} nodes", expected,
+                                 cure(1.05 * (nodes / most) ** (1 / 3))))
+
+
+def coarser(h: float) -> Callable[[float], str]:
+    """The cure of an element size that is too small."""
+    return lambda factor: f"take h: {h * factor:.2g} or more"
+
+
+def check_memory(needed: float, path: KeyPath, found: str, cure: str) -> None:
+    """Refuses what takes more bytes than are free.
+
+    Raises
+    ------
+    InputError : with both numbers
+    """
+    if not needed <= (left := memory_left()):
+        raise InputError(Problem(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory",
+                                 f"at most the {left / 1e9:.2g} GB that are free", cure))
+
+
+def memory_left() -> float:
+    """Bytes that this process can still take: free on the machine, in its group of processes, below its own limit."""
+    left = [float("inf")]
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        left.append(1024.0 * int(next(line.split()[1] for line in lines if line.startswith("MemAvailable"))))
+    for most, used in (("memory.max", "memory.current"),
+                       ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):  # of containers
+        with suppress(OSError, ValueError):
+            left.append(float((_GROUPS / most).read_text()) - float((_GROUPS / used).read_text()))
+    soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if soft != resource.RLIM_INFINITY:
+        with suppress(OSError, ValueError):
+            left.append(soft - int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE"))
+    return max(min(left), 0.0)
+
+
+_GROUPS = Path("/sys/fs/cgroup")
