@@ -8,11 +8,15 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import results_case as case
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.team import ALONE
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.subscribers.history import write_history
+from orchestrator.results.summary.summary import write_summary
 
 ROOT = Path(__file__).parents[1]
 BEAM = str(ROOT / "configs" / "traction_beam.yaml")
@@ -126,10 +130,21 @@ def test_sigterm_interrupts_in_order(room):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_report(room):
-    seen = []
-    room("orchestrator.results.report.report", report=seen.append)
-    assert call("report", "results/a").exit_code == 0 and seen == [Path("results/a")]
+def test_report(tmp_path):
+    """Words and pictures beside the results; a folder without results is bad input."""
+    folder = ResultsFolder(tmp_path / "results")
+    write_summary(folder, case.summary())
+    write_history(folder, case.history())
+    done = call("report", str(folder.path))
+    assert done.exit_code == 0 and done.stderr == ""
+    text = (folder.path / "report.md").read_text()
+    assert "# made_up" in text and "tolerance was 1e-06 on the error bound" in text
+    assert {path.name for path in (folder.path / "figures").iterdir()} == {"convergence.png", "time.png"}
+    assert all(f"(figures/{name})" in text for name in ("convergence.png", "time.png"))
+    (tmp_path / "empty").mkdir()
+    for place in ("empty", "nowhere"):
+        refused = call("report", str(tmp_path / place))
+        assert refused.exit_code == 2 and str(tmp_path / place) in refused.stderr and "Traceback" not in refused.stderr
 
 
 def test_doctor(monkeypatch):

@@ -19,6 +19,7 @@ from orchestrator.parallel.placement import owners
 from orchestrator.results.subscribers.history import read_history
 from orchestrator.results.summary.summary import read_summary
 
+pytestmark = pytest.mark.xdist_group("ranks")  # more ranks than cores already; what one process finds is found once
 HERE = Path(__file__).parent
 BESIDE_PYTHON = Path(sys.executable).with_name("mpiexec")
 MPIEXEC = str(BESIDE_PYTHON if BESIDE_PYTHON.exists() else shutil.which("mpiexec"))
