@@ -70,6 +70,8 @@ class InProcessWorker(Worker):
 class InProcess(Code):
     """The template's solver as a code; of what a code tells about its process there is nothing to tell."""
 
+    translation_invariant = True
+
     def worker(self) -> type[Worker]:
         return InProcessWorker
 

@@ -49,7 +49,7 @@ def test_a_killed_process():
     with make_blackbox(settings(workers=2)) as blackbox:
         blackbox.load(models)
         pids = blackbox.usage.pids()
-        os.kill(pids[blackbox._home[1]], signal.SIGKILL)
+        os.kill(pids[blackbox.inner._home[1]], signal.SIGKILL)
         with pytest.raises(BlackBoxError) as caught:
             blackbox.traces({i: forces(m) for i, m in enumerate(models)})
         assert caught.value.subdomain == "second"
@@ -90,8 +90,8 @@ def test_a_reply_cut_short(temporary, monkeypatch, transport):
     monkeypatch.setenv("ORCHESTRATOR_FREEFEM", wrapper(temporary, body))
     model = box(name="cut")
     with make_blackbox(settings(transport=transport)) as blackbox:
-        blackbox.load([model])
         with pytest.raises(BlackBoxError, match="complete") as caught:
+            blackbox.load([model])
             blackbox.traces({0: forces(model)})
         assert caught.value.subdomain == "cut"
 

@@ -17,6 +17,8 @@ from orchestrator.scene.build import build_scene
 class Softened(Solver):
     """The template's solver with all moduli divided by ``softening``."""
 
+    translation_invariant = own_matter = True
+
     def __init__(self, softening: float):
         self.softening = softening
 

@@ -46,6 +46,24 @@ class Model:
     cases: int = 0
 
 
+@dataclass(frozen=True)
+class Traits:
+    """What may be relied on with a code, and what not.
+
+    Parameters
+    ----------
+    translation_invariant : its answers depend neither on where a model is nor on its name, so that one model may
+        answer for others that differ by a translation
+    own_matter : its material is its own, not ``Model.materials``: nothing is known of its stiffness but that it is
+        symmetric and vanishes on rigid motions
+    keeps_models : answers come from factors that it holds, many models in one process
+    """
+
+    translation_invariant: bool = False
+    own_matter: bool = False
+    keeps_models: bool = True
+
+
 @runtime_checkable
 class BlackBox(Protocol):
     """A pool of finite element processes that hosts many models and keeps all cores busy.
@@ -68,6 +86,9 @@ class BlackBox(Protocol):
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
+
+    def traits(self, code: int = 0) -> Traits:
+        """What may be relied on with the code of the models whose ``Model.code`` it is."""
 
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.layers.guarded import GuardedCode
 from orchestrator.blackbox.layers.routed import Routed
 from orchestrator.blackbox.pool.pool import Pool
 from orchestrator.blackbox.protocol import BlackBox
@@ -27,11 +28,11 @@ def make_blackbox(settings: CodeSettings | Sequence[CodeSettings], used: Iterabl
     entries = settings if isinstance(settings, Sequence) else [settings]
     codes = find_codes(entries, used)
     if len(entries) == 1:
-        return Pool(codes[0])
-    pools: dict[int, Pool] = {}
+        return GuardedCode(Pool(codes[0]))
+    pools: dict[int, BlackBox] = {}
     try:
         for index, code in codes.items():
-            pools[index] = Pool(code)
+            pools[index] = GuardedCode(Pool(code))
     except BaseException:
         for pool in pools.values():
             pool.close()

@@ -29,6 +29,8 @@ class Code(ABC):
     ----------
     Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
 
+    translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its process tells
+
     The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
 
     Examples
@@ -40,6 +42,8 @@ class Code(ABC):
     """
 
     Settings: ClassVar[type[CodeSettings]] = CodeSettings
+    translation_invariant: ClassVar[bool | None] = False
+    own_matter: ClassVar[bool | None] = False
 
     def __init__(self, settings: CodeSettings | None = None):
         self.settings = settings or self.Settings()

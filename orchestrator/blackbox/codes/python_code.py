@@ -56,6 +56,7 @@ class PythonCode(MessageCode):
     forms: ClassVar[str] = "solver.py, solver.py:Class or package.module:Class"
     solver: ClassVar[str] = ""
     package: ClassVar[str] = ""
+    translation_invariant, own_matter = None, None  # said by the solver's class, which this process does not import
     mesh_suffix = "npz"
 
     class Settings(CodeSettings):

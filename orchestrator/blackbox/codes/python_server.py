@@ -25,6 +25,14 @@ from orchestrator.blackbox.pool.diagnosis import diagnosis
 from orchestrator.blackbox.protocol import Model
 
 
+def promised(solver) -> int:
+    """What a solver's class says of it, as ``messages.check_hello`` reads it."""
+    return bool(getattr(solver, "translation_invariant", False)) + 2 * bool(getattr(solver, "own_matter", False))
+
+
+SYMMETRIC = 1e-10  # relative
+
+
 def solver_class(code: str) -> type:
     """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names."""
     where, _, name = code.rpartition(":") if ":" in code else (code, "", "Solver")
@@ -51,10 +59,11 @@ class Server:
         self.solver, self.requests, self.replies = solver, requests, replies
         self.models: dict[int, Model] = {}
         self.prepared: dict[int, object] = {}
+        self.unproven: dict[int, sp.csr_array] = {}  # stiffness of models that have not been asked since they were loaded
 
     def run(self) -> None:
         """Until told to quit, or until the orchestrator is gone."""
-        self._reply([0, 0], [time.process_time(), 0, 0], [])
+        self._reply([0, 0, promised(self.solver)], [time.process_time(), 0, 0], [])
         answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
                    messages.STIFFNESS: self._stiffness}
         while len(head := self.requests.read(8)) == 8:
@@ -66,10 +75,11 @@ class Server:
     def _load(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
         index, start = int(ints[0]), time.process_time()
         model = read_model(f"mesh-{index}.npz")
-        stiffness = sp.csr_array(self.solver.stiffness(model))
+        stiffness = self._matrix(model)
         assembled = time.process_time()
         self.models[index], self.prepared[index] = model, self.solver.prepare(model)
         residual = self._probe(index, stiffness)
+        self.unproven[index] = stiffness
         seconds = [assembled - start, time.process_time() - assembled, 0]
         self._reply([index, 0, model.fixed.size, 1], seconds, [residual])
 
@@ -105,16 +115,40 @@ class Server:
             if op == messages.TRACES:
                 full = np.zeros((cases, model.fixed.size))
                 full[:, model.trace] = forces
-                u = self._displacements(index, full)[:, model.trace]
             else:
-                u = self._displacements(index, forces)
+                full = forces
+            u = self._displacements(index, full)
+            if index in self.unproven:
+                self._prove(index, self.unproven.pop(index), full, u)
+            if op == messages.TRACES:
+                u = u[:, model.trace]
             self._reply([index, 0], [0, 0, time.process_time() - start], u)
 
     def _stiffness(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
         index, start = int(ints[0]), time.process_time()
-        lower = sp.coo_array(sp.tril(sp.csr_array(self.solver.stiffness(read_model(f"mesh-{index}.npz")))))
+        lower = sp.coo_array(sp.tril(self._matrix(read_model(f"mesh-{index}.npz"))))
         head = [index, 0, lower.shape[0], lower.nnz]
         self._reply(np.concatenate([head, *lower.coords]), [time.process_time() - start, 0, 0], lower.data)
+
+    def _matrix(self, model: Model) -> sp.csr_array:
+        """The solver's stiffness; raises ValueError for one that is not square or not symmetric: one triangle is sent."""
+        matrix = sp.csr_array(self.solver.stiffness(model))
+        if matrix.shape != (model.fixed.size,) * 2:
+            raise ValueError(f"stiffness() returned a matrix of shape {matrix.shape} for {model.fixed.size} dofs")
+        if matrix.nnz:
+            apart, size = abs(matrix - matrix.T).max(), abs(matrix).max()
+            if apart > SYMMETRIC * size:
+                raise ValueError(f"stiffness() returned a matrix that is not symmetric: |K - K^T| is {apart / size:.1e} |K|")
+        return matrix
+
+    def _prove(self, index: int, stiffness: sp.csr_array, forces: np.ndarray, u: np.ndarray) -> None:
+        """The first answers of a model, others having been prepared since; raises ValueError when they are of another."""
+        free = np.flatnonzero(~self.models[index].fixed)
+        residual = _residual(stiffness[free], u, forces[:, free])
+        if not residual <= messages.RESIDUAL_LIMIT:
+            raise ValueError(f"solve() does not fit stiffness() of {self.models[index].name} any more, now that "
+                             f"{len(self.models)} models are prepared: a relative residual of {residual:.1e}. What solve() "
+                             "needs of a model is to be in what prepare() returns for it")
 
     def _displacements(self, index: int, forces: np.ndarray) -> np.ndarray:
         u = np.asarray(self.solver.solve(self.prepared[index], forces))
@@ -135,7 +169,7 @@ class Server:
         self.replies.flush()
 
 
-def _residual(matrix: sp.csc_array, u: np.ndarray, forces: np.ndarray) -> float:
+def _residual(matrix: sp.sparray, u: np.ndarray, forces: np.ndarray) -> float:
     """‖K u − f‖ / ‖f‖, the largest of all load cases."""
     left = np.linalg.norm((matrix @ u.T).T - forces, axis=1) / np.maximum(np.linalg.norm(forces, axis=1), 1e-300)
     return float(np.max(left, initial=0.0))

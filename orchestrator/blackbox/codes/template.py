@@ -21,6 +21,13 @@ A dof is 3 * node + component. Forces and displacements are float64, one load ca
 ``stiffness`` and ``prepare`` may be called for several models and in any order. An exception ends the run with its
 traceback and the subdomain's name. Your process may die or hang: the run then ends too (``blackbox.timeout``).
 
+Two promises of the class, both False unless it says otherwise:
+
+    translation_invariant = True    answers depend neither on where a model is nor on its name: slices of a beam that
+                                    differ by a translation are then factorised once, and share all answers
+    own_matter = True               the material is yours, not ``materials``: its stiffness is then not held against
+                                    that of the YAML's moduli (symmetry and rigid motions are always tested)
+
 The bodies below work as they are: linear tets by hand, scipy for the factorisation.
 """
 
@@ -33,6 +40,8 @@ import scipy.sparse.linalg as spla
 
 class Solver:
     """Replace the bodies; keep names, shapes and units."""
+
+    translation_invariant = own_matter = False
 
     def stiffness(self, model) -> sp.csr_array:
         """(3n, 3n) symmetric stiffness of all tets, nothing clamped.

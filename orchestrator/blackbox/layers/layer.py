@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.blackbox.usage import Usage
 
 
@@ -38,6 +38,10 @@ class Layer:
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """As the protocol says."""
         return self.inner.stiffness(models)
+
+    def traits(self, code: int = 0) -> Traits:
+        """As the protocol says."""
+        return self.inner.traits(code)
 
     def close(self) -> None:
         """As the protocol says."""

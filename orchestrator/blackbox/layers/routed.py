@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.blackbox.protocol import BlackBox, Model, Traits
 from orchestrator.blackbox.usage import Activity, Usage, summed
 from orchestrator.errors import BlackBoxError
 
@@ -56,6 +56,10 @@ class Routed:
                              for code, own in members.items() if own})
         found = {i: matrix for code, matrices in answers.items() for i, matrix in zip(members[code], matrices)}
         return [found[i] for i in range(len(models))]
+
+    def traits(self, code: int = 0) -> Traits:
+        """As the protocol says."""
+        return self.pools[code].traits(code)
 
     @property
     def usage(self) -> "RoutedUsage":

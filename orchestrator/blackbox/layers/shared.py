@@ -46,7 +46,7 @@ class SharedModels(Layer):
     def load(self, models: Sequence[Model]) -> None:
         """Load one of each kind; of a kind with much to solve, one per worker that shares the work."""
         self._last = {}
-        first = representatives(models) if self.congruent else np.arange(len(models))
+        first = representatives(models, self.traits) if self.congruent else np.arange(len(models))
         self.model_of = np.empty(len(models), int)
         loaded: list[Model] = []
         for kind in np.unique(first):

@@ -32,7 +32,7 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: 
     """
     if not models:
         return []
-    first = representatives(models) if share else np.arange(len(models))
+    first = representatives(models, blackbox.traits) if share else np.arange(len(models))
     kinds = np.unique(first)
     savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
     tets = sum(len(models[k].cells) for k in kinds)

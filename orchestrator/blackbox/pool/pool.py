@@ -14,7 +14,7 @@ from orchestrator.blackbox.pool.crew import Crew, Task
 from orchestrator.blackbox.pool.usage import PoolUsage
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.blackbox.pool.worker import Ended, Worker
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport import messages
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import BlackBoxError
@@ -115,6 +115,10 @@ class Pool:
         tasks = longest_first([len(model.cells) for model in models], self._crew.count)
         self._run([(w, assemble_all, indices) for w, indices in enumerate(tasks) if indices])
         return matrices
+
+    def traits(self, code: int = 0) -> Traits:
+        """As the protocol says: what the code declares, or where it leaves that open, its process."""
+        return self._crew.workers[0].traits()
 
     @property
     def usage(self) -> PoolUsage:

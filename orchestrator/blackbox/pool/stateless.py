@@ -57,6 +57,8 @@ class Tally:
 class StatelessWorker(Worker):
     """Decides, model by model, between runs and the compliance. A code provides the two kinds of runs."""
 
+    keeps_models = False
+
     def __init__(self, *arguments):
         super().__init__(*arguments)
         self.tallies: dict[int, Tally] = {}

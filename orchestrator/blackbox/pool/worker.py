@@ -12,12 +12,12 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.launcher import without_launcher
@@ -58,8 +58,11 @@ class Worker:
         self.process: subprocess.Popen | None = None
         self._lock = threading.RLock()  # reentrant: a signal may interrupt its holder
         self._killed = False
+        self.promised = 0  # bits of ``messages.hello``: what the process says of itself
         # without a name: nothing is left behind whatever happens
         self.log = tempfile.TemporaryFile(dir=folder)
+
+    keeps_models: ClassVar[bool] = True
 
     # What a transport provides; ``names`` tell the subdomain when something fails.
     def open(self) -> None:
@@ -77,6 +80,12 @@ class Worker:
     def compliances(self) -> list[dict[str, object]]:
         """Subdomains whose interface compliance took the place of runs; none where processes stay alive."""
         return []
+
+    def traits(self) -> Traits:
+        """What may be relied on; of what the code leaves open the process has told when it started."""
+        invariant, own = self.code.translation_invariant, self.code.own_matter
+        return Traits(bool(self.promised & 1) if invariant is None else invariant,
+                      bool(self.promised & 2) if own is None else own, self.keeps_models)
 
     def spawn(self, requests: str, replies: str, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
         """Start a process. The kernel kills it with the calling thread, which must live as long as the pool."""

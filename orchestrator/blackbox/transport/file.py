@@ -25,6 +25,11 @@ class FileWorker(StatelessWorker):
         super().__init__(*arguments)
         self._load_requests: dict[int, Buffers] = {}
 
+    def open(self) -> None:
+        """Of a code that leaves its traits open, a run without work: its first words tell."""
+        if None in (self.code.translation_invariant, self.code.own_matter):
+            self._converse(0, "", "it did not start", [], lambda replies, index: None)
+
     def load(self, index: int, model: Model) -> None:
         self.write_mesh(index, model)
         self._load_requests[index] = messages.load(index, self.element, model)
@@ -87,7 +92,7 @@ class FileWorker(StatelessWorker):
                 raise Ended("the run failed")
             replies = _Replies(answered)
             hello = replies.next()
-            messages.check_hello(hello)
+            self.promised = messages.check_hello(hello)
             self.seconds["start"] += float(hello.seconds[0])
             return read(replies, index), seconds
         except (Ended, BadReply) as error:

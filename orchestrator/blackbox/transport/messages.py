@@ -111,9 +111,13 @@ def _check(reply: Reply, index: int, ints: int) -> None:
         raise BadReply(f"the server refused: status {reply.ints[1]}")
 
 
-def check_hello(reply: Reply) -> None:
-    """Raises BadReply unless the server introduced itself."""
+def check_hello(reply: Reply) -> int:
+    """What the server says of itself: bit 0 set, it is translation invariant; bit 1, its matter is its own.
+
+    Raises BadReply unless it introduced itself.
+    """
     _check(reply, 0, 2)
+    return int(reply.ints[2]) if len(reply.ints) > 2 else 0
 
 
 def check_load(reply: Reply, index: int) -> None:

@@ -24,7 +24,7 @@ class PipeWorker(Worker):
         self.channel.hand_over()
         try:
             reply = self._reply(self.deadline())
-            messages.check_hello(reply)
+            self.promised = messages.check_hello(reply)
         except (Ended, BadReply) as error:
             failure = self.failure("it did not start", error, "")
             missing = self.code.missing_part(self.process.returncode)

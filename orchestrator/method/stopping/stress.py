@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.mesh.quadratic import quadratic_slopes
 
 CENTRE = np.full(4, 0.25)  # barycentric coordinates
 # rows and columns of the six components in the 3×3 tensor
@@ -56,7 +56,7 @@ def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, a
     """
     u = displacement.T.take(cells.T, axis=1)
     if cells.shape[1] == 10:
-        u = _slopes(at).T @ u
+        u = quadratic_slopes(at).T @ u
     slopes = gradients.transpose(1, 2, 0)
 
     def slope(i: int, j: int) -> np.ndarray:  # ∂u_i/∂x_j
@@ -66,15 +66,6 @@ def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, a
     for row, i, j in zip(epsilon, _ROW, _COLUMN):
         row[:] = slope(i, j) if i == j else 0.5 * (slope(i, j) + slope(j, i))
     return epsilon.T
-
-
-def _slopes(at: np.ndarray) -> np.ndarray:
-    """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric coordinates λ."""
-    i, j = TET_EDGES.T
-    slopes, edge = np.zeros((10, 4)), 4 + np.arange(6)
-    slopes[range(4), range(4)] = 4 * at - 1
-    slopes[edge, i], slopes[edge, j] = 4 * at[j], 4 * at[i]
-    return slopes
 
 
 def stress(epsilon: np.ndarray, lame: np.ndarray) -> np.ndarray:

@@ -77,3 +77,12 @@ def with_middles(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray,
     middle[on] = middle_of[find(known, ends[on])]
     middle[~on] = n + len(points) + np.arange(np.count_nonzero(~on))
     return (np.vstack([points, np.vstack([inner, points])[ends[~on]].mean(axis=1)]), np.hstack([cells, middle[edge]]))
+
+
+def quadratic_slopes(at: np.ndarray) -> np.ndarray:
+    """(10, 4) derivatives of the quadratic shape functions λᵢ(2λᵢ − 1), 4λᵢλⱼ by the barycentric coordinates λ."""
+    i, j = TET_EDGES.T
+    slopes, edge = np.zeros((10, 4)), 4 + np.arange(6)
+    slopes[range(4), range(4)] = 4 * at - 1
+    slopes[edge, i], slopes[edge, j] = 4 * at[j], 4 * at[i]
+    return slopes

@@ -31,6 +31,7 @@ class CalculiX(Code):
     Raises InputError when it is not there.
     """
 
+    translation_invariant = True
     install = "apt-get install calculix-ccx   (or ORCHESTRATOR_CALCULIX=/path/to/ccx)"
 
     class Settings(CodeSettings):

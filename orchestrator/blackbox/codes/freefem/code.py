@@ -39,6 +39,7 @@ class FreeFem(MessageCode):
     Raises InputError when FreeFEM, its script or its plugin is not there.
     """
 
+    translation_invariant = True
     mesh_suffix = "meshb"
 
     class Settings(CodeSettings):

@@ -10,3 +10,4 @@ class ScikitFemCode(PythonCode):
 
     solver = "orchestrator.blackbox.codes.scikit_fem.solver:ScikitFem"
     package = "scikit-fem"
+    translation_invariant, own_matter = True, False

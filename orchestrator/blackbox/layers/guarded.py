@@ -1,0 +1,155 @@
+"""Guard around a code: its matrices and its fields must be those of the matter that it was given.
+
+- a stiffness K is symmetric, vanishes on rigid motions, and answers the uniform strains with the forces of the model's
+  mesh and moduli, node by node (the patch test), which is their exact energy too;
+- displacements u under forces f hold K u = f on all free dofs, with K u from the mesh and the moduli.
+
+Where a code's matter is its own, what is known of the stiffness is symmetry and rigid motions alone; that its answers
+fit its stiffness is then tested by its own server.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.layers.layer import Layer
+from orchestrator.blackbox.models.matter import Matter, affine
+from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.errors import BlackBoxError
+
+# Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through FreeFEM, scikit-fem
+# and by hand, below 1e-13 through CalculiX, whose decks have 14 digits. Answers of six digits stay below 1e-5; what
+# that leaves of a result is part of its bound.
+PATCH, BALANCED = 1e-8, 1e-5
+DIGITS = 1e-13  # of coordinates, in decks
+
+
+class GuardedCode(Layer):
+    """A code's black box whose stiffness matrices and fields are judged where they arrive.
+
+    Raises BlackBoxError, naming the model, for what its matter cannot have answered.
+
+    Parameters
+    ----------
+    inner : the pool of one code
+    """
+
+    def __init__(self, inner: BlackBox):
+        super().__init__(inner)
+        self._models: list[Model] = []
+
+    def load(self, models: Sequence[Model]) -> None:
+        """As the protocol says; of every model that the code keeps, the answer to one load is judged, all being there.
+
+        It costs one back-substitution per model, and finds a code that mixes up its models.
+        """
+        super().load(models)
+        self._models = list(models)
+        if not self._judged(models) or not self.inner.traits(models[0].code).keeps_models:
+            return
+        random = np.random.default_rng(len(models))
+        self.fields({i: np.where(m.fixed.ravel(), 0.0, random.uniform(0.5, 1.0, (1, m.fixed.size)))
+                     for i, m in enumerate(models) if not m.fixed.all()})
+
+    def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        answers = super().fields(forces)
+        for i, u in answers.items():
+            model = self._models[i]
+            if not self._judged([model]) or not len(u):
+                continue
+            left, node = imbalance(model, u, np.asarray(forces[i]))
+            if not left <= BALANCED:
+                raise BlackBoxError(
+                    f"guard: displacements that do not balance the forces: near {_place(model, node)} a share of "
+                    f"{left:.1e} is left over, {BALANCED:.0e} allowed (its materials, units or models are mixed up, or "
+                    f"its answers have few digits; {OWN})", model.name)
+        return answers
+
+    def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
+        """As the protocol says."""
+        matrices = super().stiffness(models)
+        for model, matrix in zip(models, matrices):
+            wrong = wrong_stiffness(model, matrix, self.inner.traits(model.code).own_matter)
+            if wrong:
+                raise BlackBoxError(f"guard: {wrong}", model.name)
+        return matrices
+
+    def _judged(self, models: Sequence[Model]) -> bool:
+        return bool(models) and not self.inner.traits(models[0].code).own_matter
+
+
+OWN = "a solver whose material is its own says so: own_matter = True in its class"
+
+
+def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False) -> str:
+    """What a stiffness (3n, 3n) should be and is not, in words; empty where nothing is wrong."""
+    if matrix.shape != (model.fixed.size,) * 2:
+        return f"a stiffness of {matrix.shape} for {model.fixed.size} dofs"
+    symmetry, rigid, strain, node, allowed = patch_errors(model, matrix, own_matter)
+    if not symmetry <= PATCH:
+        return f"a stiffness that is not symmetric: |K − Kᵀ| is {symmetry:.1e} |K|"
+    if not rigid <= allowed:
+        return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {_place(model, node)}"
+    if not strain <= allowed:
+        return (f"a stiffness that is not that of the model's mesh and materials: uniform strains need other forces, by "
+                f"{strain:.1e} of |K| near {_place(model, node)} (other moduli or units, a plane state, an element that "
+                f"fails the patch test; {OWN})")
+    return ""
+
+
+def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -> tuple[float, float, float, int, float]:
+    """How far a stiffness is from symmetry, from rest under rigid motions, from the forces of uniform strains.
+
+    Each is relative to the row's diagonal entry times the largest displacement; 12 columns and one more.
+
+    Returns
+    -------
+    symmetry, rigid, strain : float; strain 0 where the matter is the code's own
+    node : where the worst of the last two is
+    allowed : ``PATCH``, or what coordinates of few digits leave of thin tets far from the origin
+    """
+    fields = affine(model.nodes)
+    random = np.random.default_rng(3).uniform(0.5, 1.0, model.fixed.size) * np.resize([1.0, -1.0, 1.0], model.fixed.size)
+    found = matrix @ np.column_stack([fields, random])
+    scale = np.maximum(matrix.diagonal(), np.finfo(float).tiny)
+    symmetry = np.abs(found[:, 12] - matrix.T @ random) / scale
+    size = np.abs(fields).max(axis=0)
+    size[3:] = size[3:].max()
+    forces = found[:, :12] / (scale[:, None] * np.where(size > 0, size, 1.0))
+    by_column = forces.reshape(-1, 4, 3)
+    turned = by_column[:, 1:] - by_column[:, 1:].transpose(0, 2, 1)  # rotations
+    rigid = np.maximum(np.abs(by_column[:, 0]).max(axis=1), np.abs(turned).max(axis=(1, 2)))
+    strain, matter = np.zeros(len(rigid)), Matter.of(model)
+    allowed = max(PATCH, DIGITS * float(np.abs(model.nodes).max() * np.abs(matter.gradient.data).max()))
+    if not own_matter:
+        exact = matter.affine_forces() / (scale[:, None] * np.where(size > 0, size, 1.0))
+        strain = np.abs(forces - exact).max(axis=1)
+    worst = rigid if rigid.max(initial=0.0) > allowed else strain
+    node = int(np.argmax(worst)) // 3 if len(worst) else 0
+    return *(float(x.max(initial=0.0)) for x in (symmetry, rigid, strain)), node, allowed
+
+
+def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, int]:
+    """How much of forces (rhs, 3n) displacements (rhs, 3n) leave unbalanced on free dofs, and at which node most.
+
+    Returns
+    -------
+    largest |K u − f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves
+        equal shares of that everywhere, however different the moduli
+    """
+    matter = Matter.of(model)
+    free = ~model.fixed.ravel()
+    root = np.sqrt(np.repeat(matter.stiff, 3))
+    left = np.where(free, np.abs(matter.forces(u) - forces), 0.0) / np.where(root > 0, root, 1.0)
+    size = (root * np.abs(u)).max(axis=1, initial=0.0)
+    worst = left.max(axis=1, initial=0.0) / np.where(size > 0, size, 1.0)
+    rhs = int(np.argmax(worst))
+    return float(worst[rhs]), int(np.argmax(left[rhs])) // 3
+
+
+def _place(model: Model, node: int) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in model.nodes[node])})"
