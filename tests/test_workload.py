@@ -52,7 +52,8 @@ def test_seconds_of_every_worker_add_up_to_the_wall_clock(transport):
         time.sleep(0.2)
         spent = [now.since(then) for now, then in zip(moments.around(pool.usage.activity), before)]
         clock = pool.usage.clock()
-    assert sorted(a.models for a in spent) == [1, 2] and sorted(a.calls for a in spent) == [2, 3]
+    probed = transport == "pipe"  # models that a process keeps are asked once when all are there
+    assert sorted(a.models for a in spent) == [1, 2] and sorted(a.calls for a in spent) == [2 + probed, 3 + probed]
     assert sum(a.dofs for a in spent) == sum((~m.fixed).sum() for m in models)
     for a in spent:
         assert moments.allow(a.seconds), (a.seconds, moments.read)
