@@ -161,10 +161,12 @@ def main() -> None:
 def _guarded(action: Callable[[], int]) -> None:
     """Runs a command and ends the program with its exit code; errors of the user's are shown, not traced.
 
-    SIGTERM interrupts like Ctrl-C, so that batch systems get the checkpoint too.
+    SIGTERM and SIGHUP interrupt like Ctrl-C, so that batch systems and lost terminals get the checkpoint too; what is
+    ignored, as SIGHUP is under nohup, stays so.
     """
     in_main = threading.current_thread() is threading.main_thread()
-    previous = signal.signal(signal.SIGTERM, _interrupt) if in_main else None
+    heard = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) != signal.SIG_IGN]
+    previous = {number: signal.signal(number, _interrupt) for number in heard} if in_main else {}
     try:
         code = action()
     except OrchestratorError as error:
@@ -174,8 +176,8 @@ def _guarded(action: Callable[[], int]) -> None:
         print("Interrupted.", file=sys.stderr)
         code = INTERRUPTED
     finally:
-        if in_main:
-            signal.signal(signal.SIGTERM, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
     raise typer.Exit(code)
 
 

@@ -49,6 +49,29 @@ class OrchestratorError(Exception):
     exit_code = NOT_CONVERGED
 
 
+class InternalError(OrchestratorError):
+    """Something that nobody has foreseen.
+
+    Parameters
+    ----------
+    what : the error, its kind first
+    where : the traceback is
+    saved : whether there is something to resume from
+    memory : whether memory was wanting
+    """
+
+    def __init__(self, what: str, where: str, saved: bool, memory: bool):
+        self._given = what, where, saved, memory
+        cure = ("there is too little memory: fewer load steps at once (method.increment), fewer workers, a coarser mesh, "
+                "or more ranks on more nodes" if memory else
+                "this is a fault of the program: please report it, with the file named above and the configuration")
+        kept = "  kept:      what had been computed; --resume goes on from there\n" if saved else ""
+        super().__init__(f"{what}\n  traceback: {where}\n{kept}  cure:      {cure}")
+
+    def __reduce__(self):
+        return InternalError, self._given
+
+
 class InputError(OrchestratorError):
     """Bad configuration, mesh or output folder: everything found, at once."""
 

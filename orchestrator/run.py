@@ -10,27 +10,31 @@ from pathlib import Path
 from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config, Loaded
-from orchestrator.errors import CONVERGED, NOT_CONVERGED, OrchestratorError
+from orchestrator.errors import CONVERGED, NOT_CONVERGED
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.load_cases import common_load_cases
-from orchestrator.method.solver import Start, iterate
+from orchestrator.method.solver import iterate
+from orchestrator.method.start import Start, numbers_of
 from orchestrator.parallel.placement import Placement, with_workers
-from orchestrator.parallel.team import ALONE, Elsewhere, Team
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.figures.artist import Artist
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.record import Record, write_results
+from orchestrator.results.kept_mesh import kept_mesh
+from orchestrator.results.lock import locked
+from orchestrator.results.record import Record
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.checkpoint import SavedState
+from orchestrator.results.subscribers.checkpoint import begun
 from orchestrator.results.subscribers.progress import Progress
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.spent import Spent
 from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.summary.workload import Workload
+from orchestrator.results.unexpected import unexpected
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
@@ -39,7 +43,7 @@ from orchestrator.timing import Stopwatch
 
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *,
-          reference: bool = False, start: SavedState | None = None, watch: Stopwatch | None = None,
+          reference: bool = False, start: Start | None = None, watch: Stopwatch | None = None,
           team: Team = ALONE) -> Solution | None:
     """Solve a problem; nothing is written.
 
@@ -86,12 +90,12 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
             with watch("mesh"):
                 scene = build_scene(config)
         return _solve(config, scene, told, reference, start, watch, team)
-    except (OrchestratorError, KeyboardInterrupt, Elsewhere) as error:
+    except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
         told.failed(team.cause(error))
         raise
 
 
-def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, start: SavedState | None,
+def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, start: Start | None,
            watch: Stopwatch, team: Team) -> Solution | None:
     """The stages of a solution: prepare, iterate, deliver, summarise."""
     method, savings, codes = config.method, Savings(), with_workers(config.codes, team)
@@ -111,8 +115,9 @@ def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, sta
 
         chosen, estimate = cases.part_of(d), DiscretisationEstimate(scene, cases)
         true_error = TrueError(chosen, cases, exact, watch) if reference else None
-        begin = Start.resumed(d, start.state, start.iteration, start.sweeps) if start else Start()
-        iterated = iterate(chosen, method, whole_states(told.all, d.space), watch, begin, true_error=true_error,
+        numbers = numbers_of(chosen)
+        begin = start.of_rank(chosen, numbers) if start else Start()
+        iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
                            estimate=estimate, savings=savings)
         workload.end("iterations")
 
@@ -146,20 +151,23 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
 
     Raises
     ------
-    InputError, BlackBoxError, KeyboardInterrupt : after history, summary and checkpoint have been saved
+    InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and checkpoint have been saved
     """
     config, watch = loaded.config, Stopwatch.since_launch()
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    with Artist() if config.output.figures else nullcontext() as artist:
+    with locked(folder), unexpected(folder, team), Artist() if config.output.figures else nullcontext() as artist:
         with Progress(quiet) as progress:
             progress.stage("meshing")
+            if not resume:
+                begun(folder)
             with watch("mesh"):
-                scene = build_scene(config)
-            with Record(folder, config, scene, watch, resume=resume, ranks=team.size) as record:
+                scene = build_scene(config, kept_mesh(folder, config.mesh))
+            with Record(folder, config, scene, watch, resume=resume) as record:
                 team.share((config, scene, reference, record.start))
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
                                  start=record.start, watch=watch, team=team)
-        write_results(folder, solution, watch, config.output.fields, artist)
+                progress.close()
+                record.finish(solution, config.output.fields, artist)
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED

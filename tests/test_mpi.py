@@ -17,6 +17,7 @@ from ranks_case import CASES, found
 from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
 from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.subscribers.log import records
 from orchestrator.results.summary.summary import read_summary
 
 pytestmark = pytest.mark.xdist_group("ranks")  # more ranks than cores already; what one process finds is found once
@@ -113,11 +114,9 @@ def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
 
 
 def saved_iteration(results: Path) -> int:
-    """That of the checkpoint; 0: none yet."""
-    if not (results / "checkpoint.npz").exists():
-        return 0
-    with np.load(results / "checkpoint.npz") as saved:
-        return int(saved["iteration"])
+    """The last one in the checkpoint; 0: none yet."""
+    return max((record.header["iteration"] for path in (results / "checkpoint").glob("iterations-*")
+                for record in records(path)), default=0)
 
 
 FAULTS = {

@@ -9,7 +9,7 @@ import results_case as case
 
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import HISTORY_COLUMNS, Finished
-from orchestrator.results.subscribers.checkpoint import Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.fingerprint import fingerprint
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
@@ -85,13 +85,10 @@ def test_clear_removes_results_and_nothing_else(tmp_path):
     assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["mine.svg", "notes.txt"]
 
 
-@pytest.mark.parametrize("what", ["fields", "figures", "summary", "checkpoint", "history"])
+@pytest.mark.parametrize("what", ["fields", "figures", "summary", "history"])
 def test_full_disk(tiny_disk, what):
     folder = ResultsFolder(tiny_disk / "run")
     mesh = case.box_mesh((12, 6, 6))
-    state = np.zeros((5000, 4))
-    checkpoint = Checkpoint(folder, "f")
-    checkpoint.iteration(case.iteration(1, state=state))
     writer = HistoryWriter(folder)
     writer.iteration(case.iteration(1))
     (folder / "figures").mkdir()
@@ -107,12 +104,12 @@ def test_full_disk(tiny_disk, what):
             write_figures(folder, case.summary(), case.history())
         elif what == "summary":
             write_summary(folder, case.summary())
-        elif what == "checkpoint":
-            checkpoint.write()
         else:
             for i in range(2, 200):
-                before[folder / "history.csv"] = (folder / "history.csv").read_bytes()
-                writer.iteration(case.iteration(i))
+                writer.iteration(case.iteration(i))  # a full disk does not end the iterations
+            assert len(read_history(folder / "history.csv")["iteration"]) < 199
+            before[folder / "history.csv"] = (folder / "history.csv").read_bytes()
+            writer.complete()
     writer.close()
     problem = the_problem(caught)
     assert "disk full" in problem.found and "free" in problem.found and "--output" in problem.cure
@@ -174,46 +171,15 @@ def test_foreign_history(tmp_path, content):
     assert "history.csv" in the_problem(caught).found
 
 
-def test_checkpoint_round_trip_in_its_rhythm(tmp_path):
-    now = [0.0]
+def test_history_finds_its_lines_again(tmp_path):
+    """Lines that found no room, or a file that somebody has removed, are written at the end."""
     folder = ResultsFolder(tmp_path)
-    checkpoint = Checkpoint(folder, "abc", every=30.0, clock=lambda: now[0])
-    assert checkpoint.write() is None
-    checkpoint.iteration(case.iteration(1))
-    assert not (tmp_path / "checkpoint.npz").exists()
-    now[0] = 31.0
-    checkpoint.iteration(case.iteration(2))
-    checkpoint.iteration(case.iteration(3))
-    assert load_checkpoint(folder, "abc").iteration == 2
-    checkpoint.write()
-    saved = load_checkpoint(tmp_path, "abc")
-    assert (saved.iteration, saved.sweeps) == (3, 8.0)
-    np.testing.assert_array_equal(saved.state, np.full((4, 2), 3.0))
-
-
-def test_checkpoint_after_the_end(tmp_path):
-    checkpoint = Checkpoint(ResultsFolder(tmp_path), "abc")
-    checkpoint.iteration(case.iteration(4))
-    checkpoint.finished(Finished(False, "max_iterations", 4))
-    assert load_checkpoint(tmp_path, "abc").iteration == 4
-    checkpoint.finished(Finished(True, "converged", 4))
-    assert not (tmp_path / "checkpoint.npz").exists()
-
-
-def test_checkpoint_missing_foreign_damaged(tmp_path):
-    with pytest.raises(InputError) as caught:
-        load_checkpoint(tmp_path, "abc")
-    assert "--resume" in the_problem(caught).cure
-    checkpoint = Checkpoint(ResultsFolder(tmp_path), "abc")
-    checkpoint.iteration(case.iteration(1))
-    path = checkpoint.write()
-    with pytest.raises(InputError) as caught:
-        load_checkpoint(tmp_path, "other")
-    assert "another problem" in the_problem(caught).found
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(InputError) as caught:
-        load_checkpoint(tmp_path, "abc")
-    assert "damaged" in the_problem(caught).found
+    with HistoryWriter(folder) as writer:
+        for i in range(1, 5):
+            writer.iteration(case.iteration(i))
+        (folder / "history.csv").unlink()
+        writer.complete()
+    np.testing.assert_array_equal(read_history(tmp_path)["iteration"], [1, 2, 3, 4])
 
 
 def test_fingerprint_sees_the_problem_and_not_when_to_stop():

@@ -153,7 +153,7 @@ def test_the_shipped_example(tmp_path, temporary):
         assert (out / "figures" / f"{figure}.png").stat().st_size > 5000
     result = Solution.read(out)
     assert result.displacement.shape == (1, 129 * 81, 3)
-    assert not (out / "checkpoint.npz").exists(), "nothing to resume"
+    assert not (out / "checkpoint").exists(), "nothing to resume"
     assert "converged" in shown and "error bound" in shown and str(out) in "".join(shown.split())
     assert nothing_left(temporary)
 
@@ -196,7 +196,7 @@ def test_not_converged(tmp_path, temporary):
     assert nothing_left(temporary)
 
 
-@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGTERM], ids=["Ctrl-C", "SIGTERM"])
+@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=["Ctrl-C", "SIGTERM", "SIGHUP"])
 def test_interrupted_and_resumed(blow, tmp_path, temporary):
     """Exit code 130, a checkpoint, nothing left; --resume ends where an undisturbed run ends."""
     out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS)
@@ -208,14 +208,14 @@ def test_interrupted_and_resumed(blow, tmp_path, temporary):
     assert code == 130 and err.strip() == "Interrupted."
     assert nothing_left(temporary)
     summary = json.loads((out / "summary.json").read_text())
-    assert (out / "checkpoint.npz").is_file() and summary["stop_reason"] == "interrupted"
+    assert (out / "checkpoint").is_dir() and summary["stop_reason"] == "interrupted"
     assert summary["iterations"] >= 5 and not summary["converged"]
     code, _, err = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
                                 "--set", "method.tolerance.error=1e-6"))
     assert code == 0, err
     resumed = Solution.read(out)
     assert list(resumed.history["iteration"]) == list(range(1, resumed.iterations + 1))
-    assert resumed.iterations > summary["iterations"] and not (out / "checkpoint.npz").exists()
+    assert resumed.iterations > summary["iterations"] and not (out / "checkpoint").exists()
     undisturbed = solved(reference=False, **BENT)
     assert close(resumed.displacement, undisturbed.displacement, 1e-5)
     assert nothing_left(temporary)
@@ -228,7 +228,7 @@ def test_freefem_is_killed(tmp_path, temporary):
     os.kill(working_below(temporary)[0], signal.SIGKILL)
     code, _, err = ended(process)
     assert code == 3 and "SIGKILL" in err and "Traceback" not in err
-    assert lines_of(out / "history.csv") > 5 and (out / "checkpoint.npz").is_file()
+    assert lines_of(out / "history.csv") > 5 and (out / "checkpoint").is_dir()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["stop_reason"].startswith("failed") and not summary["converged"]
     assert nothing_left(temporary)
@@ -248,7 +248,7 @@ def test_the_program_is_killed(tmp_path, temporary):
 def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
     """What an earlier run wrote is not mixed with the new; files of the user's stay."""
     out = tmp_path / "out"
-    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint.npz", "mine.txt"):
+    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint/batch-000.log", "mine.txt"):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_text("old")
     code, *_ = ended(launch(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN,
@@ -323,4 +323,4 @@ def test_resume_without_a_checkpoint_or_for_another_problem(tmp_path, temporary)
     assert ended(launch(temporary, "run", path, "--output", out, *SHORTEN))[0] == 1
     err = refused(temporary, "run", path, "--output", out, "--resume", "--set", "method.relaxation=0.5")
     assert "another problem" in err
-    assert (out / "checkpoint.npz").is_file(), "still there for the right one"
+    assert (out / "checkpoint").is_dir(), "still there for the right one"

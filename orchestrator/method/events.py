@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from orchestrator.method.memory import Memory
+
 
 @dataclass(frozen=True)
 class Iteration:
@@ -30,7 +32,8 @@ class Iteration:
     law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
     laws : the interface laws' own measures among these, by name
     discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
-    state : (steps, dofs) the state s to resume from
+    state : (steps, dofs) the best state s so far
+    memory : all that has to be known to go on after this iteration as if nothing had happened
     """
 
     iteration: int
@@ -49,6 +52,7 @@ class Iteration:
     discretisation_error: float = math.nan
     counts: Mapping[str, int] = field(default_factory=dict)
     laws: Mapping[str, float] = field(default_factory=dict)
+    memory: Memory | None = None
 
     @property
     def tolerance(self) -> float:
@@ -90,8 +94,8 @@ class Subscriber:
 
     Attributes
     ----------
-    wants_states : whether ``Iteration.state`` is needed. With several ranks, whole states are brought together for
-        those alone who want them, and they hear of an iteration while the next one is under way
+    wants_states : whether ``Iteration.state`` and ``Iteration.memory`` are needed. With several ranks, they are
+        brought together for those alone who want them
 
     Examples
     --------

@@ -14,7 +14,7 @@ from orchestrator.errors import InputError, Problem
 DIRECTORY_KEY = ("output", "directory")
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 # What a run writes; removed before a fresh one so that old and new results never mix.
-_PRODUCTS = ("summary.json", "history.csv", "checkpoint.npz", "fields.npz", "report.md", "report.html",
+_PRODUCTS = ("summary.json", "history.csv", "checkpoint/*", "traceback.txt", "fields.npz", "report.md", "report.html",
              "fields/*.vtu", "fields/*.pvd", "figures/*.png", ".*.part", "*/.*.part")
 
 
@@ -100,7 +100,8 @@ def _problem(directory: Path, what: str, error: OSError) -> Problem:
         over = "disk quota exceeded" if error.errno == errno.EDQUOT else "disk full"
         return Problem(DIRECTORY_KEY, f"{over} while writing {what} in {directory}{left}",
                        "room for the results",
-                       "free some space, choose another folder with --output, or set output.fields: false")
+                       "free some space (--resume computes nothing again that has been computed), choose another "
+                       "folder with --output, or set output.fields: false")
     return Problem(DIRECTORY_KEY, f"cannot write {what} in {directory}: {error.strerror or error}",
                    "a folder that can be created and written to",
                    "check the path and its permissions, or choose another folder with --output")

@@ -8,8 +8,11 @@ from orchestrator.config import Config
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.kept_mesh import forget_mesh
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.checkpoint import OFTEN, SELDOM, Checkpoint, fingerprint, load_checkpoint
+from orchestrator.results.fingerprint import fingerprint
+from orchestrator.results.resume import load_checkpoint
+from orchestrator.results.subscribers.checkpoint import Checkpoint, begun
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.results.subscribers.remains import Remains
 from orchestrator.results.summary.content import note_time
@@ -25,7 +28,6 @@ class Record:
     ----------
     folder : cleared of an earlier run's results, unless this one goes on from there
     resume : go on from the checkpoint in the folder
-    ranks : how many solve together: of several, checkpoints are written more often
 
     Attributes
     ----------
@@ -37,20 +39,48 @@ class Record:
     InputError : nothing to resume from, folder not writable, disk full
     """
 
-    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False,
-                 ranks: int = 1):
+    def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False):
         key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
         self.start = load_checkpoint(folder, key) if resume else None
         if not resume:
             folder.clear()
-        checkpoint = Checkpoint(folder, key, OFTEN if ranks > 1 else SELDOM)
+            begun(folder)
+        self._folder, self._watch = folder, watch
+        self._checkpoint = Checkpoint(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
-        self.subscribers = [self._history, checkpoint, Remains(folder, config, scene, watch)]
+        self._remains = Remains(folder, config, scene, watch)
+        self.subscribers = [self._checkpoint, self._history, self._remains]
+
+    def finish(self, solution: Solution, fields: bool, artist: Artist | None) -> None:
+        """Fields, figures and summary of a finished run; if it has converged, the checkpoint goes once they are there.
+
+        Whatever keeps them from being written, the checkpoint stays: ``--resume`` then does nothing but write.
+
+        Parameters
+        ----------
+        solution : in its summary, the time that all this takes is noted
+        fields : whether they are wanted
+        artist : who draws the figures; None: nobody
+
+        Raises
+        ------
+        InputError : folder not writable, disk full
+        """
+        try:
+            self._history.complete()
+            write_results(self._folder, solution, self._watch, fields, artist)
+            if solution.converged:
+                self._checkpoint.remove()
+                forget_mesh(self._folder)
+        except BaseException as error:
+            self._remains.unwritten(error, solution)
+            raise
 
     def __enter__(self) -> Record:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._checkpoint.close()
         self._history.close()
 
 

@@ -15,7 +15,7 @@ from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
-from orchestrator.scene.mesh.sources import make_mesh
+from orchestrator.scene.mesh.sources import Keeper, make_mesh
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
@@ -24,8 +24,12 @@ from orchestrator.scene.partition.partition import Partition, make_partition
 STEP_BYTES = 5 * 3 * 8
 
 
-def build_scene(config: Config) -> Scene:
+def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     """Everything the method needs to know of the problem.
+
+    Parameters
+    ----------
+    kept : may know the mesh from an earlier run
 
     Raises
     ------
@@ -44,7 +48,7 @@ def build_scene(config: Config) -> Scene:
     >>> [interface.subdomains for interface in scene.interfaces]
     [(0, 1), (1, 2), (2, 3)]
     """
-    mesh, faces = make_mesh(config.mesh)
+    mesh, faces = make_mesh(config.mesh, kept)
     if config.codes[0].element == "P2":
         mesh, faces = quadratic(mesh, faces)
     problems, count = Problems(), steps(config)

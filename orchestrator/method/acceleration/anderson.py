@@ -7,10 +7,13 @@ residual has grown far beyond the best one: the statuses that it speaks of are g
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg.blas import daxpy
 
 from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import ALONE, Team
 
 REGULARISATION = 1e-10
@@ -50,8 +53,24 @@ class Anderson:
         elif self.s is not None:
             self._remember(s, r)
         self.smallest = min(self.smallest, size)
-        self.s, self.r = s, r
+        self.s, self.r, self.image = s, r, image
         return residual, evaluated
+
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
+        """The last evaluation, and how many before it are remembered as differences."""
+        return ({"trace/s": self.s, "trace/image": self.image}, {"smallest": self.smallest, "differences": len(self.dr)},
+                1 + len(self.dr))
+
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Form the differences of the last evaluations again."""
+        latest = memories[-1].notes["acceleration"]
+        for memory in memories[-1 - latest["differences"]:]:
+            s, self.image = memory.arrays["trace/s"], memory.arrays["trace/image"]
+            r = self.root * (self.image - s)
+            if self.s is not None:
+                self._remember(s, r)
+            self.s, self.r = s, r
+        self.smallest = latest["smallest"]
 
     def _remember(self, s: np.ndarray, r: np.ndarray) -> None:
         if len(self.dr) == self.memory:

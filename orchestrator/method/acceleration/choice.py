@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from orchestrator.method.acceleration.anderson import Anderson
 from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.memory import Memory
 
 CONTACT_MEMORY = 30
 
@@ -40,6 +42,21 @@ class Acceleration(Protocol):
 
     def next(self) -> np.ndarray:
         """State to evaluate next; the caller's to change."""
+
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, Any], int]:
+        """Arrays and notes for the ``Memory`` of an iteration: what the last evaluation has added.
+
+        Parameters
+        ----------
+        whole : tell also what no later evaluation tells again; so every ``INTERVAL`` iterations
+
+        Returns
+        -------
+        arrays, notes, and how many iterations, the last one included, have to be known to go on after it
+        """
+
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Take back what was told of at least that many iterations, in order; ``next`` then gives what it would have."""
 
 
 def algorithm(acceleration: str, all_perfect: bool) -> type[Acceleration]:

@@ -15,14 +15,16 @@ References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schu
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.parallel.team import ALONE, Team
 
+_NAMES = [("trace", "r"), ("trace", "s"), ("boundary", "u"), ("common", "alpha")]
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
 
 
@@ -43,6 +45,15 @@ class Relaxation:
         """Take in an evaluation; the best known point is the evaluation itself."""
         self.s, self.residual = evaluated.s, image - evaluated.s
         return self.residual, evaluated
+
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
+        """The last evaluation."""
+        return {"trace/s": self.s, "trace/residual": self.residual}, {}, 1
+
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Take the last evaluation back."""
+        arrays = memories[-1].arrays
+        self.s, self.residual = arrays["trace/s"], arrays["trace/residual"]
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""
@@ -70,6 +81,7 @@ class ResidualMinimisation:
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.r: np.ndarray | None = None
         self.point: list[np.ndarray] = []
+        self.gamma, self.taken = np.zeros(0), 0
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation; residual and fields at the combination of least residual.
@@ -101,12 +113,53 @@ class ResidualMinimisation:
             self.directions.append((dr, dp))
             if self.memory is not None and len(self.directions) > self.memory:
                 self.directions.pop(0)
-            gamma = (-along * inverse)[:, None]
-            self.r = self.r + dr * gamma
-            self.point = [a + b * gamma for a, b in zip(self.point, dp)]
+            self.gamma = -along * inverse
+            self._step(dr, dp)
             best = self.complete(*self.point)
+        self.taken += 1
         return self.r / self.root, best
+
+    def _step(self, dr: np.ndarray, dp: list[np.ndarray]) -> None:
+        """From the best point along a direction, by γ."""
+        gamma = self.gamma[:, None]
+        self.r = self.r + dr * gamma
+        self.point = [a + b * gamma for a, b in zip(self.point, dp)]
+
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, object], int]:
+        """The last direction and the step along it; as a whole also the point that this has led to.
+
+        Notes
+        -----
+        All directions that are kept have to be known, and a point to begin from.
+        """
+        arrays, gamma = {}, []
+        if self.directions:
+            dr, dp = self.directions[-1]
+            arrays, gamma = _named("d", dr, dp), self.gamma.tolist()
+        if whole or not self.directions:
+            arrays |= _named("", self.r, self.point)
+        back = self.taken if self.memory is None else min(self.taken, max(self.memory, INTERVAL))
+        return arrays, {"gamma": gamma, "directions": len(self.directions), "taken": self.taken}, back
+
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Take the directions back, and the steps since the first point that is known."""
+        for memory in memories:
+            arrays, notes = memory.arrays, memory.notes["acceleration"]
+            if notes["gamma"]:
+                dr, *dp = (arrays[f"{kind}/d{name}"] for kind, name in _NAMES)
+                self.directions.append((dr, dp))
+                self.gamma = np.array(notes["gamma"])
+            if "trace/r" in arrays:
+                self.r, *self.point = (arrays[f"{kind}/{name}"] for kind, name in _NAMES)
+            elif self.r is not None:
+                self._step(dr, dp)
+        self.taken = notes["taken"]
+        del self.directions[: len(self.directions) - notes["directions"]]
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""
         return self.point[0] + self.relaxation * self.r / self.root
+
+
+def _named(prefix: str, r: np.ndarray, point: list[np.ndarray]) -> dict[str, np.ndarray]:
+    return {f"{kind}/{prefix}{name}": array for (kind, name), array in zip(_NAMES, [r, *point])}

@@ -16,6 +16,7 @@ which ``problem`` solves. U is made orthonormal in k. It costs no back-substitut
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +25,7 @@ import numpy as np
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.memory import Memory
 from orchestrator.method.coarse.pair_fields import FIELDS, MONOMIALS, PairFields
 from orchestrator.method.interface.pairs import Pairs, PairTraces
 from orchestrator.method.interface.rows import times
@@ -131,6 +133,21 @@ class CoarseCorrection:
             w[:, part] += y[:, e] @ r.W[:, part]
             f[:, part] += y[:, e] @ r.F[:, part]
         return Admissible.of_extended(s, u, fields.alpha, w, f, self.stage.space)
+
+    @property
+    def interfaces(self) -> np.ndarray:
+        """(I,) int, the numbers of the interfaces that this rank touches."""
+        return np.array([i.index for i in self.pairs.interfaces], dtype=int)
+
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+        """Arrays and notes for the ``Memory`` of an iteration; as a whole, or what has changed since the last time."""
+        arrays, notes = self.problem.told(whole)
+        return arrays, {"radius": self.radius, **notes}
+
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Take back what was told of some iterations, the first of them as a whole."""
+        self.problem.recall(memories)
+        self.radius = memories[-1].notes["coarse"]["radius"]
 
     @cached_property
     def everyone(self) -> list[tuple[int, slice | np.ndarray]]:

@@ -12,6 +12,7 @@ right for some thousands of bodies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -21,6 +22,7 @@ from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.coarse.stale_factors import StaleFactors
+from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import Team
 
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
@@ -99,6 +101,34 @@ class CoarseProblem:
         for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
         return dy * (radius / np.maximum(self._of_all(move), radius))[:, None]
+
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+        """What is remembered from one iteration to the next: the reach of the pairs, and which matrices are factorised.
+
+        Parameters
+        ----------
+        whole : all matrices, not only those that have been factorised since the last time
+        """
+        steps = sorted(self._reach)
+        arrays = {"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)}
+        if self.factors is None:
+            return arrays, {}
+        keys = sorted(self.factors.factorised if whole else self.factors.renewed)
+        self.factors.renewed.clear()
+        shifts = {}
+        for key in keys:
+            arrays[f"common/factorised.{key}"], shifts[str(key)] = self.factors.factorised[key]
+        return arrays, {"shifts": shifts}
+
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Take back what was told of some iterations, the first of them as a whole."""
+        self._reach = dict(enumerate(memories[-1].arrays["interface/reach"]))
+        if self.factors is not None:
+            factorised = {}
+            for memory in memories:
+                for key, shift in memory.notes["coarse"]["shifts"].items():
+                    factorised[int(key)] = memory.arrays[f"common/factorised.{key}"], shift
+            self.factors.recall(factorised)
 
     @staticmethod
     def _dominating(newton: Newton) -> int | None:

@@ -54,6 +54,7 @@ class TraceSpace:
     perfect : per interface of the scene, whether it is perfect
     ties : mid-edge nodes tied to their corners, if there are any
     number : (D,) int, trace dofs in the numbering of the whole scene
+    boundary_number : (B,) int, boundary dofs in the numbering of the whole scene
     total, subdomain_count : trace dofs and subdomains of all parts
     label : (B,) int, boundary dofs that perfect interfaces make one and the same
     team : whom the other parts belong to
@@ -70,6 +71,7 @@ class TraceSpace:
     owner: np.ndarray
     perfect: list[bool]
     number: np.ndarray
+    boundary_number: np.ndarray
     total: int
     subdomain_count: int
     label: np.ndarray
@@ -113,7 +115,8 @@ class TraceSpace:
         gather, perfect = _joined(gather), [i.law.perfect for i in scene.interfaces]
         transfer = Matching.of(own_sides, count)
         return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
-                   [tuple(s) for s in own_sides], _joined(owner), perfect, np.arange(count), count, len(sides),
+                   [tuple(s) for s in own_sides], _joined(owner), perfect, np.arange(count),
+                   np.arange(ends[-1]), count, len(sides),
                    _labels(transfer, perfect, gather, int(ends[-1])), _joined(held),
                    np.concatenate([np.empty((0, 2), int), *held_at]), _joined(trace_dof),
                    make_ties(scene, own_sides, count))
@@ -161,7 +164,7 @@ class TraceSpace:
         return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
                           self.global_dof[chosen], position[self.gather[own]],
                           self.transfer.renumbered(place, len(own), len(held)), sides, self.owner[held], self.perfect, own,
-                          self.total, self.subdomain_count, label, np.flatnonzero(np.isin(own, self.held)),
+                          chosen, self.total, self.subdomain_count, label, np.flatnonzero(np.isin(own, self.held)),
                           self.held_at[np.isin(self.held, own)], self.dof[own],
                           self.ties and self.ties.part(held, len(own)), team, sends, receives, shared)
 

@@ -25,9 +25,9 @@ c of order one for soles as stiff as the bodies behind them, which the defaults 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -93,6 +93,13 @@ class Criterion(Protocol):
     def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
         """What belongs to the delivered fields, and the sweeps that it has cost now if it was not known (``bound``)."""
 
+    @property
+    def notes(self) -> dict[str, Any]:
+        """For the ``Memory`` of an iteration: what is remembered from one to the next."""
+
+    def recall(self, notes: Mapping[str, Any]) -> None:
+        """Take ``notes`` back, but for what was judged by another tolerance."""
+
 
 class ErrorCriterion:
     """Perfect interfaces: the error bound, or η.
@@ -132,12 +139,22 @@ class ErrorCriterion:
             self.done[:] = bound.errors <= CLEAR * self.value
         return Verdict(bool(bound.relative <= self.value), bound.relative, bound, sweeps=bound.sweeps)
 
-    def final(self, fields: Admissible, bound: Bound) -> tuple[Bound, float]:
+    def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
         """The bound of the delivered fields, evaluated now if it has not been, and the sweeps that this costs."""
-        if np.isfinite(bound.relative):
+        if bound is not None and np.isfinite(bound.relative):
             return bound, 0.0
         bound = self.d.bound(fields)
         return bound, bound.sweeps
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """As the protocol says."""
+        return {"value": self.value, "ratio": self.ratio, "done": self.done.tolist()}
+
+    def recall(self, notes: Mapping[str, Any]) -> None:
+        """As the protocol says."""
+        if notes["value"] == self.value:
+            self.ratio, self.done[:] = notes["ratio"], notes["done"]
 
 
 class LawCriterion:
@@ -177,6 +194,14 @@ class LawCriterion:
         """Energy and continuity of the delivered fields, evaluated now if they have not been; no sweeps."""
         return bound or self._delivered(fields), 0.0
 
+    @property
+    def notes(self) -> dict[str, Any]:
+        """As the protocol says: nothing is remembered."""
+        return {}
+
+    def recall(self, notes: Mapping[str, Any]) -> None:
+        """As the protocol says."""
+
 
 class AutoCriterion:
     """Another criterion, whose tolerance follows the estimated discretisation error.
@@ -206,6 +231,18 @@ class AutoCriterion:
             self.done[:] = False
             verdict = replace(verdict, met=bool(verdict.measure <= self.value), sweeps=verdict.sweeps + 1)
         return replace(verdict, discretisation_error=self.discretisation_error)
+
+    @property
+    def notes(self) -> dict[str, Any]:
+        """As the protocol says."""
+        return {**self.inner.notes, "value": self.value, "fraction": self.fraction,
+                "discretisation_error": self.discretisation_error}
+
+    def recall(self, notes: Mapping[str, Any]) -> None:
+        """As the protocol says."""
+        if notes.get("fraction") == self.fraction:
+            self.inner.value, self.discretisation_error = notes["value"], notes["discretisation_error"]
+            self.inner.recall(notes)
 
 
 def _asked(tolerance) -> tuple[bool, float]:

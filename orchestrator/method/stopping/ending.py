@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
@@ -46,6 +47,15 @@ class Ending:
         if self._stalled():
             return "stagnated at rounding"
         return None if iteration < self.last else "max_iterations"
+
+    @property
+    def notes(self) -> dict[str, object]:
+        """For the ``Memory`` of an iteration: what has been watched so far."""
+        return {"reach": self.reach, "residuals": list(self.residuals)}
+
+    def recall(self, notes: Mapping[str, object]) -> None:
+        """Take ``notes`` back."""
+        self.reach, self.residuals = notes["reach"], list(notes["residuals"])
 
     def _stalled(self) -> bool:
         """Rounding has been reached and nothing improves any more."""

@@ -1,144 +1,243 @@
-"""checkpoint.npz: the state to resume from, written now and then and when a run is interrupted."""
+"""checkpoint/: what a run needs to go on exactly where it stood, appended iteration by iteration.
+
+- ``iterations-000001.log`` …  what each iteration has added; the oldest go as soon as the method needs them no more
+- ``batch-000.log`` …          the end of each batch of load steps: the fields themselves
+
+A thread of its own writes at most ``DELAY`` seconds after an iteration, so that a killed process loses that much or
+the iteration under way, and the loop does not wait for the disk. Killed processes leave whole records; for the day the
+machine goes down, the disk itself is waited for every ``SYNCED`` seconds and at the end.
+"""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
+import sys
+import threading
 import time
-import zipfile
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.events import Finished, Iteration, Subscriber
-from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.method.memory import INTERVAL, Memory
+from orchestrator.method.start import Start
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.subscribers.log import append, begin
 
-NAME = "checkpoint.npz"
-SELDOM, OFTEN = 30.0, 2.0  # seconds between savings; with several ranks often: a launcher that ends them waits little
-SPARING = 50  # pause between two savings at least, over the time that one takes
-# When to stop, where to write and who computes may change between a run and its continuation.
-_FREE = {"name", "output", "blackbox.workers", "blackbox.transport",
-         "method.tolerance", "method.max_iterations"}
+NAME, BEGUN, ENDED, SEGMENTS = "checkpoint", "begun", "batch-*.log", "iterations-*.log"
+RESERVE, MARGIN = "reserve", 1 << 16  # bytes for what is no array
+DELAY = 0.5  # seconds that an iteration waits for others, to be written together
+SYNCED = 30.0  # seconds between two waits for the disk itself
 
 
-@dataclass(frozen=True)
-class SavedState:
-    """What a checkpoint holds.
+def begun(folder: ResultsFolder) -> None:
+    """Note that a run has begun here: if it is killed before its first iteration, it resumes at its beginning."""
+    folder.write(f"{NAME}/{BEGUN}", b"")
 
-    Parameters
-    ----------
-    state : (steps, dofs), the state s of the method
-    iteration, sweeps, seconds : where the run stood
-    """
 
-    state: np.ndarray
-    iteration: int
-    sweeps: float
-    seconds: float
+def saved(folder: ResultsFolder) -> bool:
+    """Whether iterations are there to resume from."""
+    return any(next((folder / NAME).glob(pattern), None) for pattern in (ENDED, SEGMENTS))
 
 
 class Checkpoint(Subscriber):
-    """Keeps the last iteration and saves it regularly.
+    """Writes every iteration to the results folder; ``remove`` it when all results are there.
 
-    A converged run removes the file; any other end saves the last state.
+    A disk that is full ends no run: what is not needed any more is removed, and if that is too little the run goes on
+    without, and says so.
 
     Parameters
     ----------
     folder : where
-    fingerprint : of the configuration, see ``fingerprint``
-    every : seconds between two savings, or more where one takes long
+    fingerprint : of the problem
+    start : where the run goes on from what an earlier one has left here; None at the beginning
+    warn : what is told to the user
     """
 
     wants_states = True
 
-    def __init__(self, folder: ResultsFolder, fingerprint: str, every: float = SELDOM,
-                 clock: Callable[[], float] = time.monotonic):
-        self._folder, self._fingerprint, self._every, self._clock = folder, fingerprint, every, clock
-        self._last: SavedState | None = None
-        self._saved, self._pause = clock(), every
+    def __init__(self, folder: ResultsFolder, fingerprint: str, start: Start | None = None,
+                 warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)):
+        self._folder, self._fingerprint, self._warn = folder, fingerprint, warn
+        self._path = folder / NAME
+        self._segments: list[tuple[Path, int]] = []  # and the last iteration in each, at most
+        self._stale: list[Path] = []  # ends of batches that begin anew
+        if start is not None:
+            self._segments = [(path, start.iteration) for path in sorted(self._path.glob(SEGMENTS))]
+            self._stale = sorted(self._path.glob(ENDED))[len(start.ended):] if start.state is not None else []
+        self._file = None
+        self._in_file = 0
+        self._pending: list[Memory] = []
+        self._given_up = self._removed = self._reserved = False
+        self._synced = time.monotonic()
+        self._lock, self._wake, self._stop = threading.Lock(), threading.Event(), threading.Event()
+        self._thread: threading.Thread | None = None
+
+    # ---- what the run tells --------------------------------------------------------------------
 
     def iteration(self, event: Iteration) -> None:
-        # a copy: the loop may go on in the same memory while an interrupt asks for write()
-        self._last = SavedState(np.array(event.state), event.iteration, event.sweeps, event.seconds)
-        if self._clock() - self._saved >= self._pause:
-            self.write()
+        if event.memory is None or self._removed:
+            return
+        self._pending.append(event.memory)
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, name="checkpoint", daemon=True)
+            self._thread.start()
+        self._wake.set()
 
     def finished(self, event: Finished) -> None:
-        if event.converged:
-            self._folder.remove(NAME)
-            self._last = None
-        else:
-            self.write()
+        self.write()
 
     def failed(self, error: BaseException) -> None:
         self.write()
 
-    def write(self) -> Path | None:
-        """Saves the last finished iteration now; None if there is none yet."""
-        last = self._last
-        if last is None:
-            return None
-        begin = self._clock()
-        with self._folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
-            np.savez(file, state=last.state, iteration=last.iteration, sweeps=last.sweeps,
-                     seconds=last.seconds, fingerprint=self._fingerprint)
-            file.flush()
-            os.fsync(file.fileno())  # it is there for the day the machine goes down
-        self._saved = self._clock()
-        self._pause = max(self._every, SPARING * (self._saved - begin))
-        return self._folder / NAME
+    # ---- what the owner asks -------------------------------------------------------------------
+
+    def write(self) -> None:
+        """Write what is pending now, and wait for the disk."""
+        with self._lock:
+            self._write_pending()
+            self._sync()
+
+    def close(self) -> None:
+        """Write what is pending, end the thread."""
+        self._stop.set()
+        self._wake.set()
+        if self._thread is not None:
+            self._thread.join()
+        self.write()
+        with self._lock:
+            self._close_file()
+
+    def remove(self) -> None:
+        """All results are there: the checkpoint goes."""
+        self._removed = True
+        self.close()
+        self._folder.remove(f"{NAME}/*")
+        with suppress(OSError):
+            self._path.rmdir()
+
+    # ---- writing -------------------------------------------------------------------------------
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            self._wake.wait()
+            self._wake.clear()
+            self._stop.wait(DELAY)
+            with self._lock:
+                self._write_pending()
+                if time.monotonic() - self._synced > SYNCED:
+                    self._sync()
+
+    def _write_pending(self) -> None:
+        while self._pending and not self._removed:
+            memory = self._pending.pop(0)
+            if self._given_up and not memory.ended:
+                continue
+            try:
+                self._keep(memory)
+            except OSError as first:
+                self._free(memory)
+                try:
+                    self._keep(memory)
+                except OSError:
+                    self._give_up(first)
+
+    def _keep(self, memory: Memory) -> None:
+        for path in self._stale:
+            path.unlink(missing_ok=True)
+        self._stale = []
+        if not self._reserved:
+            self._path.mkdir(parents=True, exist_ok=True)
+            self._reserve(memory)
+        if memory.ended:
+            (self._path / RESERVE).unlink(missing_ok=True)
+            self._end(memory)  # first, so that no run goes on after an iteration that was the last
+            self._reserved = memory.notes["last"]
+        if not self._given_up:
+            self._append(memory)
+
+    def _reserve(self, memory: Memory) -> None:
+        """Take the room that the end of the run will need, as long as there is some."""
+        self._reserved = True
+        rest = sum(array.nbytes for name, array in memory.arrays.items() if not name.startswith("trace"))
+        width = max(array.shape[1] for name, array in memory.arrays.items() if name.startswith("trace"))
+        try:
+            with open(self._path / RESERVE, "wb") as file:
+                os.posix_fallocate(file.fileno(), 0, rest + 8 * 4 * memory.notes["steps"] * width + MARGIN)
+        except OSError:
+            (self._path / RESERVE).unlink(missing_ok=True)
+            raise
+
+    def _append(self, memory: Memory) -> None:
+        if self._file is None or self._in_file >= INTERVAL:
+            self._close_file()
+            path = self._path / f"iterations-{memory.iteration:06}.log"
+            self._file = self._new(path)
+            self._segments = [(p, last) for p, last in self._segments if p != path] + [(path, 0)]
+            self._in_file = 0
+        arrays = {name: array for name, array in memory.arrays.items() if "/delivered" not in name}
+        append(self._file, _header(memory), arrays)
+        self._in_file += 1
+        self._segments[-1] = self._segments[-1][0], memory.iteration
+        self._drop(memory.iteration - memory.back + 1)
+
+    def _end(self, memory: Memory) -> None:
+        """The end of a batch in a file of its own; the iterations before it are needed no more once it is there."""
+        arrays = {name: array for name, array in memory.arrays.items()
+                  if "/delivered" in name or name.startswith(("common/factorised", "interface"))}
+        with self._new(self._path / f"batch-{memory.batch:03}.log") as file:
+            append(file, _header(memory), arrays)
+            os.fsync(file.fileno())
+
+    def _new(self, path: Path):
+        self._path.mkdir(parents=True, exist_ok=True)
+        file = open(path, "wb", buffering=0)
+        try:
+            begin(file, self._fingerprint)
+        except OSError:
+            file.close()
+            with suppress(OSError):
+                path.unlink()
+            raise
+        return file
+
+    def _drop(self, first: int) -> None:
+        """Remove files all of whose iterations are before ``first``."""
+        for path, last in self._segments[:-1]:
+            if last < first:
+                path.unlink(missing_ok=True)
+        self._segments = [(path, last) for path, last in self._segments if path.exists()]
+
+    def _free(self, memory: Memory) -> None:
+        """Make room on a full disk: the end of a batch needs none of the iterations before."""
+        if memory.ended:
+            self._close_file()
+            for path, _ in self._segments:
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+            self._segments, self._given_up = [], True
+
+    def _give_up(self, error: OSError) -> None:
+        if not self._given_up:
+            self._warn(f"No checkpoint can be written in {self._path} ({error.strerror or error}): the run goes on "
+                       "without; if it is killed, --resume begins where the last checkpoint was.")
+        self._given_up = True
+        self._close_file()
+        if self._segments and not self._in_file:
+            with suppress(OSError):
+                self._segments.pop()[0].unlink()
+
+    def _sync(self) -> None:
+        if self._file is not None:
+            with suppress(OSError):
+                os.fsync(self._file.fileno())
+        self._synced = time.monotonic()
+
+    def _close_file(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
 
 
-def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint: str) -> SavedState:
-    """Reads the checkpoint of a results folder.
-
-    Raises
-    ------
-    InputError : none there, damaged, or written for another problem than ``fingerprint``
-    """
-    path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
-    if not path.is_file():
-        raise InputError(Problem(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
-                                 "the checkpoint of an interrupted run of this configuration",
-                                 "run without --resume, or name the interrupted run's folder with --output"))
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            saved = SavedState(data["state"], int(data["iteration"]), float(data["sweeps"]),
-                               float(data["seconds"]))
-            theirs = str(data["fingerprint"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} is damaged: {error}", "a checkpoint written by a run",
-                                 f"remove {path} and run without --resume")) from error
-    if theirs != fingerprint:
-        raise InputError(Problem(
-            DIRECTORY_KEY, f"{path} belongs to another problem (fingerprint {theirs[:12]}, now {fingerprint[:12]})",
-            "the configuration and mesh of the interrupted run (tolerance, max_iterations, workers, "
-            "transport and output may change)",
-            "undo the changes, run without --resume, or choose another folder with --output"))
-    return saved
-
-
-def fingerprint(config: Mapping[str, object], *arrays: np.ndarray) -> str:
-    """Hash of what the state depends on: the configuration (complete) and e.g. the mesh's nodes and cells.
-
-    Tolerance, iteration limit, name, output, workers and transport are left out: a run may be
-    resumed with others.
-    """
-    digest = hashlib.sha256(json.dumps(_relevant(config, ""), sort_keys=True, default=str).encode())
-    for array in arrays:
-        digest.update(f"{array.dtype}{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).data)
-    return digest.hexdigest()
-
-
-def _relevant(value: object, path: str) -> object:
-    if path == "blackbox" and isinstance(value, list):
-        return [_relevant(entry, path) for entry in value]
-    if not isinstance(value, Mapping):
-        return value
-    inner = {str(key): (f"{path}.{key}" if path else str(key), item) for key, item in value.items()}
-    return {key: _relevant(item, where) for key, (where, item) in inner.items() if where not in _FREE}
+def _header(memory: Memory) -> dict[str, object]:
+    return {"iteration": memory.iteration, "batch": memory.batch, "back": memory.back, "notes": memory.notes}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -27,42 +28,59 @@ class HistoryWriter(Subscriber):
     """
 
     def __init__(self, folder: ResultsFolder, resume_after: int | None = None):
-        self._folder = folder
+        self._folder, self._over = folder, False
         kept: dict[str, np.ndarray] | None = None
         if resume_after is not None and (folder / NAME).exists():
             history = read_history(folder / NAME)
             keep = history["iteration"] <= resume_after
             kept = {name: column[keep] for name, column in history.items()}
-        self._begin(kept or {name: np.zeros(0) for name in HISTORY_COLUMNS})
+        self._kept = kept or {name: np.zeros(0) for name in HISTORY_COLUMNS}
+        self._begin()
 
-    def _begin(self, kept: dict[str, np.ndarray]) -> None:
-        self._columns = list(kept)
-        write_history(self._folder, kept)
+    def _begin(self) -> None:
+        self._lines, self._whole = _lines(self._kept), True
+        write_history(self._folder, self._kept)
         with self._folder.guarded(NAME):
             self._file = open(self._folder / NAME, "ab", buffering=0)
 
     def iteration(self, event: Iteration) -> None:
-        if self._file.closed:
+        if self._over:
             return
         row = event.row
-        if list(row) != self._columns:  # the first one tells which laws there are
-            self.close()
-            known = read_history(self._folder / NAME)
-            self._begin({name: known.get(name, np.full(len(known["iteration"]), np.nan)) for name in row})
-        self._append(_line(list(row.values())))
+        if list(row) != list(self._kept):  # the first one tells which laws there are
+            self._file.close()
+            known = self._kept
+            self._kept = {name: known.get(name, np.full(len(known["iteration"]), np.nan)) for name in row}
+            with suppress(InputError):  # full disk, as below
+                self._begin()
+        line = _line(list(row.values()))
+        self._lines.append(line)
+        if self._whole and not self._file.closed:
+            self._append(line)
 
     def _append(self, line: bytes) -> None:
-        with self._folder.guarded(NAME):
-            size = self._file.seek(0, os.SEEK_END)
-            try:
-                while line:
-                    line = line[self._file.write(line):]
-            except OSError:
-                self._file.truncate(size)  # no half a line on a full disk
-                raise
+        size = self._file.seek(0, os.SEEK_END)
+        try:
+            while line:
+                line = line[self._file.write(line):]
+        except OSError:  # a full disk: what is computed is worth more than its history
+            self._file.truncate(size)  # no half a line
+            self._whole = False
+
+    def complete(self) -> None:
+        """Writes the whole file again, if lines found no room or somebody has removed it.
+
+        Raises
+        ------
+        InputError : it cannot be written now either
+        """
+        if not self._whole or self._file.closed or not (self._folder / NAME).exists():
+            self._folder.write(NAME, b"".join(self._lines))
+            self._whole = True
 
     def close(self) -> None:
         """Closes the file; later events are ignored."""
+        self._over = True
         self._file.close()
 
     def __enter__(self) -> HistoryWriter:
@@ -81,7 +99,7 @@ def columns(events: Sequence[Iteration]) -> dict[str, np.ndarray]:
 
 def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path:
     """Writes a whole history (column name → (iterations,) array; {} for none) atomically."""
-    return folder.write(NAME, b"".join([_line(list(history) or HISTORY_COLUMNS), *map(_line, zip(*history.values()))]))
+    return folder.write(NAME, b"".join(_lines(history)))
 
 
 def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -113,6 +131,10 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
                                  "name the results folder of an earlier run")) from error
     whole = _COUNTS | {name for name, *column in zip(names, *texts) if column and all(map(str.isdigit, column))}
     return {name: column.astype(int) if name in whole else column for name, column in zip(names, table.T)}
+
+
+def _lines(history: dict[str, np.ndarray]) -> list[bytes]:
+    return [_line(list(history) or HISTORY_COLUMNS), *map(_line, zip(*history.values()))]
 
 
 def _line(values: list[object] | tuple[object, ...]) -> bytes:

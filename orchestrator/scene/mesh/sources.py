@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -15,10 +16,18 @@ SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.fi
            "polycrystal": "grains.polycrystal", "step": "mesh.cad"}
 
 
-def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
+# gives a mesh, asking the function for it if it has to be made
+Keeper = Callable[[Callable[[], Mesh]], Mesh]
+
+
+def make_mesh(mesh: Any, kept: Keeper = lambda make: make()) -> tuple[Mesh, Faces]:
     """Makes, scales and checks the mesh of the configuration's ``mesh`` entry.
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
+
+    Parameters
+    ----------
+    kept : may know the mesh from an earlier run
 
     Raises
     ------
@@ -29,7 +38,7 @@ def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
         raise InputError(Problem(("mesh",), f"{len(given)} mesh sources" + (f": {', '.join(given)}" if given else ""),
                                  "exactly one of " + ", ".join(SOURCES), "keep one"))
     source = getattr(import_module(f"orchestrator.scene.{SOURCES[given[0]]}"), given[0])
-    made = source(mesh)
+    made = kept(lambda: source(mesh))
     scale = getattr(mesh, "scale", None)
     if scale is not None:
         made.nodes = made.nodes * float(scale)

@@ -1,0 +1,166 @@
+"""One batch of load steps: Algorithm 1 of the paper, mended, from a state to the stopping criterion.
+
+What an iteration has to remember is told with its event, as a ``Memory``; ``recall`` goes on from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from functools import partial
+
+import numpy as np
+
+from orchestrator.method.acceleration.choice import make_acceleration
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.events import Iteration, Subscriber
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.memory import INTERVAL, Memory
+from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.criteria import Criterion, Verdict, make_criterion
+from orchestrator.method.stopping.ending import Ending
+from orchestrator.method.stopping.indicator import Measures, measure
+from orchestrator.timing import Stopwatch
+
+# (fields, bound) → relative energy error
+ErrorOf = Callable[[Admissible, Bound | None], float]
+# (decomposition of some load steps, fields, bound) → estimated discretisation error, relative, energy norm
+EstimateOf = Callable[[Decomposition, Admissible, Bound], float]
+_DELIVERED = [("trace", "s"), ("boundary", "u"), ("common", "alpha"), ("trace", "w"), ("trace", "f")]
+
+
+class Batch:
+    """A batch of load steps: linear and local stages alternate until the stopping criterion holds for all of them.
+
+    Parameters
+    ----------
+    d : for these load steps
+    place : number of the batch, number of batches, load steps of all of them
+    others as for ``iterate``
+    """
+
+    def __init__(self, d: Decomposition, method, place: tuple[int, int, int], watch: Stopwatch, true_error: ErrorOf | None,
+                 estimate: EstimateOf | None):
+        self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
+        self.acceleration = make_acceleration(d, method)
+        self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
+        self.ending = Ending(0)
+        self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
+
+    def begin(self, s: np.ndarray, iteration: int, sweeps: float) -> None:
+        """Begin from a state (T, D), after so many iterations and sweeps."""
+        self.s, self.iteration, self.sweeps = s, iteration, sweeps
+        self.whole_at = iteration + 1
+        self.ending.last = iteration + self.method.max_iterations
+
+    def recall(self, latest: Sequence[Memory]) -> None:
+        """Go on after the last of these iterations as if nothing had happened."""
+        last = latest[-1]
+        notes = last.notes["batch"]
+        with self.watch("acceleration"):
+            self.acceleration.recall(latest)
+        if self.d.coarse is not None:
+            with self.watch("coarse"):
+                self.d.coarse.recall([m for m in latest if m.iteration >= notes["whole_at"]])
+        self.criterion.recall(last.notes["criterion"])
+        self.ending.recall(last.notes["ending"])
+        self.begin(np.empty(0), last.iteration, notes["sweeps"])
+        self.whole_at, self.left_out = notes["whole_at"], notes["left_out"]
+        self.s = self._next(last.arrays.get("trace/asked"))
+
+    def recalled(self, memory: Memory) -> Iterated:
+        """The end of a batch, from its last iteration."""
+        notes = memory.notes
+        delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
+        bound, _ = self.criterion.final(delivered, None)
+        event = notes["event"]
+        last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
+        return Iterated(delivered, self.d.local(delivered), bound, notes["met"], notes["reason"], memory.iteration,
+                        notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0])], notes["batch"]["left_out"])
+
+    def iterate(self, told: Subscriber, earlier: float = 0.0) -> Iterated:
+        """Iterate to the end: eq. 6 is solved.
+
+        Parameters
+        ----------
+        earlier : seconds spent by the runs that this one goes on from
+        """
+        d, watch, criterion, acceleration = self.d, self.watch, self.criterion, self.acceleration
+        exact = self.method.tolerance.indicator is not None
+        share = d.steps / d.scene.steps  # of a sweep through all load steps
+        reason, history = None, []
+        while reason is None:
+            self.iteration += 1
+            with watch("linear_stage"):
+                evaluated = d.stage(self.s)
+                moved, asked = d.space.team.max(np.abs(evaluated.w).max(initial=0.0), self.s.any())
+                self.sweeps += asked * share * (1 - self.frozen.mean())
+            if d.coarse is not None:
+                with watch("coarse"):
+                    evaluated = d.coarse(evaluated)
+            with watch("local_stage"):
+                local = d.local(evaluated)
+            with watch("acceleration"):
+                residual, best = acceleration.take(evaluated, local.s)
+            with watch("bound"):
+                measures = measure(d.stage, d.local, best, local, residual, exact)
+                verdict = criterion(best, local, measures)
+                self.sweeps += verdict.sweeps * share
+                event = _event(criterion, verdict, measures(), iteration=self.iteration,
+                               sweeps=d.setup_sweeps + self.sweeps, seconds=earlier + watch.total, state=best.s)
+            if self.true_error is not None:
+                event = replace(event, true_error=self.true_error(best, verdict.bound))
+            history.append(replace(event, state=event.state[:0]))  # the states themselves are large
+            reason = self.ending.reason(self.iteration, verdict.met, event.residual, moved)
+            told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met, reason)))
+            if reason is None:
+                with watch("acceleration"):
+                    self.s = self._next(evaluated.s)
+        with watch("bound"):
+            bound, spent = criterion.final(best, verdict.bound)
+            self.sweeps += spent * share
+        return Iterated(best, local, bound, verdict.met, reason, self.iteration, self.sweeps, event, history,
+                        self.left_out)
+
+    def _next(self, asked: np.ndarray | None) -> np.ndarray:
+        """The state to evaluate next. Where load steps are done it is what has been asked for: answers are remembered."""
+        s = self.acceleration.next()
+        if self.method.skip.frozen:
+            self.frozen = self.criterion.done
+            if self.frozen.any():
+                s[self.frozen] = asked[self.frozen]
+                self.left_out += int(self.frozen.sum())
+        return s
+
+    def _memory(self, event: Iteration, evaluated: Admissible, best: Admissible, met: bool,
+                reason: str | None) -> Memory:
+        """What has to be known to go on after this iteration, or of how it ended."""
+        ended = reason is not None
+        if ended or self.iteration - self.whole_at >= INTERVAL:
+            self.whole_at = self.iteration
+        whole = self.whole_at == self.iteration
+        arrays, notes, back = self.acceleration.told(whole)
+        notes = {"acceleration": notes, "criterion": self.criterion.notes, "ending": self.ending.notes, "reason": reason,
+                 "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at},
+                 "last": self.place[0] == self.place[1] - 1, "steps": self.place[2], "seconds": event.seconds}
+        if self.d.coarse is not None:
+            more, notes["coarse"] = self.d.coarse.told(whole)
+            arrays |= more
+        if self.criterion.done.any():
+            arrays["trace/asked"] = evaluated.s
+        if ended:
+            arrays |= {f"{kind}/delivered.{name}": array for (kind, name), array in zip(_DELIVERED, best.rows)}
+            notes["met"] = met
+            notes["event"] = {f.name: getattr(event, f.name) for f in fields(event) if f.name not in ("state", "memory")}
+        return Memory(self.iteration, self.place[0], max(back, self.iteration - self.whole_at + 1), arrays, notes)
+
+
+def _event(criterion: Criterion, verdict: Verdict, measures: Measures, **progress) -> Iteration:
+    """What is told of an iteration."""
+    laws = {} if verdict.laws is None else {"law_residual": verdict.laws.largest, "laws": verdict.laws.measures}
+    return Iteration(
+        **progress, indicator=measures.indicator, displacement_jump=measures.displacement_jump,
+        force_imbalance=measures.force_imbalance, residual=measures.residual, macro_imbalance=measures.macro_imbalance,
+        counts=measures.counts, target=(criterion.name, criterion.value),
+        error_bound=verdict.error_bound, discretisation_error=verdict.discretisation_error, **laws)

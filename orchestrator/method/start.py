@@ -1,0 +1,83 @@
+"""Where iterations begin, if not at the beginning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.memory import COMMON, Memory, Numbers
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where iterations begin: from a state, or exactly where an earlier run stood.
+
+    Parameters
+    ----------
+    state : (T, D) s; None: zero, and in batches of load steps the last state of the batch before
+    iteration, sweeps : done so far, set-up not counted
+    seconds : spent so far
+    ended : the last iteration of each batch of load steps that is done
+    latest : the latest iterations of the batch under way, as many as have to be known to go on after the last
+    """
+
+    state: np.ndarray | None = None
+    iteration: int = 0
+    sweeps: float = 0.0
+    seconds: float = 0.0
+    ended: Sequence[Memory] = ()
+    latest: Sequence[Memory] = ()
+
+    def of_rank(self, d: Decomposition, numbers: Numbers) -> Start:
+        """A rank's part of what is known of the whole scene.
+
+        Parameters
+        ----------
+        numbers : which columns of the whole scene's arrays are this rank's
+
+        Raises
+        ------
+        InputError : it does not fit to the decomposition
+        """
+        self._check(d, numbers)
+        if d.space.team.size == 1:
+            return self
+        return replace(self, state=None if self.state is None else self.state[:, numbers["trace"]],
+                       ended=[m.of_rank(numbers) for m in self.ended], latest=[m.of_rank(numbers) for m in self.latest])
+
+    def _check(self, d: Decomposition, numbers: Numbers) -> None:
+        """Shapes and values.
+
+        Raises
+        ------
+        InputError : an array has another shape, or values that are no numbers
+        """
+        totals = {kind: 1 + int(d.space.team.max(number.max(initial=-1))[0]) for kind, number in numbers.items()}
+        given = [(m.iteration, m.arrays) for m in (*self.ended, *self.latest)]
+        if self.state is not None:
+            given.append((self.iteration, {"trace/state": self.state}))
+        for iteration, arrays in given:
+            for name, array in arrays.items():
+                kind = name.partition("/")[0]
+                wrong = None
+                if array.ndim != (1 if name.startswith("common/factorised") else 2):
+                    wrong = f"{array.ndim} dimensions"
+                elif kind != COMMON and array.shape[1] != totals[kind] or name == "trace/state" and len(array) != d.steps:
+                    wrong = f"shape {array.shape} where there are {totals[kind]:,} columns"
+                elif kind != "interface" and not np.isfinite(array).all():
+                    wrong = "values that are not finite"
+                if wrong:
+                    raise InputError(Problem(
+                        (), f"checkpoint, iteration {iteration}: {name} has {wrong}",
+                        "what a run of this very problem has written", "run without --resume"))
+
+
+def numbers_of(d: Decomposition) -> Numbers:
+    """Which columns of the whole scene's arrays are this rank's."""
+    none = np.empty(0, dtype=int)
+    return {"trace": d.space.number, "boundary": d.space.boundary_number,
+            "interface": none if d.coarse is None else d.coarse.interfaces}

@@ -1,0 +1,112 @@
+"""From the checkpoint in a results folder to where a run goes on from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.method.memory import Memory
+from orchestrator.method.start import Start
+from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.subscribers.checkpoint import BEGUN, ENDED, NAME, SEGMENTS
+from orchestrator.results.subscribers.log import OtherVersion, Record, records
+
+_FRESH = "run without --resume, or name the interrupted run's folder with --output"
+
+
+def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint: str) -> Start | None:
+    """Reads the checkpoint of a results folder.
+
+    Records that a killed run has not finished, or that are damaged, are left out: what they tell is computed again.
+
+    Returns
+    -------
+    where to go on from; None where a run has begun and was killed before its first iteration was done
+
+    Raises
+    ------
+    InputError : none there, nothing sound in it, or written for another problem than ``fingerprint``
+    """
+    path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
+    files = [sorted(path.glob(pattern)) for pattern in (ENDED, SEGMENTS)]
+    if not any(files) and not (path / BEGUN).exists():
+        raise InputError(Problem(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
+                                 "the checkpoint of an interrupted run of this configuration", _FRESH))
+    # read all the same: what belongs to another problem or version is refused
+    ended, latest = ([record for file in some for record in _sound(file, fingerprint)] for some in files)
+    if not ended and not latest and (path / BEGUN).exists():
+        return None
+    done: list[Record] = []
+    for record in ended:  # batches of load steps, one after the other
+        if record.header["batch"] == len(done):
+            done.append(record)
+    if done and (done[-1].header["notes"]["last"] or not all(r.header["notes"]["met"] for r in done)):
+        return _after_the_end(done, latest)
+    return _between(done, _window([r for r in latest if r.header["batch"] == len(done)]), path)
+
+
+def _sound(file: Path, fingerprint: str) -> list[Record]:
+    """The sound records of a file."""
+    try:
+        found = list(records(file))
+    except OtherVersion as error:
+        raise InputError(Problem(DIRECTORY_KEY, f"{file} was written by another version of this program ({error})",
+                                 "a checkpoint of this version", "resume with that version, or run without --resume")
+                         ) from error
+    except (OSError, ValueError):
+        return []
+    theirs = {record.header["problem"] for record in found} - {fingerprint}
+    if theirs:
+        raise InputError(Problem(
+            DIRECTORY_KEY,
+            f"{file.parent} belongs to another problem (fingerprint {theirs.pop()[:12]}, now {fingerprint[:12]})",
+            "the configuration and mesh of the interrupted run (tolerance, max_iterations, workers, "
+            "transport, timeout and output may change)",
+            "undo the changes, run without --resume, or choose another folder with --output"))
+    return found
+
+
+def _window(found: Sequence[Record]) -> list[Record]:
+    """The last record after which a run can go on, and those before it that this takes; empty if there is none."""
+    by_iteration = {record.header["iteration"]: record for record in found}
+    for iteration in sorted(by_iteration, reverse=True):
+        first = iteration - by_iteration[iteration].header["back"] + 1
+        if all(i in by_iteration for i in range(first, iteration)):
+            return [by_iteration[i] for i in range(first, iteration + 1)]
+    return []
+
+
+def _between(done: Sequence[Record], latest: Sequence[Record], path: Path) -> Start:
+    """Where a run stood that was stopped."""
+    if not done and not latest:
+        raise InputError(Problem(DIRECTORY_KEY, f"{path} is damaged: no iteration in it is whole",
+                                 "a checkpoint written by a run", f"remove {path} and run without --resume"))
+    last = (latest or done)[-1].header
+    return Start(None, last["iteration"], last["notes"]["batch"]["sweeps"], last["notes"]["seconds"],
+                 [_memory(r) for r in done], [_memory(r) for r in latest])
+
+
+def _after_the_end(done: Sequence[Record], latest: Sequence[Record]) -> Start:
+    """Where a run goes on whose iterations had ended: nowhere if it has converged; else from where it failed.
+
+    A run of one batch goes on as if it had not stopped; of several, the first that has not converged begins anew from
+    its last state, and so do those after it.
+    """
+    if all(r.header["notes"]["met"] for r in done):
+        return _between(done, [], Path())
+    if len(done) == 1 and (window := _window(latest)) and window[-1].header["iteration"] >= done[0].header["iteration"] - 1:
+        return _between([], window, Path())
+    memories, last = [_memory(r) for r in done], done[-1].header
+    sound = next(i for i, r in enumerate(done) if not r.header["notes"]["met"])
+    state = np.vstack([m.arrays["trace/delivered.s"] for m in memories])
+    state = np.vstack([state, np.repeat(state[-1:], last["notes"]["steps"] - len(state), axis=0)])
+    return Start(state, last["iteration"], last["notes"]["batch"]["sweeps"], last["notes"]["seconds"], memories[:sound])
+
+
+def _memory(record: Record) -> Memory:
+    header = record.header
+    return Memory(header["iteration"], header["batch"], header["back"], record.arrays(), header["notes"])

@@ -1,0 +1,348 @@
+"""Nothing computed is lost: a run that is stopped goes on as if nothing had happened, whatever stopped it."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+
+import numpy as np
+import pytest
+from method_case import CUBES, METIS, config
+from in_process import IN_PROCESS
+
+from orchestrator.config import load_config
+from orchestrator.errors import InputError, InternalError
+from orchestrator.method.events import Subscriber
+from orchestrator.results.fingerprint import fingerprint
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.kept_mesh import NAME as MESH
+from orchestrator.results.kept_mesh import kept_mesh
+from orchestrator.results.lock import locked
+from orchestrator.results.resume import load_checkpoint
+from orchestrator.results.subscribers.checkpoint import Checkpoint, begun
+from orchestrator.results.subscribers.history import read_history
+from orchestrator.run import run, solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.mesh.sources import make_mesh
+
+PRESSED = {"mesh": {"box": {"size": [2.0, 1.0, 2.0], "cells": [4, 2, 4]}}, "subdomains": {"grid": [2, 1, 2]},
+           "interfaces": [{"law": "contact", "friction": 0.3}],
+           "boundary": [{"on": "zmin", "displacement": [0, 0, 0]},
+                        {"on": "zmax", "displacement": [[0, 0, -0.005], [0.004, 0, -0.005], [-0.004, 0, -0.006]]}]}
+TURNED = {"boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
+                       {"on": "xmax", "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]}
+CASES = {
+    "bonded": {**METIS, **TURNED},
+    "bonded, three directions kept": {**CUBES, **TURNED, "method": {"memory": 3}},
+    "relaxation": {**METIS, **TURNED, "method": {"acceleration": "none", "tolerance": {"indicator": 1e-7}}},
+    "tolerance from the mesh's error": {**METIS, **TURNED, "method": {"tolerance": {"error": "auto", "fraction": 1e-4}}},
+    "contact": PRESSED,
+    "contact, step by step": {**PRESSED, "method": {"increment": 1}},
+    "contact, four differences kept": {**PRESSED, "method": {"memory": 4}},
+}
+
+
+class Stop(Subscriber):
+    """Interrupts after an iteration."""
+
+    def __init__(self, iteration):
+        self.at = iteration
+
+    def iteration(self, event):
+        if event.iteration == self.at:
+            raise KeyboardInterrupt
+
+
+def stopped_and_resumed(tmp_path, made, scene, stops):
+    """The solution of a run that is interrupted after each of some iterations, and the iterations told, in order."""
+    folder, key, told, start = ResultsFolder(tmp_path), "key", [], None
+
+    class Told(Subscriber):
+        def iteration(self, event):
+            told.append(event)
+
+    for stop in stops:
+        keeper = Checkpoint(folder, key, start)
+        with pytest.raises(KeyboardInterrupt):
+            solve(made, scene, [keeper, Told(), Stop(stop)], start=start)
+        keeper.close()
+        start = load_checkpoint(folder, key)
+        assert start.iteration == stop
+    return solve(made, scene, [Told()], start=start), told
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_stopped_run_goes_on_as_if_nothing_had_happened(tmp_path, case):
+    """The same iterations, the same values to the last bit but rounding, wherever it was stopped."""
+    made = config(**CASES[case])
+    scene = build_scene(made)
+    whole = solve(made, scene)
+    assert whole.iterations > 9
+    stops = sorted({1, 4, whole.iterations // 2, whole.iterations - 1})
+    resumed, told = stopped_and_resumed(tmp_path, made, scene, stops)
+    assert [event.iteration for event in told] == list(range(1, whole.iterations + 1))
+    for name in ("residual", "indicator", "sweeps"):
+        theirs, ours = ([getattr(e, name) for e in events] for events in (whole.iterated.history, told))
+        np.testing.assert_allclose(ours[-len(theirs):], theirs[-len(ours):], rtol=1e-9, atol=1e-15)
+    assert np.all(np.diff([event.seconds for event in told]) > 0), "seconds go on"
+    scale = np.abs(whole.displacement).max()
+    assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * scale
+    np.testing.assert_allclose(resumed.energy, whole.energy, rtol=1e-12)
+
+
+def test_what_is_kept_does_not_grow(tmp_path):
+    """Iterations that the acceleration has forgotten leave the disk."""
+    made = config(**CASES["contact, four differences kept"], )
+    keeper = Checkpoint(ResultsFolder(tmp_path), "key")
+
+    class Written(Subscriber):  # otherwise all of this short run would be written at once
+        def iteration(self, event):
+            keeper.write()
+
+    solution = solve(made, subscribers=[keeper, Written()])
+    kept = sorted((tmp_path / "checkpoint").glob("iterations-*"))
+    assert solution.iterations > 24 and len(kept) <= 3
+    keeper.remove()
+    assert not (tmp_path / "checkpoint").exists()
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory):
+    """A folder with the checkpoint of an interrupted run, its configuration and scene, and the undisturbed solution."""
+    made = config(**PRESSED)
+    scene, folder = build_scene(made), tmp_path_factory.mktemp("interrupted")
+    keeper = Checkpoint(ResultsFolder(folder), "key")
+    with pytest.raises(KeyboardInterrupt):
+        solve(made, scene, [keeper, Stop(11)])
+    keeper.close()
+    return folder, made, scene, solve(made, scene)
+
+
+@pytest.mark.parametrize("damage", ["cut short", "a bit flipped", "rubbish behind"])
+def test_damaged_records_are_computed_again(tmp_path, interrupted, damage):
+    """A record whose sums are wrong counts as if it had never been written, and so does what follows it."""
+    folder, made, scene, whole = interrupted
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    last = sorted((tmp_path / "checkpoint").glob("iterations-*"))[-1]
+    content = bytearray(last.read_bytes())
+    if damage == "cut short":
+        content = content[:-7]
+    elif damage == "a bit flipped":
+        content[-1000] ^= 4
+    else:
+        content += b"\0" * 500
+    last.write_bytes(content)
+    start = load_checkpoint(tmp_path, "key")
+    assert start.iteration == (11 if damage == "rubbish behind" else 10)
+    resumed = solve(made, scene, start=start)
+    assert resumed.iterations == whole.iterations
+    assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * np.abs(whole.displacement).max()
+
+
+def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted):
+    folder, made, scene, _ = interrupted
+    for what, change in {
+            "another version": lambda text: text.replace(b'"version": 1', b'"version": 9'),
+            "another problem": lambda text: text.replace(b'"problem": "key"', b'"problem": "lock"'),
+            "no checkpoint": None}.items():
+        shutil.rmtree(tmp_path / "checkpoint", ignore_errors=True)
+        shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+        for file in (tmp_path / "checkpoint").iterdir():
+            file.write_bytes(change(file.read_bytes())) if change else file.unlink()
+        with pytest.raises(InputError, match=what):
+            load_checkpoint(tmp_path, "key")
+    start = load_checkpoint(folder, "key")
+    other = config(**PRESSED | {"subdomains": {"grid": [2, 1, 1]}})
+    with pytest.raises(InputError, match="columns"):
+        solve(other, start=start)
+    start.latest[-1].arrays["trace/s"][0, 3] = np.nan
+    with pytest.raises(InputError, match="not finite"):
+        solve(made, scene, start=start)
+
+
+def test_killed_while_the_first_record_was_written(tmp_path, interrupted):
+    """Nothing whole is there: a run that is known to have begun begins again, rubbish alone is refused."""
+    path = tmp_path / "checkpoint"
+    shutil.copytree(interrupted[0] / "checkpoint", path)
+    for file in path.iterdir():
+        file.write_bytes(file.read_bytes()[:300])
+    with pytest.raises(InputError, match="damaged"):
+        load_checkpoint(tmp_path, "key")
+    begun(ResultsFolder(tmp_path))
+    assert load_checkpoint(tmp_path, "key") is None
+
+
+def test_fingerprint_allows_for_what_changes_no_state():
+    made = config().complete()
+    for key, value in {"timeout": 5.0, "workers": 3, "transport": "file"}.items():
+        assert fingerprint({**made, "blackbox": {**made["blackbox"], key: value}}) == fingerprint(made)
+    assert fingerprint({**made, "materials": []}) != fingerprint(made)
+
+
+# ---- whole runs ------------------------------------------------------------------------------------------
+
+
+def loaded(tmp_path, **changes):
+    """A configuration from a file, as ``run`` wants it."""
+    path = tmp_path / "case.yaml"
+    path.write_text(json.dumps({
+        "name": "case", "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": IN_PROCESS,
+        "output": {"figures": False}, **PRESSED, **changes}))
+    return load_config(path)
+
+
+def summary_of(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+def test_a_converged_run_outlives_its_writing(tmp_path):
+    """Fields that cannot be written: told, the checkpoint stays, and ``resume`` does nothing but write."""
+    out, case = tmp_path / "out", loaded(tmp_path)
+    out.mkdir()
+    (out / "fields").write_text("a file where a folder should be")
+    with pytest.raises(InputError, match="cannot write"):
+        run(case, output=out, quiet=True)
+    assert "--resume writes them" in summary_of(out)["stop_reason"] and (out / "checkpoint").is_dir()
+    before = read_history(out)
+    (out / "fields").unlink()
+    assert run(case, output=out, resume=True, quiet=True) == 0
+    assert summary_of(out)["converged"] and not (out / "checkpoint").exists()
+    after = read_history(out)
+    assert all(np.array_equal(before[name], after[name], equal_nan=True) for name in before), "no iteration more"
+    run(case, output=tmp_path / "other", quiet=True)
+    one, other = (np.load(folder / "fields.npz") for folder in (out, tmp_path / "other"))
+    np.testing.assert_allclose(one["displacement"], other["displacement"], rtol=0, atol=1e-15)
+
+
+@pytest.fixture
+def disk(tmp_path):
+    """A small file system of its own, and what fills it but for some bytes."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    if os.geteuid() or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", place],
+                                      capture_output=True).returncode:
+        pytest.skip("no small disk can be mounted here")
+
+    def fill(left):
+        (place / "ballast").write_bytes(b"")
+        size = os.statvfs(place)
+        (place / "ballast").write_bytes(b"x" * max(0, size.f_bavail * size.f_frsize - left))
+
+    try:
+        yield place, fill
+    finally:
+        subprocess.run(["umount", "-l", place], check=True)
+
+
+@pytest.mark.parametrize("left", [16, 60, 120, 200, 300, 450, 700])
+def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, capsys):
+    """However many kB are left: the run iterates to its end, and with room again ``resume`` has the same result."""
+    place, fill = disk
+    case = loaded(tmp_path)
+    fill(left * 1024)
+    try:
+        code = run(case, output=place / "out", quiet=True)
+    except InputError as error:
+        code, told = error.exit_code, str(error)
+        assert "disk full" in told and "--resume" in told
+    assert code in (0, 2)
+    (place / "ballast").unlink()
+    if code:
+        assert run(case, output=place / "out", resume=True, quiet=True) == 0
+    run(case, output=tmp_path / "other", quiet=True)
+    one, other = (np.load(folder / "fields.npz") for folder in (place / "out", tmp_path / "other"))
+    np.testing.assert_allclose(one["displacement"], other["displacement"], rtol=0, atol=1e-15)
+    assert summary_of(place / "out")["converged"] and not (place / "out" / "checkpoint").exists()
+    assert np.array_equal(read_history(place / "out")["iteration"], read_history(tmp_path / "other")["iteration"])
+
+
+@pytest.mark.parametrize("kind", [MemoryError, SystemError, ZeroDivisionError])
+def test_any_error_leaves_what_has_been_computed(tmp_path, monkeypatch, kind):
+    """One message, the traceback in a file, history, summary and checkpoint; then it goes on."""
+    from orchestrator.method.local.stage import LawStage
+
+    case, out, stage, calls = loaded(tmp_path), tmp_path / "out", LawStage.__call__, []
+
+    def failing(self, fields):
+        calls.append(1)
+        if len(calls) == 9:
+            raise kind("out of the blue")
+        return stage(self, fields)
+
+    monkeypatch.setattr(LawStage, "__call__", failing)
+    with pytest.raises(InternalError, match="out of the blue") as caught:
+        run(case, output=out, quiet=True)
+    assert caught.value.exit_code == 1 and str(out / "traceback.txt") in str(caught.value)
+    assert ("too little memory" in str(caught.value)) == (kind is MemoryError)
+    assert "failing" in (out / "traceback.txt").read_text()
+    summary = summary_of(out)
+    assert not summary["converged"] and summary["iterations"] == 8 and "out of the blue" in summary["stop_reason"]
+    assert len(read_history(out)["iteration"]) == 8
+    assert run(case, output=out, resume=True, quiet=True) == 0
+
+
+def test_one_run_in_a_folder(tmp_path):
+    """The second is told which process holds it; a lock whose holder is dead is none."""
+    folder = ResultsFolder(tmp_path)
+    with locked(folder):
+        with pytest.raises(InputError, match=f"process {os.getpid()} on "):
+            with locked(folder):
+                pass
+    assert not (tmp_path / ".lock").exists()
+    (tmp_path / ".lock").write_text(json.dumps({"pid": 1, "host": "elsewhere", "since": "long ago"}))
+    with locked(folder):
+        pass
+
+
+def test_a_mesh_is_made_once(tmp_path, monkeypatch):
+    """The mesh of a run that did not end is kept, for the very same section of the configuration."""
+    from orchestrator.results import kept_mesh as module
+
+    monkeypatch.setattr(module, "DEAR", 0.0)
+    folder = ResultsFolder(tmp_path)
+    section = config(mesh={"polycrystal": {"grains": 3, "size": 1, "h": 0.5}}, subdomains="groups").mesh
+    other = section.model_copy(update={"polycrystal": section.polycrystal.model_copy(update={"seed": 8})})
+    made, _ = make_mesh(section, kept_mesh(folder, section))
+
+    def never():
+        raise AssertionError("it is there")
+
+    known = kept_mesh(folder, section)(never)
+    assert known.volumes == made.volumes and list(known.surfaces) == list(made.surfaces)
+    assert all(np.array_equal(getattr(known, name), getattr(made, name)) for name in ("nodes", "cells", "volume"))
+    with pytest.raises(AssertionError):
+        kept_mesh(folder, other)(never)
+    content = bytearray((tmp_path / MESH).read_bytes())
+    content[len(content) // 2] ^= 1
+    (tmp_path / MESH).write_bytes(content)
+    with pytest.raises(AssertionError):
+        kept_mesh(folder, section)(never)
+
+
+def test_killed_before_the_first_iteration(tmp_path):
+    """There is nothing to go on from: ``resume`` begins at the beginning."""
+    out, case = tmp_path / "out", loaded(tmp_path)
+
+    class Killed(BaseException):
+        pass
+
+    def killed(*_, **__):
+        raise Killed
+
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Killed):
+        patch.setattr("orchestrator.run.build_scene", killed)
+        run(case, output=out, quiet=True)
+    assert run(case, output=out, resume=True, quiet=True) == 0
+
+
+def test_a_hangup_that_is_ignored_stays_so():
+    """gmsh gives signals back to the system: a run under nohup would die with its terminal."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with session():
+            os.kill(os.getpid(), signal.SIGHUP)
+        os.kill(os.getpid(), signal.SIGHUP)
+    finally:
+        signal.signal(signal.SIGHUP, before)
