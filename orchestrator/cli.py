@@ -80,11 +80,14 @@ def check(config: ConfigFile, overrides: Overrides = None,
             return CONVERGED
         from orchestrator.blackbox.codes.finding import find_codes
         from orchestrator.scene.build import build_scene
+        from orchestrator.scene.cautions import scene_cautions
 
         try:
             scene = build_scene(loaded.config)
             find_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             print(f"OK: {scene!r}")
+            for sentence in scene_cautions(scene):
+                print(f"warning: {sentence}")
         except InputError as error:
             raise located(error, loaded) from error
         return CONVERGED

@@ -195,7 +195,8 @@ def test_contact_beside_perfect_interfaces():
 
 def test_perfect_runs_have_none_of_it(tmp_path):
     found = case.solved(False)
-    assert found.interfaces is None and found.fields.sides is None and found.summary["warnings"] == []
+    assert found.interfaces is None and found.fields.sides is None
+    assert not any("interface" in text for text in found.summary["warnings"])
     assert not {"status_counts", "detached", "interface_resultants"} & set(found.summary)
     write_fields(ResultsFolder(tmp_path), fields_of(found))
     assert sorted(p.name for p in (tmp_path / "fields").iterdir()) == ["fields.pvd", "step_0001.vtu"]

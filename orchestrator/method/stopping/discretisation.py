@@ -9,6 +9,17 @@ estimates the error:
 Means are taken within one matter and over perfect interfaces only: true jumps of the stress, from one material to
 the next and across interfaces that open or slip, are not smoothed away and so not taken for errors.
 
+Nearly incompressible matter needs one thing more. Elements that lock move too little, and smoothly: their stress deviator
+shows nothing. What gives them away is the pressure, which carries the loads in their place and leaps from cell to cell;
+C⁻¹ divides its square by the bulk modulus K, so that the estimate would vanish as ν goes to ½. But an error of the pressure
+p is never alone. Errors of both are in balance, ∫ 2μ ε' : ε'(v) = ∫ p div v for all v, so that with β the inf-sup constant
+
+    ∫ 2μ ε' : ε' ≥ β² ∫ p²/2μ,
+
+and pressures are divided by the smaller of K and ``SOFTEST`` μ. Below ν = 0.385 that is K. Measured against much finer
+solutions (bending, tension and compression of blocks between plates, a loaded corner; four- and ten-node tets) the
+estimate then is 0.7 to 1.6 times the truth up to ν = 0.49, from there 0.8 to 3 times.
+
 O. C. Zienkiewicz, J. Z. Zhu, A simple error estimator and adaptive procedure for practical engineering analysis,
 Int. J. Numer. Meth. Engng 24, 1987, 337–357.
 """
@@ -26,6 +37,7 @@ from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 
+SOFTEST = 4.0  # 2/β², for β² = ½ of compact bodies: the bulk modulus over μ beyond which it is none of the error's business
 _WEIGHT = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)  # shear stresses stand twice in the tensor
 
 
@@ -117,10 +129,11 @@ class Estimator:
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, p or 1, m).
 
-        C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ
+        C⁻¹σ = (σ − λ/(3λ + 2μ) tr σ I) / 2μ,  λ/(3λ + 2μ) = 1/3 − 2μ/9K
         """
         first, second = self.lame.T
         dilation = first / (3 * first + 2 * second)
+        at_least = np.minimum(dilation, 1 / 3 - 2 / (9 * SOFTEST))  # the same with K = SOFTEST μ
         error, energy = np.zeros((2, len(self.cells)))
         trace, gap = np.zeros((2, *self.corner.shape))
         for component, weight in zip(sigma, _WEIGHT):
@@ -130,7 +143,7 @@ class Estimator:
             energy += weight * self._mean_square(component)
             if weight == 1:
                 trace += gap
-        error -= dilation * self._mean_square(trace)
+        error -= at_least * self._mean_square(trace)
         energy -= dilation * self._mean_square(sigma[:3].sum(axis=0))
         scale = self.volumes / (2 * second)
         return np.maximum(error, 0.0) * scale, energy * scale

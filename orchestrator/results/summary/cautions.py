@@ -1,4 +1,5 @@
-"""Sentences on what a run has done outside the theory it rests on: small perturbations, moderate friction."""
+"""Sentences on what a run has done outside the theory it rests on (small perturbations, moderate friction), and on meshes
+that are too coarse."""
 
 from __future__ import annotations
 
@@ -8,42 +9,55 @@ import numpy as np
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.status import table
+from orchestrator.scene.cautions import LOCKING, scene_cautions, some
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import size_of
 
 ROTATION = 0.1  # radians: 1 − cos is half a per cent there
 DISPLACEMENT = 0.1  # of the body's size
-_SHOWN = 4
+COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square
 
 
 def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields | None = None,
-             detached: Iterable[list[str]] = ()) -> list[str]:
+             detached: Iterable[list[str]] = (), discretisation_error: float | None = None) -> list[str]:
     """What a reader of the results must know.
 
     Parameters
     ----------
     sides : per subdomain (steps, n_E, 3) displacement
     detached : names per load step; where such bodies are means nothing, so that they are left out
+    discretisation_error : estimated, relative, energy norm; None: not known
     """
     lost = {name for step in detached for name in step}
     kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost]
-    result = []
+    result = [*scene_cautions(scene), *_of_mesh(scene, discretisation_error)]
     size: dict[str, float] = {}
     for body in dict.fromkeys(s.body for s, _ in kept):
         whole = np.unique(np.concatenate([s.nodes for s in scene.subdomains if s.body == body]))
         size[body] = 2 * size_of(scene.mesh.nodes[whole])
     far = list(dict.fromkeys(s.body for s, u in kept if np.abs(u).max(initial=0.0) > DISPLACEMENT * size[s.body]))
     if far:
-        result.append(f"{_some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
+        result.append(f"{some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
                       "outside small perturbations, which the results rest on")
     angle: dict[str, float] = {}
     for s, u in kept:
         angle[s.body] = max(angle.get(s.body, 0.0), rotation(scene.mesh.nodes[s.nodes], u))
     turned = [name for name, a in angle.items() if a > ROTATION]
     if turned:
-        result.append(f"{_some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
+        result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
     return result if interfaces is None else result + _of_interfaces(scene, interfaces)
+
+
+def _of_mesh(scene: Scene, error: float | None) -> list[str]:
+    if error is None or not error > COARSE:
+        return []
+    linear = scene.mesh.cells.shape[1] == 4
+    locks = any(scene.materials[m].poisson > LOCKING for m in np.unique(scene.cell_material))
+    finer = "halve the element size where fields/ show large discretisation_error"
+    cure = finer if not linear else "take blackbox: {element: P2}" + ("" if locks else f", or {finer}")
+    return [f"the mesh's own error is about {error:.0%} (estimated, relative, energy norm), far above that of the "
+            f"iterations: {cure}"]
 
 
 def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
@@ -52,10 +66,10 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
     for i in scene.interfaces:
         if i.law.caution:
             said.setdefault(i.law.caution, []).append(i.name)
-    result += [f"{_some(names)} {caution}" for caution, names in said.items()]
+    result += [f"{some(names)} {caution}" for caution, names in said.items()]
     slid = _slid_too_far(scene, interfaces)
     if slid:
-        result.append(f"{_some(slid)} slid by more than an element: node pairs do not follow, "
+        result.append(f"{some(slid)} slid by more than an element: node pairs do not follow, "
                       "large sliding is outside small perturbations")
     volume = scene.mesh.volume
     cut = [i for i in scene.interfaces
@@ -63,7 +77,7 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
     if cut:
         parts = sorted({scene.mesh.volumes[v] for i in cut for v in volume[i.cells[:, 0]]})
         laws = " and ".join(sorted({i.law.name for i in cut}))
-        result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({_some(parts)}): "
+        result.append(f"{laws} on {len(cut)} interface{'s' * (len(cut) > 1)} inside one part ({some(parts)}): "
                       "it can open and slip along cuts that the real part does not have")
     return result
 
@@ -86,8 +100,3 @@ def rotation(points: np.ndarray, displacement: np.ndarray) -> float:
     inertia = np.einsum("ni,ni->", arm, arm) * np.eye(3) - arm.T @ arm
     moment = np.cross(arm, displacement - displacement.mean(axis=1, keepdims=True)).sum(axis=1)
     return float(np.linalg.norm(moment @ np.linalg.pinv(inertia), axis=1).max(initial=0.0))
-
-
-def _some(names: list[str]) -> str:
-    shown = ", ".join(names[:_SHOWN])
-    return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"

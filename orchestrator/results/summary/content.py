@@ -40,7 +40,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         | (delivered.laws.named if delivered.laws else {}),
         **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
         "warnings": cautions(scene, delivered.sides or delivered.parts, delivered.interfaces,
-                             contact.get("detached", ())),
+                             contact.get("detached", ()), estimated and estimated.relative),
         **total(ranks, scene), "config": config.complete(),
     }
     note_time(summary, watch)

@@ -33,7 +33,7 @@ def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[st
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for label, text in summary_rows(summary):
-        style = "" if label != "result" else "green" if summary.get("converged") else "red"
+        style = {"result": "green" if summary.get("converged") else "red", "warning": "yellow"}.get(label, "")
         table.add_row(label, Text(text, style=style))
     if directory is not None:
         figures = sorted(Path(directory).glob("figures/*.png"))
