@@ -14,7 +14,9 @@ from typing import Annotated, Optional
 import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+from orchestrator.interrupts import heard, interrupt
 from orchestrator.registry import CODES
+from orchestrator.streams import guard_streams, lost_output
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
                   help="Multiscale domain decomposition around an untouched finite element code.")
@@ -155,10 +157,21 @@ def doctor() -> None:
 
 
 def main() -> None:
-    """Entry point of the console script."""
+    """Runs the command line: what it has to say is lost rather than what it computes, and interrupts end it with 130."""
+    guard_streams()
     gc.set_threshold(50_000)  # modules, arrays: hardly any cycles among them
     atexit.register(gc.freeze)  # what is left goes with the process: to look through it first takes a quarter of a second
-    app()
+    code = None
+    try:
+        app()
+    except SystemExit as ended:
+        code = ended.code
+    if code == 1 and heard():  # before a command has begun, typer takes interrupts for failures
+        code = INTERRUPTED
+    if error := lost_output():
+        print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
+              file=sys.stderr)
+    sys.exit(code)
 
 
 def _guarded(action: Callable[[], int]) -> None:
@@ -168,8 +181,8 @@ def _guarded(action: Callable[[], int]) -> None:
     ignored, as SIGHUP is under nohup, stays so.
     """
     in_main = threading.current_thread() is threading.main_thread()
-    heard = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) != signal.SIG_IGN]
-    previous = {number: signal.signal(number, _interrupt) for number in heard} if in_main else {}
+    ends = [number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) != signal.SIG_IGN]
+    previous = {number: signal.signal(number, interrupt) for number in ends} if in_main else {}
     try:
         code = action()
     except OrchestratorError as error:
@@ -182,10 +195,6 @@ def _guarded(action: Callable[[], int]) -> None:
         for number, handler in previous.items():
             signal.signal(number, handler)
     raise typer.Exit(code)
-
-
-def _interrupt(signum: int, frame: object) -> None:
-    raise KeyboardInterrupt
 
 
 def _show(error: OrchestratorError) -> None:
