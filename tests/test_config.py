@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from orchestrator.config import Loaded, config_from, load_config, located, steps, vectors_per_step
+from orchestrator.config.method import Method
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
 # Each block is one line of the file, so that tests can name the line by the key.
@@ -83,6 +84,10 @@ WRONG = {  # what: (changed lines, key path, words of the message)
     "relaxation above 1": ({"method": "method: {relaxation: 1.2}"}, ("method", "relaxation"), "<= 1"),
     "auto misspelt": ({"method": "method: {relaxation: atuo}"}, ("method", "relaxation"), "auto, or a number > 0 and <= 1"),
     "unknown word": ({"method": "method: {acceleration: andersen}"}, ("method", "acceleration"), "did you mean 'anderson'?"),
+    "memory beside gmres": ({"method": "method: {acceleration: gmres, memory: 5}"}, ("method", "memory"), "anderson only"),
+    "memory beside none": ({"method": "method: {acceleration: none, memory: 5}"}, ("method", "memory"), "anderson only"),
+    "kplus with contact": ({"method": "method: {search_direction: {kplus: full}}", "interfaces": "interfaces: [{law: contact}]"},
+                           ("method", "search_direction", "kplus"), "remove kplus"),
     "no iterations": ({"method": "method: {max_iterations: 0}"}, ("method", "max_iterations"), ">= 1"),
     "tolerance 0": ({"method": "method: {tolerance: {error: 0}}"}, ("method", "tolerance", "error"), "> 0"),
     "two tolerances": ({"method": "method: {tolerance: {error: 1e-3, indicator: 1e-5}}"}, ("method", "tolerance", "indicator"), "exactly one"),
@@ -214,6 +219,12 @@ def test_defaults_and_attribute_names(write):
     assert (config.blackbox.code, config.blackbox.element, config.blackbox.transport) == ("freefem", "P1", "pipe")
     assert config.blackbox.workers == 2 and config.blackbox.timeout == 600
     assert config.output.directory == "results/bar" and config.output.figures
+
+
+def test_what_a_shipped_file_calls_defaults(configs_dir):
+    path = configs_dir / "traction_beam.yaml"
+    assert "method:                                   # all of these are the defaults" in path.read_text()
+    assert load_config(path).config.method == Method()
 
 
 def test_round_trip_through_plain_data(write, configs_dir):

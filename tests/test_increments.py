@@ -45,3 +45,13 @@ def test_a_reference_with_contact_is_refused():
     config = config_from(SCENE)
     with pytest.raises(InputError, match="perfect interfaces"):
         solve(config, build_scene(config), reference=True)
+
+
+def test_max_iterations_bounds_the_whole_run():
+    """Four batches of one load step: each has at least one iteration, all together no more than were allowed."""
+    for allowed in (4, 9):
+        stopped = solved(increment=1, max_iterations=allowed)
+        assert not stopped.converged and stopped.iterations == allowed == len(stopped.iterated.history)
+        assert stopped.summary["stop_reason"] == "max_iterations"
+    with pytest.raises(InputError, match="3 iterations for 4 batches"):
+        solved(increment=1, max_iterations=3)

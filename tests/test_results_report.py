@@ -7,9 +7,11 @@ import math
 import os
 import re
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +19,8 @@ import results_case as case
 from processes import gone
 from rich.console import Console
 
+from orchestrator.blackbox.codes.freefem import FreeFem
+from orchestrator.blackbox.pool.worker import Worker
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
 from orchestrator.results.figures import deformed, drawing, surface
@@ -56,6 +60,25 @@ def test_versions_and_memory():
     assert versions({"freefem": "4.11"})["freefem"] == "4.11"
     assert 10 < memory_peak_mb() < 1e5
     assert math.isnan(memory_peak_mb(2**30))
+
+
+def test_memory_is_counted_in_one_unit():
+    """Of a process of a code as of this one: MB, not MiB."""
+    itself = SimpleNamespace(process=SimpleNamespace(pid=os.getpid()), peak_mb=0.0)
+    assert Worker.note_memory(itself) == pytest.approx(memory_peak_mb(), rel=1e-3)
+
+
+@pytest.mark.skipif(not shutil.which("dpkg-query"), reason="needs Debian's packages")
+def test_freefem_is_told_with_its_package(tmp_path, monkeypatch):
+    """Debian's FreeFEM 4.11 calls itself 4.9."""
+    told = FreeFem().version()
+    installed = subprocess.run(["dpkg-query", "-W", "-f=${Version}", "freefem++"], capture_output=True, text=True).stdout
+    assert told.endswith(f"(package freefem++ {installed})") and told[0].isdigit()
+    wrapper = tmp_path / "FreeFem++"
+    wrapper.write_text(f"#!/bin/sh\nexec {shutil.which('FreeFem++')} \"$@\"\n")
+    wrapper.chmod(0o755)
+    monkeypatch.setenv("ORCHESTRATOR_FREEFEM", str(wrapper))
+    assert FreeFem().version() == told.split(" (")[0], "this one is nobody's package"
 
 
 def test_printed_summary(tmp_path):

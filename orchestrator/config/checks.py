@@ -146,6 +146,22 @@ def acceleration_fits(data: Any) -> Iterator[Problem]:
                       "a linear problem for gmres", "use anderson")
 
 
+def heeded(data: Any) -> Iterator[Problem]:
+    """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
+    acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
+    if acceleration in ("gmres", "none") and memory not in (None, "auto"):
+        why = "gmres keeps the whole history" if acceleration == "gmres" else "relaxation alone has none"
+        yield Problem(("method", "memory"), f"memory: {_show(memory)} beside acceleration: {acceleration}",
+                      f"memory beside acceleration: anderson only; {why}", "remove memory, or take anderson")
+    kplus = get(data, "method", "search_direction", "kplus")
+    opens = [(path, entry) for path, entry in find(data, ("interfaces", "*")) if not law_of(entry).perfect]
+    if kplus not in (None, "exchange") and opens:
+        path, entry = opens[0]
+        yield Problem(("method", "search_direction", "kplus"), f"kplus: {_show(kplus)} beside law: {_show(entry.get('law'))} "
+                      f"({_dotted(path)})", "a choice of k⁺ where all interfaces are perfect; beside other laws it is the "
+                      "diagonal that their pointwise answers need", "remove kplus")
+
+
 def one_element(data: Any) -> Iterator[Problem]:
     """The same element in all entries of ``blackbox``."""
     elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
@@ -169,7 +185,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
 
 
 RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
-         one_element]
+         heeded, one_element]
 
 
 def broken_rules(data: Any) -> list[Problem]:

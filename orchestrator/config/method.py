@@ -57,7 +57,8 @@ class SearchDirection(Part):
     """k⁺, from the linear stage to the local stage; for studies."""
 
     kplus: Literal["exchange", "full", "diagonal"] = Field("exchange", description=(
-        "exchange: the neighbour's own sole, which needs no interface factorisation"))
+        "exchange: the neighbour's own sole, which needs no interface factorisation. full, diagonal: where all interfaces "
+        "are perfect"))
 
 
 class Tolerance(Part):
@@ -109,7 +110,7 @@ class Method(Part):
         "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, "
         "and anderson and gmres both minimise the residual over all iterations so far: the generalised conjugate "
         "residual method, equivalent to GMRES; anderson may forget (memory). none: relaxation alone"))
-    memory: AutoCount = Field("auto", description="depth of anderson; auto: the whole history for perfect interfaces, 30 with contact")
+    memory: AutoCount = Field("auto", description="depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact")
     coarse: Literal["affine", "none"] = Field("affine", description=(
         "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine "
         "fields under the true laws, after every linear stage; it removes the plateau of the fixed point"))
@@ -122,7 +123,8 @@ class Method(Part):
         "work that is left out because the result does not need it; all of it by default"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
-    max_iterations: Count = Field(500, description="far above what a healthy run needs, so it only stops sick ones")
+    max_iterations: Count = Field(500, description=(
+        "of the whole run, all batches of load steps together; far above what a healthy run needs, so it only stops sick ones"))
 
 
 class Output(Part):

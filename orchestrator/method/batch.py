@@ -48,11 +48,14 @@ class Batch:
         self.ending = Ending(0)
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
 
+    def end_at(self, last: int) -> None:
+        """Stop after the iteration ``last`` at the latest, but do the one that gives the fields."""
+        self.ending.last = max(last, self.iteration + 1)
+
     def begin(self, s: np.ndarray, iteration: int, sweeps: float) -> None:
         """Begin from a state (T, D), after so many iterations and sweeps."""
         self.s, self.iteration, self.sweeps = s, iteration, sweeps
         self.whole_at = iteration + 1
-        self.ending.last = iteration + self.method.max_iterations
 
     def recall(self, latest: Sequence[Memory]) -> None:
         """Go on after the last of these iterations as if nothing had happened."""

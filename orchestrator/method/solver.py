@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.errors import InputError, Problem
 from orchestrator.method.batch import Batch, ErrorOf, EstimateOf
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
@@ -33,16 +34,18 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     ----------
     method : ``method`` of the configuration: acceleration, relaxation, tolerance, max_iterations. ``increment``
         load steps make a batch. Each starts from the state that the one before ended with, and from its jumps:
-        the history of friction goes on. A batch that does not converge does not keep the next ones from being tried
+        the history of friction goes on. A batch that does not converge does not keep the next ones from being tried:
+        of the iterations that are allowed for all of them, one is left to each
     subscribers : told of every ``Iteration``, and that they have ``Finished``
     start : where to go on from
     true_error : of what would be delivered, where the exact solution is known; it is called after every stage
     estimate : of the discretisation error; needed for ``tolerance: {error: auto}``
     savings : where it is noted what need not be done
     """
-    told, batches = Subscribers(subscribers), _batches(d, method.increment)
+    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, method.increment)
     state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
     ended: list[Iterated] = []
+    begun: int | None = None  # iterations of earlier runs
     for number, steps in enumerate(batches):
         view, listener = d, told
         if len(batches) > 1:
@@ -63,6 +66,9 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
                 batch.d.coarse.problem.recall([start.ended[-1]])
         else:
             batch.begin(state[steps], start.iteration, start.sweeps)
+        if begun is None:
+            begun = batch.iteration
+        batch.end_at(begun + method.max_iterations - (len(batches) - 1 - number))  # one is left to each that follows
         ended.append(batch.iterate(listener, start.seconds))
     result = Iterated.joined(ended)
     if savings is not None and d.space.team.rank == 0:
@@ -74,14 +80,34 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     return result
 
 
-def _batches(d: Decomposition, size: int | str) -> list[slice]:
-    """The load steps that are solved together."""
-    steps = d.steps
-    if d.all_perfect:
+def batches_of(steps: int, perfect: bool, size: int | str) -> list[slice]:
+    """The load steps that are solved together.
+
+    Parameters
+    ----------
+    steps : number of load steps
+    perfect : whether all interfaces are
+    size : ``method.increment``
+    """
+    if perfect:
         return [slice(0, steps)]
     if size == "auto":
         size = steps if steps <= TOGETHER else INCREMENT
     return [slice(a, min(a + size, steps)) for a in range(0, steps, size)]
+
+
+def check_iterations(steps: int, perfect: bool, method) -> None:
+    """Every batch of load steps needs an iteration for its fields.
+
+    Raises
+    ------
+    InputError : that is more than ``method.max_iterations``
+    """
+    count = len(batches_of(steps, perfect, method.increment))
+    if count > method.max_iterations:
+        raise InputError(Problem(
+            ("method", "max_iterations"), f"{method.max_iterations} iterations for {count} batches of load steps",
+            f"at least {count}: it bounds the whole run, and every batch takes one", "raise it, or raise method.increment"))
 
 
 class _PartOfAll(Subscriber):

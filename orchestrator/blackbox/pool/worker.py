@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from orchestrator.blackbox.codes.code import Code
 
 LOG_TAIL = 2000  # bytes
+MB_PER_KIB = 1024 / 1e6  # the kernel counts in KiB, the summary in MB
 
 
 class Ended(Exception):
@@ -115,7 +116,7 @@ class Worker:
             with self._lock:
                 _, status, usage = os.wait4(process.pid, 0)
                 process.returncode = os.waitstatus_to_exitcode(status)
-            self.peak_mb = max(self.peak_mb, usage.ru_maxrss / 1024)
+            self.peak_mb = max(self.peak_mb, usage.ru_maxrss * MB_PER_KIB)
             return process.returncode, usage.ru_utime + usage.ru_stime
         finally:
             os.close(handle)
@@ -142,7 +143,7 @@ class Worker:
             with open(f"/proc/{self.process.pid}/status") as status:
                 for row in status:
                     if row.startswith("VmHWM"):
-                        self.peak_mb = max(self.peak_mb, int(row.split()[1]) / 1024)
+                        self.peak_mb = max(self.peak_mb, int(row.split()[1]) * MB_PER_KIB)
         except (OSError, AttributeError):
             pass  # not running
         return self.peak_mb

@@ -61,8 +61,12 @@ class FreeFem(MessageCode):
         return dict(self._environment)
 
     def version(self) -> str:
-        """What FreeFEM says it is, e.g. "4.9"; empty when it does not answer."""
-        return _version(self.executable)
+        """What FreeFEM says it is, and where it comes from a package that one's version: Debian's 4.11 says 4.9.
+
+        E.g. "4.9 (package freefem++ 4.11+dfsg1-3)"; empty when it does not answer.
+        """
+        package = installation.package(self.executable)
+        return _version(self.executable) + (f" (package {package})" if package else "")
 
     def mesh(self, model: Model) -> bytes:
         """Medit's binary format."""

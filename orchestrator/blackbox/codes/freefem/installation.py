@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+from functools import cache
 from pathlib import Path
 
 from orchestrator.blackbox.codes.freefem.scripts import SERVER, UNDECOMPOSED, script
 from orchestrator.errors import Problem
 
 PLUGIN = "bfstream"
+PACKAGE = "freefem++"
 INSTALL = "apt-get install freefem++ libfreefem++ libfreefem++-dev libopenblas0-serial"
 REINSTALL = "install the orchestrator again, from the whole clone or from a wheel"
 # Debian's preference file names a folder that does not exist.
@@ -51,6 +54,18 @@ def no_plugin(folder: str) -> Problem:
 def executable() -> str | None:
     """Path of FreeFEM, if it is there."""
     return shutil.which(os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++")
+
+
+@cache
+def package(path: str) -> str:
+    """Debian package that an executable belongs to, with its version, e.g. "freefem++ 4.11+dfsg1-3"; '' for none."""
+    if not shutil.which("dpkg-query"):
+        return ""
+    answer = subprocess.run(["dpkg-query", "-W", "-f=${Version}\\n${db-fsys:Files}", PACKAGE], stdin=subprocess.DEVNULL,
+                            capture_output=True, text=True, timeout=60)
+    version, *files = answer.stdout.splitlines() or [""]
+    belongs = os.path.realpath(path) in {os.path.realpath(file.strip()) for file in files}
+    return f"{PACKAGE} {version}" if belongs else ""
 
 
 def _plugin(folder: str) -> str | None:
