@@ -2,19 +2,23 @@
 
 import shutil
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from contact_case import contact
 from method_case import box_of, config, prepared
 
 from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.delivery.balance import balance
-from orchestrator.method.delivery.guards import failed_guards, works
+from orchestrator.method.delivery.guards import failed_guards, with_noise, works
 from orchestrator.method.delivery.interface_fields import interface_fields
 from orchestrator.method.delivery.recovery import recover
+from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.solver import iterate
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.run import solve
@@ -149,3 +153,54 @@ def test_rounding_in_stiff_soles_is_part_of_the_bound(modulus, tolerance):
     true, bound = solved.summary["true_error"], solved.summary["error_bound"]
     assert true <= bound
     assert solved.converged == (bound <= tolerance) or "rounding" in solved.stop_reason
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1.0, 1e150])
+def test_answers_are_compared_at_the_scale_of_their_loads(size):
+    """A body at rest is asked with what rounding leaves: products of such numbers underflow, the answers are sound."""
+    tight = 1e-9 * np.array([[2.0, 1.0], [1.0, 3.0]])
+    for compliance, sound in ((tight, True), (np.array([[2e-9, 1e-9], [-1e-9, 3e-9]]), False)):
+        answering = SimpleNamespace(traces=lambda forces, c=compliance: {e: f @ c for e, f in forces.items()})
+        direction = SimpleNamespace(robin=sp.csr_array((2, 2)), space=SimpleNamespace(boundary=[slice(0, 2)]))
+        guarded = GuardedTraces(answering, direction, ["block"])
+        expected = nullcontext() if sound or size < 1e-290 else pytest.raises(BlackBoxError, match="not reciprocal")
+        with expected:
+            guarded.traces({0: size * np.array([[1.0, 0.0]])})
+            guarded.traces({0: 1e-3 * size * np.array([[0.0, 1.0]])})
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    """A bonded bar, solved, with what the guards look at."""
+    made = config(subdomains={"slices": {"axis": "x", "count": 3}}, mesh={"box": {"size": [4.0, 1, 1], "cells": [12, 2, 2]}})
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        d = prepared(made, scene, blackbox)
+        outcome = iterate(d, made.method, (), Stopwatch())
+        return d, outcome, recover(d, outcome.fields, outcome.bound)[1]
+
+
+@pytest.mark.parametrize("part", [0, 1, 2])
+@pytest.mark.parametrize("share", [0.5, 1e-3])
+def test_a_dof_that_is_off_is_seen_from_the_inside(pulled, part, share):
+    """By half of the largest displacement, or a thousandth: the field's energy differs, or the bound grows; its body is named."""
+    d, outcome, parts = pulled
+    assert outcome.converged and failed_guards(d, outcome, parts, None) == []
+    assert with_noise(d, outcome, parts).converged
+    within = np.flatnonzero(~d.own[part].fixed.any(axis=1) & ~np.isin(np.arange(len(d.own[part].nodes)), d.traces[part] // 3))
+    wrong = [u.copy() for u in parts]
+    wrong[part][0, within[len(within) // 2], 1] += share * max(np.abs(u).max() for u in parts)
+    noisy = with_noise(d, outcome, wrong)
+    assert not noisy.converged and noisy.bound.relative > share and "can be claimed" in noisy.stop_reason
+    found = " ".join(failed_guards(d, outcome, wrong, None))
+    assert share < 0.1 or ("energy of the recovered field" in found and d.own[part].name in found)
+
+
+def test_a_dof_that_is_off_in_contact(pressed):
+    d, outcome, parts, interfaces, lengths = pressed
+    for share in (0.5, 1e-3):
+        wrong = [u.copy() for u in parts]
+        free = np.flatnonzero(~d.own[1].fixed.all(axis=1))
+        wrong[1][-1, free[len(free) // 2], 0] += share * np.abs(parts[1]).max()
+        found = " ".join(failed_guards(d, outcome, wrong, interfaces, lengths))
+        assert f"most in {d.own[1].name}" in found

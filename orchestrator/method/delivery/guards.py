@@ -4,6 +4,8 @@
   the displacements of all nodes, which another back-substitution has given; both are ≥ 0;
 - repetition: the last back-substitution gives the interface displacements that the iterations have combined from
   all earlier ones; no error below what both, and the forces they stand for, differ by in energy norm can be claimed;
+- the interior: the energy of the recovered field, summed over its tets, is that of the iterations, and every free node
+  is in equilibrium, see ``interior``; what is left over is part of the error, too;
 - interface laws, node by node on the written fields: what each law itself says is broken;
 - balance of every body: its loads, its supports' reactions and what its interfaces carry, forces and moments.
 
@@ -21,6 +23,7 @@ from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
 from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.delivery.interior import Interior, interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.pairs import pair_normals
 from orchestrator.method.iterated import Iterated
@@ -30,6 +33,7 @@ NOISE = 5.0  # errors inside the subdomains, and of both, over the difference se
 NOTICED = 0.2  # share of the bound from which on noise is part of it
 WORK = 1e-5  # relative difference of the two external works
 LAWS = 100.0  # a node's violation, or a body's imbalance, over the law residual or error that the run claims
+BEYOND = 10.0  # noise of answers over the tolerance, with contact
 ROUNDING = 1e-9
 
 
@@ -43,7 +47,8 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
     interfaces, lengths : fields of the interfaces that are not perfect, if there are any, and what they are
         compared with
     """
-    found = _works(d, iterated, parts)
+    inside = interior(d, iterated, parts)
+    found = _works(d, iterated, parts, inside)
     length = None if interfaces is None else np.concatenate(
         [pair_normals(d.scene.points(i), i)[1][i.corners] for i in d.scene.interfaces if not i.law.perfect])
     claimed = iterated.bound.relative if d.all_perfect else iterated.last.law_residual
@@ -51,6 +56,8 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
     unbalanced = _balances(d, iterated, parts, interfaces, length, lengths, allowed)
     if not iterated.converged:
         return found
+    if not d.all_perfect:  # where all are, it is part of the bound
+        found += _repeats(d, iterated, inside)
     if interfaces is not None:
         found += _laws(d, interfaces, length, lengths, allowed)
     return found + unbalanced
@@ -79,7 +86,9 @@ def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tupl
 
 def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> Iterated:
     """The same with the noise of the answers in its bound; not converged any more if that is too much."""
-    bound, floor = iterated.bound.relative, NOISE * noise(d, iterated, parts)
+    inside = interior(d, iterated, parts)
+    unbalanced, _ = inside.shares(iterated.bound.energy.max(initial=0.0))
+    bound, floor = iterated.bound.relative, NOISE * float(np.hypot(noise(d, iterated, parts), unbalanced))
     if not floor > NOTICED * bound:
         return iterated
     iterated = replace(iterated, bound=replace(iterated.bound, relative=float(np.hypot(bound, floor))))
@@ -107,7 +116,16 @@ def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> floa
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
 
 
-def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> list[str]:
+def _repeats(d: Decomposition, iterated: Iterated, inside: Interior) -> list[str]:
+    """With contact no bound holds the noise of the answers: it must stay below the tolerance."""
+    share = NOISE * float(np.hypot(*inside.shares(iterated.bound.energy.max(initial=0.0))))
+    if share <= BEYOND * max(iterated.last.target[1], ROUNDING):
+        return []
+    return [f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
+            f"{share:.1e} can be claimed"]
+
+
+def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside: Interior) -> list[str]:
     inner, outer, size = works(d, iterated, parts)
     # where nothing is strained, what rounding leaves of the soles' energy is no work
     soles, = d.space.team.sum(dots(iterated.fields.w, d.stage.direction.times(iterated.fields.w)))
@@ -118,6 +136,10 @@ def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> lis
     apart = np.abs(inner - outer).max(initial=0.0) / scale
     if apart > WORK:
         found.append(f"the external work differs by {apart:.1e} between forces times displacements and interface data")
+    apart = np.abs(inner - inside.energy.sum(axis=1)).max(initial=0.0) / scale if inside.complete else 0.0
+    if apart > WORK:
+        found.append(f"the energy of the recovered field, tet by tet, is not that of the iterations: it differs by "
+                     f"{apart:.1e}, most in {d.scene.subdomains[inside.worst()].name}")
     least = min(inner.min(initial=0.0), outer.min(initial=0.0), iterated.bound.energy.min(initial=0.0))
     if least < -WORK * scale:
         found.append(f"a strain energy is negative ({least:.2g})")
