@@ -19,6 +19,7 @@ from orchestrator.scene.mesh.gmsh_session import TET, session
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.tets import dihedral_range, roundness
 
+pytestmark = pytest.mark.xdist_group("polycrystals")  # meshes are made once for many tests
 ONE = np.ones(3)
 # Of seed 14, gmsh makes a tet that is too flat; seed 15 is good.
 BAD = {"grains": 6, "h": 0.25, "seed": 14}

@@ -3,6 +3,7 @@
 import method_case as case
 import numpy as np
 import pytest
+from in_process import FREEFEM, IN_PROCESS
 
 from orchestrator.config import Config
 from orchestrator.cost import predicted_cost
@@ -123,7 +124,7 @@ def test_same_solution_with_perfect_interfaces(tmp_path):
 @pytest.mark.parametrize("element, cells, above", [("P1", (6, 6, 6), 250), ("P2", (4, 4, 6), 600)])
 def test_same_solution_with_friction_on_a_curved_surface(tmp_path, element, cells, above):
     """Dragged until it slips: with normals of their own the pieces would hook where they meet."""
-    mesh, code = arch(tmp_path / "arch.mesh", cells), {"element": element, "workers": 2}
+    mesh, code = arch(tmp_path / "arch.mesh", cells), {**(IN_PROCESS if element == "P1" else FREEFEM), "element": element}
     whole, cut = (converged(pressed(mesh, most, interfaces=[CONTACT], blackbox=code)) for most in (None, above))
     counts = whole.summary["status_counts"]
     assert counts["stick"][0] > 0 and counts["slip"][1] > 0
@@ -132,7 +133,7 @@ def test_same_solution_with_friction_on_a_curved_surface(tmp_path, element, cell
 
 
 def test_detached_bodies_are_named_as_wholes():
-    data = {**grains(10, 0.15), "blackbox": {"workers": 2}, "method": {"max_iterations": 12}}
+    data = {**grains(10, 0.15), "blackbox": IN_PROCESS, "method": {"max_iterations": 12}}
     configs = [Config.model_validate({**data, "subdomains": {"groups": True, "split_above": above}})
                for above in (10**9, 250)]
     whole, cut = (solve(config, build_scene(config)) for config in configs)
