@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pictures import bars, is_drawn, missing_curves, missing_points, saved_figures, shows_matter  # noqa: F401
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
@@ -51,7 +52,7 @@ def test_unknown_name():
     assert done.exit_code == 2 and "study 'fig6'" in done.stderr
 
 
-def test_matrix_of_two_cases(tmp_path, capsys):
+def test_matrix_of_two_cases(tmp_path, capsys, saved_figures):
     from orchestrator.studies.convergence.stages import picture
     from orchestrator.studies.kit.framework import Case, Study
     from orchestrator.studies.problems.cases import defaults, paper, with_method
@@ -75,7 +76,10 @@ def test_matrix_of_two_cases(tmp_path, capsys):
     curves = rows_of(tmp_path / "curves.csv")
     assert [c["iteration"] for c in curves if c["case"] == "2"] == ["1", "2", "3"]
     assert [row["met"] for row in rows_of(tmp_path / "targets.csv")] == ["yes", "no"]
-    assert (tmp_path / "tiny.png").read_bytes().startswith(b"\x89PNG")
+    figure, = saved_figures
+    assert is_drawn(tmp_path / "tiny.png", figure)
+    assert not missing_curves(figure, tmp_path / "curves.csv", "true_error")
+    assert not missing_curves(figure, tmp_path / "curves.csv", "error_bound")
     out = capsys.readouterr().out
     assert "a tiny matrix" in out and "never" in out and "NO" in out
 
@@ -188,7 +192,7 @@ def test_a_run_is_continued_to_where_it_tends(tmp_path):
     assert rows_of(tmp_path / "curves.csv")[0]["law_residual"] != ""
 
 
-def test_contact_studies(tmp_path, monkeypatch):
+def test_contact_studies(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.convergence import contact
     from orchestrator.studies.kit.framework import Study
 
@@ -198,28 +202,48 @@ def test_contact_studies(tmp_path, monkeypatch):
     monkeypatch.setattr(contact, "GRAINS", {15: {1e-2: 60}})
     monkeypatch.setattr(contact, "FRICTIONS", (0.3,))
     monkeypatch.setattr(contact, "FACTORS", (0.3, 1.0))
-    for name, function, cases in (("cubes", contact.cubes, 4), ("grains", contact.polycrystals, 4),
-                                  ("soles", contact.soles, 4)):
+    over_sweeps = ("true_error", "indicator")
+    for name, function, cases, shown in (("cubes", contact.cubes, 4, over_sweeps),
+                                         ("grains", contact.polycrystals, 4, over_sweeps),
+                                         ("soles", contact.soles, 4, ("law_residual",))):
         study = Study(name, name, tmp_path / name)
         function(study)
         study.close()
         assert len(rows_of(tmp_path / name / "table.csv")) == cases
-        assert (tmp_path / name / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert is_drawn(tmp_path / name / f"{name}.png", saved_figures[-1])
+        for quantity in shown:
+            assert not missing_curves(saved_figures[-1], tmp_path / name / "curves.csv", quantity)
         # small problems are easy: what the defaults have to reach, they reach
         assert {row["met"] for row in rows_of(tmp_path / name / "targets.csv")} == {"yes"}
 
 
-def test_ten_grains_from_the_command_line(tmp_path):
+def test_ten_grains_from_the_command_line(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import ten_grains
 
+    small, measured = {**ten_grains.problem(), "mesh": few_grains()["mesh"], "output": {"figures": False}}, []
+    run = ten_grains.whole_command
+    monkeypatch.setattr(ten_grains, "whole_command", lambda *a, **k: measured.append(run(*a, **k)) or measured[-1])
     study = Study("ten", "ten", tmp_path)
-    small = {**ten_grains.problem(), "mesh": few_grains()["mesh"], "output": {"figures": False}}
     ten_grains.run(study, small, repeats=1)
     study.close()
+    (summary, seconds), = measured
     row, = rows_of(tmp_path / "table.csv")
-    assert row["stop_reason"] == "converged" and float(row["in_the_program"]) <= float(row["seconds"]) + 0.1
-    assert rows_of(tmp_path / "targets.csv")[0]["met"] in ("yes", "no")  # of seconds, which nothing here asks for
+    assert row["stop_reason"] == "converged" and summary["timing"]["total"] <= seconds
+    assert int(row["dofs"]) == summary["dofs"] and int(row["iterations"]) == summary["iterations"]
+    figure, = saved_figures
+    assert is_drawn(tmp_path / "ten.png", figure) and sum(bars(figure)) == pytest.approx(float(row["seconds"]))
+
+    # the same run judged again: the target is met up to the limit and not beyond, and only by a run that converged
+    spent = study.rows[0]["seconds"]
+    for limit, converged, met in ((spent, True, "yes"), (spent - 0.01, True, "no"), (spent, False, "no")):
+        judged = {**summary, "stop_reason": "converged" if converged else "max_iterations"}
+        monkeypatch.setattr(ten_grains, "whole_command", lambda *a, **k: (judged, seconds))
+        monkeypatch.setattr(ten_grains, "LIMIT", limit)
+        study = Study("ten", "ten", tmp_path / "again")
+        ten_grains.run(study, small, repeats=1)
+        study.close()
+        assert rows_of(tmp_path / "again" / "targets.csv")[0]["met"] == met
 
 
 def test_ten_grains_tells_why_a_run_failed(tmp_path):
@@ -230,7 +254,7 @@ def test_ten_grains_tells_why_a_run_failed(tmp_path):
         ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.problem(), "subdomains": "grans"})
 
 
-def test_polycrystal_in_small(tmp_path, monkeypatch):
+def test_polycrystal_in_small(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.paper import polycrystal
 
@@ -246,12 +270,14 @@ def test_polycrystal_in_small(tmp_path, monkeypatch):
     assert rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
     tables = (tmp_path / "tables.csv").read_text()
     assert '"nodes of the subdomain",529,' in tables and '"linear stage",26341,' in tables
-    for picture in ("polycrystal_small.png", "figure13.png", "run/figures/deformed.png"):
-        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    assert is_drawn(tmp_path / "polycrystal_small.png", saved_figures[-1])
+    for quantity in ("indicator", "true_error"):
+        assert not missing_curves(saved_figures[-1], tmp_path / "curves.csv", quantity)
+    assert all(shows_matter(tmp_path / picture) for picture in ("figure13.png", "run/figures/deformed.png"))
     assert not (tmp_path / "run/scratch").exists()
 
 
-def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
+def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     """The whole study on cubes of two elements a side, macro problems of a few."""
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import prediction, scaling
@@ -268,10 +294,11 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch):
     assert all(float(r["over_floor"]) > 1 and 0 < float(r["idle"]) < 1 for r in table)
     text = (tmp_path / "prediction.md").read_text()
     assert "100,000 subdomains" in text and "macro problem: solve" in text
-    assert (tmp_path / "scaling.png").read_bytes().startswith(b"\x89PNG")
+    assert is_drawn(tmp_path / "scaling.png", saved_figures[-1])
+    assert bars(saved_figures[-1]) == pytest.approx([float(row["efficiency"]) for row in table], rel=1e-5)
 
 
-def test_floor_of_small_runs(tmp_path, monkeypatch):
+def test_floor_of_small_runs(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import floor
     from orchestrator.studies.problems.cases import beam, cube
@@ -289,7 +316,9 @@ def test_floor_of_small_runs(tmp_path, monkeypatch):
     assert [r["subdomains"] for r in table] == ["8", "8", "4", *ranks]
     assert table[0]["factorisations"] == "3" and table[2]["factorisations"] == "4"
     assert all(float(r["seconds"]) > float(r["floor"]) > 0 and 0 < float(r["idle"]) < 1 for r in table)
-    assert (tmp_path / "floor.png").read_bytes().startswith(b"\x89PNG")
+    assert is_drawn(tmp_path / "floor.png", saved_figures[-1])
+    assert bars(saved_figures[-1]) == pytest.approx(
+        [float(row[column]) for column in ("seconds", "floor") for row in table], rel=1e-5)
 
 
 def test_macro_problem_that_is_predicted_is_that_of_a_run():
@@ -322,7 +351,7 @@ def test_prediction_adds_up():
     assert predict(costs, macro, round(count))["iterations"]["macro problem: solve"] == pytest.approx(1.2, rel=1e-3)
 
 
-def test_large_in_small(tmp_path):
+def test_large_in_small(tmp_path, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import large
 
@@ -339,7 +368,11 @@ def test_large_in_small(tmp_path):
     assert all(float(row["true_error"]) <= 1e-6 for row in ours[:2]) and all(float(r["memory_mb"]) > 1 for r in rows)
     targets = rows_of(tmp_path / "targets.csv")
     assert [row["met"] for row in targets[1:]] == ["yes", "yes", "no", "no"]  # a small cube can be solved in one piece
-    assert (tmp_path / "large.png").read_bytes().startswith(b"\x89PNG")
+    shown = [row for row in rows if row["method"] in ("decomposed", f"FreeFEM, {best.split(', ')[1]}")
+             and row["stop_reason"] in ("solved", "converged")]
+    assert len(shown) > 3 and is_drawn(tmp_path / "large.png", saved_figures[-1])
+    for quantity in ("seconds", "memory_mb"):
+        assert not missing_points(saved_figures[-1], [(float(row["dofs"]), float(row[quantity])) for row in shown])
 
 
 def test_large_within_too_little_memory(tmp_path):
@@ -354,7 +387,7 @@ def test_large_within_too_little_memory(tmp_path):
     assert "INFOG(1)= -13" in large._direct(study, FreeFem(), 26, "MUMPS", 400 * 2**20).failure
 
 
-def test_time_vs_error_in_small(tmp_path):
+def test_time_vs_error_in_small(tmp_path, saved_figures):
     from dataclasses import replace
 
     from orchestrator.studies.kit.framework import Study
@@ -383,7 +416,9 @@ def test_time_vs_error_in_small(tmp_path):
     assert 0.4 < contact[1] / contact[0] < 0.7
     assert any("contact is not linear" in r["stop_reason"] for r in rows_of(tmp_path / "table.csv"))
     assert all(row["met"] == "yes" for row in rows_of(tmp_path / "targets.csv")[:3])
-    assert (tmp_path / "time_vs_error.png").read_bytes().startswith(b"\x89PNG")
+    assert is_drawn(tmp_path / "time_vs_error.png", saved_figures[-1])
+    measured = [(float(row["seconds"]), float(row["energy_error"])) for row in rows]
+    assert len(measured) > 20 and not missing_points(saved_figures[-1], measured)
 
 
 def test_true_errors_of_an_exact_solution():
