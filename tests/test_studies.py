@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from in_process import IN_PROCESS
 from pictures import bars, is_drawn, missing_curves, missing_points, saved_figures, shows_matter  # noqa: F401
 from typer.testing import CliRunner
 
@@ -136,8 +137,8 @@ def test_a_trail_keeps_some_of_all_components_and_measures_distances():
     from orchestrator.studies.kit import following
 
     rng = np.random.default_rng(0)
-    end = rng.normal(size=(3 * following._KEPT - 7, 2))
-    trail = following.Trail(SimpleNamespace(size=len(end)))
+    end = rng.normal(size=(2, 3 * following._KEPT - 7))
+    trail = following.Trail(SimpleNamespace(size=end.shape[1]))
     assert trail.stride > 1 and trail.stride % 3
     for error in (1e-1, 1e-3):
         change = rng.normal(size=end.shape)
@@ -147,29 +148,36 @@ def test_a_trail_keeps_some_of_all_components_and_measures_distances():
 
 
 def test_the_rigid_motion_of_loose_bodies_is_no_error_their_deformation_is():
-    import numpy as np
+    from method_case import box_of, prepared
 
+    from orchestrator.config import config_from
+    from orchestrator.scene.build import build_scene
     from orchestrator.scene.conditions.rigid import motions
     from orchestrator.studies.kit import following
 
-    rng = np.random.default_rng(2)
-    nodes = rng.random((60, 3))
-    body = np.repeat([0, 1], 90)  # thirty nodes each
-    space = SimpleNamespace(size=180, owner=body, gather=np.arange(180), global_dof=np.arange(180))
-    scene = SimpleNamespace(mesh=SimpleNamespace(nodes=nodes),
-                            subdomains=[SimpleNamespace(index=i, name=name) for i, name in enumerate(("one", "two"))])
-    end = rng.normal(size=(180, 2))
-    moved, bent = end.copy(), end.copy()
-    moved[90:, 1] += motions(nodes[30:]) @ rng.normal(size=6)
-    bent[90:, 1] += (nodes[30:] ** 2).ravel()
-    trail = following.Trail(space)
+    config = config_from({**few_grains(), "blackbox": IN_PROCESS})
+    scene = build_scene(config)
+    with box_of(config) as blackbox:
+        d = prepared(config, scene, blackbox)
+        end = d.stage(np.zeros((scene.steps, d.space.size))).w
+    body, step, none = scene.subdomains[2], 1, [set()] * scene.steps
+    own = np.flatnonzero(d.space.owner[: d.space.size] == body.index)
+    node, component = np.divmod(d.space.dof[own], 3)
+    moved, bent, size = end.copy(), end.copy(), np.abs(end).max()
+    rigid = motions(scene.mesh.nodes[node]).reshape(-1, 3, 6)[np.arange(len(own)), component]
+    moved[step, own] += size * (rigid @ np.random.default_rng(2).normal(size=6))
+    bent[step, own] += size * scene.mesh.nodes[node, component] ** 2
+    trail = following.Trail(d.space)
     for place in (moved, bent):
         trail(SimpleNamespace(w=place), None)
     assert min(trail.errors(end)) > 1e-2
-    drift, deformation = trail.held_errors(end, scene, [set(), {"two"}])
+    there, elsewhere, earlier = (none[:at] + [{name}] + none[at + 1:] for at, name in (
+        (step, body.name), (step, scene.subdomains[1].name), (0, body.name)))
+    drift, deformation = trail.held_errors(end, scene, there)
     assert drift < 1e-6 and deformation > 1e-2
-    assert trail.held_errors(end, scene, [{"two"}, set()]) == pytest.approx(trail.errors(end))
-    assert trail.held_errors(end, scene, [{"one"}, {"one"}])[0] == pytest.approx(trail.errors(end)[0])
+    assert trail.held_errors(end, scene, none) == pytest.approx(trail.errors(end))
+    for others in (elsewhere, earlier):
+        assert trail.held_errors(end, scene, others)[0] == pytest.approx(trail.errors(end)[0])
 
 
 def test_a_run_is_continued_to_where_it_tends(tmp_path):

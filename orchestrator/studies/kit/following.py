@@ -65,8 +65,8 @@ class Trail:
         return math.nan
 
     def seen(self, w: np.ndarray) -> np.ndarray:
-        """The kept part of (D, T)."""
-        return w[:: self.stride].astype(np.float32)
+        """The kept part of (T, D)."""
+        return w[:, :: self.stride].astype(np.float32)
 
     def errors(self, w: np.ndarray) -> list[float]:
         """Relative distance of every iteration from w."""
@@ -93,7 +93,7 @@ class Trail:
             difference = (place - end).astype(float)
             for step, names in enumerate(loose):
                 for rows, modes in (rigid[name] for name in names):
-                    difference[rows, step] -= modes @ (modes.T @ difference[rows, step])
+                    difference[step, rows] -= modes @ (modes.T @ difference[step, rows])
             return float(np.linalg.norm(difference) / np.linalg.norm(end))
 
         return [error(place) for place in self.places]
@@ -106,7 +106,7 @@ class Followed:
     Parameters
     ----------
     iterated : of the run itself; its history knows the true error
-    w, status : (D, T) and (T, P) of the end, where the run was continued to
+    w, status : (T, D) and (T, P) of the end, where the run was continued to
     loose : per load step, names of the subdomains that nothing holds at the end
     held_errors : per iteration, the error but for the rigid motion of these
     accuracy : law residual of the end
