@@ -9,6 +9,7 @@ from orchestrator.method.acceleration.choice import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
+from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.spent import Spent, total
 from orchestrator.scene.model import Scene
@@ -27,8 +28,10 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     """
     iterated, estimated = delivered.iterated, delivered.discretisation
     last, contact = iterated.last, _contact(scene, delivered)
+    loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
+        "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes])),
         "iterations": iterated.iterations,
         "acceleration": algorithm(config.method.acceleration, all(i.law.perfect for i in scene.interfaces)).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},

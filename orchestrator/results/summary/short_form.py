@@ -33,7 +33,7 @@ def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[st
     table.add_column(style="bold", no_wrap=True)
     table.add_column(overflow="fold")
     for label, text in summary_rows(summary):
-        style = {"result": "green" if summary.get("converged") else "red", "warning": "yellow"}.get(label, "")
+        style = {"result": "green" if summary.get("converged") else "red", "warning": "yellow", "what to do": "yellow"}.get(label, "")
         table.add_row(label, Text(text, style=style))
     if directory is not None:
         figures = sorted(Path(directory).glob("figures/*.png"))
@@ -55,6 +55,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     total = sweeps.get("total") if isinstance(sweeps, Mapping) else sweeps
     rows = [("run", shown("name", "{}")),
             ("result", state if reason in ("", "converged") else f"{state} ({reason})"),
+            ("what to do", "\n".join(summary.get("advice") or ())),
             ("iterations", shown("iterations") and f"{shown('iterations')}"
              + (f", {total:.4g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
             ("error bound", shown("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),

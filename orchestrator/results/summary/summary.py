@@ -17,7 +17,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "summary.json"
-KEYS = ["name", "converged", "stop_reason", "iterations", "sweeps", "indicator", "error_bound", "true_error",
+KEYS = ["name", "converged", "stop_reason", "advice", "iterations", "sweeps", "indicator", "error_bound", "true_error",
         "discretisation_error", "tolerance",
         "residuals", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
         "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload", "codes",

@@ -1,0 +1,147 @@
+"""What to do after a stop: the likely causes in this scene, with these settings, and their cures.
+
+What the stops mean is in ``stopping.ending``; the same table, for all scenes, is in docs/running.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from orchestrator.config.method import Method
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.stopping.ending import ROUNDING
+from orchestrator.scene.cautions import LOCKING, some
+from orchestrator.scene.model import Scene
+
+PACE = 10  # iterations over which the latest pace is taken
+MOVING = 0.97  # factor per iteration above which nothing moves any more
+CONTRAST = 1e3  # of moduli, from which convergence suffers visibly
+_DEFAULTS = Method()
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """A run that has not converged.
+
+    Parameters
+    ----------
+    loose : names of bodies that are detached or weakly held
+    codes : names of the codes
+    """
+
+    scene: Scene
+    method: Method
+    iterated: Iterated
+    loose: list[str] = field(default_factory=list)
+    codes: Sequence[str] = ()
+
+    @property
+    def bonded(self) -> bool:
+        return all(i.law.perfect for i in self.scene.interfaces)
+
+    @property
+    def pace(self) -> float:
+        """Factor per iteration, of late, of what the tolerance is compared with; bonded, of the forces' imbalance."""
+        name = "force_imbalance" if self.bonded else "law_residual"
+        values = [getattr(event, name) for event in self.iterated.history[-PACE - 1:]]
+        if len(values) < 3 or not all(math.isfinite(v) and v > 0 for v in values):
+            return math.nan
+        return (values[-1] / values[0]) ** (1 / (len(values) - 1))
+
+
+def how_far(run: Stopped) -> Iterator[str]:
+    """max_iterations: whether more of them would do."""
+    last, pace = run.iterated.last, run.pace
+    if not pace < MOVING:
+        yield "it hardly gets any better: more iterations will not do"
+        return
+    more, left = "", last.law_residual / last.tolerance
+    if last.target[0] == "law_residual" and left > 1:
+        more = f", about {math.ceil(math.log(left) / -math.log(pace))} more iterations at this pace"
+    yield (f"it was still getting better, by a factor of {1 / pace:.2g} per iteration{more}: --resume goes on from here, "
+           "--set method.max_iterations=… allows more")
+
+
+def rounding(run: Stopped) -> Iterator[str]:
+    """stagnated: double precision leaves no more."""
+    last = run.iterated.last
+    reached = last.law_residual if last.target[0] == "law_residual" else run.iterated.bound.relative
+    wanted = f"method.tolerance.error={2 * reached:.0e} would be met" if math.isfinite(reached) and reached < 1 else \
+        "raise method.tolerance"
+    yield (f"the state changes by less than {ROUNDING:g} and what is left is rounding: {wanted}; less rounding comes with "
+           "moduli, sizes and displacements of the same order")
+
+
+def runaway(run: Stopped) -> Iterator[str]:
+    """diverged."""
+    yield ("displacements grew without limit or are no numbers: look for bodies that are not held, and for loads or moduli "
+           "in other units than the rest")
+
+
+def settings(run: Stopped) -> Iterator[str]:
+    """Where the method is not the default one, which was chosen to converge."""
+    method, changed = run.method, []
+    for path in ("acceleration", "relaxation", "coarse", "memory", "macro.strategy", "macro.basis", "sole.kind",
+                 "sole.modulus_ratio", "sole.contact", "sole.contact_ratio", "search_direction.kplus"):
+        value, default = method, _DEFAULTS
+        for key in path.split("."):
+            value, default = getattr(value, key), getattr(default, key)
+        if value != default:
+            changed.append(f"method.{path}={default}")
+    if changed:
+        yield f"settings differ from the defaults, which converge more widely: --set {' --set '.join(changed)}"
+
+
+def matter(run: Stopped) -> Iterator[str]:
+    """Nearly incompressible matter, and very different moduli."""
+    used = [run.scene.materials[m] for m in np.unique(run.scene.cell_material)]
+    poisson, young = max(m.poisson for m in used), [m.young for m in used]
+    if poisson > LOCKING:
+        element = "blackbox: {element: P2} and " if run.scene.mesh.cells.shape[1] == 4 else ""
+        yield (f"Poisson's ratio {poisson:g} slows convergence: {element}method: {{sole: {{kind: auto}}, macro: {{basis: "
+               "auto}}, as by default, take it into account")
+    if max(young) > CONTRAST * min(young):
+        yield (f"moduli differ by {max(young) / min(young):.0e}: cut along the borders of the materials "
+               "(subdomains: {groups: true})")
+
+
+def contact(run: Stopped) -> Iterator[str]:
+    """Friction and bodies that come loose."""
+    if run.bonded:
+        return
+    cautions = sorted({i.law.caution for i in run.scene.interfaces if i.law.caution})
+    yield from (f"interfaces {caution}: lower it" for caution in cautions)
+    if run.loose:
+        yield (f"{some(run.loose)} can move as a whole without resistance: hold them (a displacement, friction, law: elastic "
+               "with a small stiffness)")
+    if run.scene.steps > 1 and any(i.law.has_history for i in run.scene.interfaces):
+        yield "large load steps, whose order counts: smaller ones, or method.increment=1"
+
+
+def code(run: Stopped) -> Iterator[str]:
+    """A code that answers inexactly."""
+    names = [name for name in run.codes if name]
+    others = [name for name in names if name != "freefem"] or names
+    yield f"answers of a code that are inexact or contradictory: orchestrator conformance {others[0] if others else 'CODE'}"
+
+
+# first word or words of ``stop_reason`` → where the causes are, the likeliest first
+CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
+    "max_iterations": [how_far, settings, matter, contact],
+    "diverged": [settings, runaway, contact, code],
+    "stagnated at rounding": [rounding, settings, matter, code],
+    "guard": [code, settings, contact],
+}
+
+
+def advice(run: Stopped) -> list[str]:
+    """Likely causes of a stop, each with its cure; empty where the run has converged."""
+    if run.iterated.converged:
+        return []
+    reason = run.iterated.stop_reason
+    return [sentence for name, causes in CAUSES.items() if reason.startswith(name)
+            for cause in causes for sentence in cause(run)]

@@ -1,0 +1,84 @@
+"""A run that stops says what to do; that it helps is tried."""
+
+import re
+from pathlib import Path
+
+import pytest
+from contact_case import BOTTOM, TOP, contact
+from in_process import IN_PROCESS
+from method_case import CLAMP, CUBES
+
+from orchestrator.config import config_from
+from orchestrator.method.stopping import ending
+from orchestrator.results.summary.advice import CAUSES
+from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.run import solve
+
+
+def bonded(poisson=0.3, **method):
+    return config_from({
+        "name": "t", **CUBES, "materials": [{"young": 200e3, "poisson": poisson}], "blackbox": IN_PROCESS,
+        "boundary": [CLAMP, {"on": "xmax", "traction": [10.0, 1.0, 0.0]}], "method": method})
+
+
+def stopped(config, reason):
+    solution = solve(config)
+    assert not solution.converged and solution.stop_reason == reason
+    advice = solution.summary["advice"]
+    assert dict(summary_rows(solution.summary))["what to do"] == "\n".join(advice)
+    return solution, advice
+
+
+def test_too_few_iterations():
+    _, advice = stopped(bonded(0.48, max_iterations=5), "max_iterations")
+    assert "--resume" in advice[0] and any("element: P2" in text for text in advice) and len(advice) == 2
+
+
+def test_as_many_more_as_it_says():
+    solution, advice = stopped(contact(0.3, error=1e-6, blackbox=IN_PROCESS, method={"max_iterations": 12}), "max_iterations")
+    more = int(re.search("about ([0-9]+) more iterations", advice[0])[1])
+    needed = solve(contact(0.3, error=1e-6, blackbox=IN_PROCESS)).iterations - solution.iterations
+    assert needed / 3 <= more <= 3 * needed
+    assert any("increment=1" in text for text in advice)
+
+
+def test_a_tolerance_below_rounding():
+    """The one that is named is met."""
+    _, advice = stopped(bonded(tolerance={"error": 1e-14}), "stagnated at rounding")
+    named = float(re.search(r"method\.tolerance\.error=([0-9.e-]+)", advice[0])[1])
+    assert 1e-14 < named < 1e-8 and solve(bonded(tolerance={"error": named})).converged
+
+
+def test_settings_that_diverge():
+    """With the defaults that are named it converges."""
+    wrong = {"acceleration": "none", "relaxation": 1.0, "search_direction": {"kplus": "diagonal"}}
+    _, advice = stopped(bonded(**wrong, macro={"strategy": "none"}), "diverged")
+    assert advice[0].startswith("settings differ")
+    for key in ("acceleration=anderson", "relaxation=auto", "macro.strategy=equilibrium", "search_direction.kplus=exchange"):
+        assert f"--set method.{key}" in advice[0]
+    assert any("not held" in text for text in advice) and any("conformance in-process" in text for text in advice)
+
+
+def test_what_contact_adds():
+    high = [BOTTOM, {"on": TOP, "displacement": [[0, 0, -5e-3], [2e-2, 0, -5e-3]]}]
+    _, advice = stopped(contact(1.5, blackbox=IN_PROCESS, boundary=high, method={"max_iterations": 3}), "max_iterations")
+    assert any("friction 1.5" in text and "lower it" in text for text in advice)
+    apart = [BOTTOM, {"on": {"plane": "x", "at": 0}, "displacement": [0, None, None]}, {"on": TOP, "traction": [0, 0, 1e-3]}]
+    _, advice = stopped(contact(0.3, blackbox=IN_PROCESS, boundary=apart, method={"max_iterations": 2}), "max_iterations")
+    assert any("block 0-0-1" in text and "hold them" in text for text in advice)
+
+
+def test_nothing_to_say_after_convergence():
+    assert solve(bonded()).summary["advice"] == []
+
+
+@pytest.mark.parametrize("reason", CAUSES)
+def test_documented(reason):
+    text = (Path(__file__).parents[1] / "docs" / "running.md").read_text()
+    row = next(line for line in text.splitlines() if line.startswith(f"| `{reason}"))
+    cures = row.split("|")[3]
+    assert len(cures) > 50 and "`" in cures
+
+
+def test_every_stop_has_its_causes():
+    assert set(re.findall("^- ``(.+?)``", ending.__doc__, re.MULTILINE)) == {"converged", *CAUSES} - {"guard"}
