@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -56,15 +57,19 @@ def run(config: ConfigFile, overrides: Overrides = None,
     def lead(team) -> int:
         from orchestrator.config import load_config, located
         from orchestrator.parallel.team import Elsewhere
+        from orchestrator.results.figures.artist import Artist
 
         loaded = load_config(config, overrides or [])
-        from orchestrator.run import run as solve
+        # started before the run's own imports: it has as much to import
+        with Artist() if loaded.config.output.figures else nullcontext() as artist:
+            from orchestrator.run import run as solve
 
-        try:
-            return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team)
-        except (InputError, Elsewhere) as error:
-            cause = team.cause(error)
-            raise located(cause, loaded) if isinstance(cause, InputError) else error
+            try:
+                return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team,
+                             artist=artist)
+            except (InputError, Elsewhere) as error:
+                cause = team.cause(error)
+                raise located(cause, loaded) if isinstance(cause, InputError) else error
 
     _guarded(action)
 

@@ -143,8 +143,12 @@ def _undecomposed(codes: Sequence, scene: Scene, told: Subscribers, watch: Stopw
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
-        quiet: bool = False, team: Team = ALONE) -> int:
+        quiet: bool = False, team: Team = ALONE, artist: Artist | None = None) -> int:
     """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
+
+    Parameters
+    ----------
+    artist : who draws the figures; default: where they are asked for, one that gets ready now
 
     Returns
     -------
@@ -156,7 +160,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     """
     config, watch = loaded.config, Stopwatch.since_launch()
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    with locked(folder), unexpected(folder, team), Artist() if config.output.figures else nullcontext() as artist:
+    drawing = Artist() if config.output.figures and artist is None else nullcontext(artist)
+    with locked(folder), unexpected(folder, team), drawing as artist:
         with Progress(quiet) as progress:
             progress.stage("meshing")
             if not resume:

@@ -4,8 +4,12 @@ import itertools
 
 import numpy as np
 
+from orchestrator.laws.status import table
+from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.events import HISTORY_COLUMNS, Iteration
 from orchestrator.results.fields.fields import Fields
+from orchestrator.registry import LAWS
+from orchestrator.scene.mesh.faces import LOCAL_FACES
 from orchestrator.scene.model import Material, Mesh
 
 STEEL = Material(200e3, 0.3)
@@ -48,6 +52,29 @@ def bending(mesh: Mesh, steps: int = 2) -> np.ndarray:
 def fields(mesh: Mesh | None = None) -> Fields:
     mesh = mesh or box_mesh()
     return Fields(mesh.nodes, mesh.cells, slices(mesh), lame(mesh), bending(mesh))
+
+
+def opened(status: dict[int, list[int]] | None = None, steps: int = 2) -> Fields:
+    """The bending box cut in two at half its length, the second half moved away; statuses (9 nodes) per load step."""
+    mesh = box_mesh()
+    part, u = slices(mesh, 2), bending(mesh, steps)
+    own = [np.unique(mesh.cells[part == e]) for e in (0, 1)]
+    apart = 1e-3 * np.linspace(0, 1, steps)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    nodes = np.intersect1d(*own)
+    faces = np.concatenate([mesh.cells[part == 0][:, face] for face in LOCAL_FACES])
+    faces = faces[np.isin(faces, nodes).all(axis=1)]
+    normal, count = np.tile([1.0, 0.0, 0.0], (len(nodes), 1)), len(nodes)
+    kinds = table(LAWS.values())
+    interfaces = InterfaceFields(
+        names=np.array(["a - b"]), laws=np.array(["contact"]), subdomains=np.array([[0, 1]]), offsets=np.array([0, count]),
+        nodes=nodes, others=nodes, triangles=np.searchsorted(nodes, faces), owner=np.zeros(len(faces), int), normal=normal,
+        area=np.full(count, 1 / count), initial_gap=np.zeros(count), gap=np.tile(apart[:, :, 0], (1, count)),
+        slip=np.zeros((steps, count, 3)), pressure=np.outer(np.arange(steps), np.linspace(0, 5, count)),
+        friction_traction=np.zeros((steps, count, 3)),
+        status=np.array([(status or {}).get(step, [0] * count) for step in range(steps)]),
+        kinds=np.array([int(kind) for kind in kinds]), kind_names=np.array([kind.name for kind in kinds]),
+        kind_colours=np.array([kind.colour for kind in kinds]), resultant=np.zeros((steps, 1, 3)))
+    return Fields(mesh.nodes, mesh.cells, part, lame(mesh), u, [u[:, own[0]], u[:, own[1]] + apart], interfaces)
 
 
 def iteration(i: int, **changes) -> Iteration:

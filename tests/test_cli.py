@@ -9,6 +9,7 @@ from types import ModuleType
 
 import pytest
 import results_case as case
+from processes import gone
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
@@ -96,8 +97,11 @@ def test_run_hands_over_its_options_and_exit_code(room):
 
     room("orchestrator.run", run=run)
     assert call("run", BEAM, "--set", "method.tolerance.error=1e-8", "--output", "there", "--resume", "--quiet").exit_code == 1
+    artist = seen.pop("artist")
     assert seen == {"error": 1e-8, "output": Path("there"), "resume": True, "reference": False, "quiet": True,
                     "team": ALONE}
+    assert gone([artist._process.pid]), "who would have drawn the figures"
+    assert call("run", BEAM, "--set", "output.figures=false").exit_code == 1 and seen["artist"] is None
 
 
 @pytest.mark.parametrize("error, code, words", [

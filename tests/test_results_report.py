@@ -1,4 +1,4 @@
-"""Summary, figures, report and the result object; progress and what the console shows."""
+"""Summary, report and the solution object; progress and what the console shows."""
 
 import base64
 import io
@@ -8,24 +8,18 @@ import os
 import re
 import shutil
 import subprocess
-import sys
-from dataclasses import replace
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import results_case as case
-from processes import gone
 from rich.console import Console
 
 from orchestrator.blackbox.codes.freefem import FreeFem
 from orchestrator.blackbox.pool.worker import Worker
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
-from orchestrator.results.figures import deformed, drawing, surface
-from orchestrator.results.figures.artist import Artist
-from orchestrator.results.figures.drawing import Drawing
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.progress import Progress, fraction_done, seconds_left
@@ -34,12 +28,6 @@ from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.summary.summary import KEYS, memory_peak_mb, read_summary, versions, write_summary
-
-
-def pixels(path):
-    from PIL import Image
-
-    return np.asarray(Image.open(path).convert("RGB"), float)
 
 
 def test_summary_round_trip(tmp_path):
@@ -92,70 +80,6 @@ def test_printed_summary(tmp_path):
     stream = io.StringIO()
     print_summary({"name": "early", "converged": False, "stop_reason": "interrupted"}, None, Console(file=stream))
     assert "NOT converged (interrupted)" in stream.getvalue()
-
-
-@pytest.mark.parametrize("painter", ["vtk", "matplotlib"])
-def test_figures_are_there_and_not_blank(tmp_path, monkeypatch, painter):
-    if painter == "matplotlib":  # the drawing process fails, as where VTK finds neither display nor EGL
-        monkeypatch.setattr(sys, "executable", shutil.which("false"))
-    elif Drawing().begin([deformed.view(case.fields())]).finish() is None:
-        pytest.skip("VTK can draw neither with X nor with EGL on this machine")
-    written = write_figures(ResultsFolder(tmp_path), case.summary(), case.history(), case.fields())
-    assert sorted(p.name for p in written) == ["convergence.png", "deformed.png", "time.png"]
-    for path in written:
-        picture = pixels(path)
-        assert picture.std() > 10 and picture.shape[1] > 1000
-        assert np.median(picture) == 255  # a light background
-    picture = pixels(tmp_path / "figures/deformed.png")
-    middle = picture[len(picture) // 4:-len(picture) // 3]
-    coloured = np.ptp(middle, axis=2) > 40  # the structure, not lines and text
-    assert coloured.mean() > 0.05 and len(np.unique(middle[coloured].round(-1), axis=0)) > 20
-
-
-def test_a_drawing_process_that_hangs_is_given_up(tmp_path, monkeypatch):
-    """Though it has not even read what to draw, which is more than a pipe takes in."""
-    sleeper = tmp_path / "sleeper"
-    sleeper.write_text("#!/bin/sh\nexec sleep 60\n")
-    sleeper.chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(sleeper))
-    monkeypatch.setattr(drawing, "_PATIENCE", 0.5)
-    view = deformed.view(case.fields())
-    waiting = Drawing().begin([replace(view, lines=np.zeros((10_000, 2, 3)))])
-    assert waiting.finish() is None and gone([waiting._process.pid])
-
-
-def test_no_fields_no_history(tmp_path):
-    folder = ResultsFolder(tmp_path)
-    assert [p.name for p in write_figures(folder, case.summary(), {})] == ["time.png"]
-
-
-def test_view_of_the_step_with_the_largest_displacement():
-    fields = case.fields()
-    view = deformed.view(fields)
-    assert "load step 2 of 2" in view.caption
-    size = np.linalg.norm(np.ptp(fields.nodes, axis=0))
-    factor = float(re.search(r"× ([\d.e+]+)", view.caption)[1])
-    largest = np.linalg.norm(fields.displacement[-1], axis=1).max()
-    assert factor * largest / size == pytest.approx(0.1, rel=0.05)
-    low, high = view.camera.project(view.points).min(axis=0), view.camera.project(view.points).max(axis=0)
-    assert (2 * np.maximum(high, -low)[:2] <= [view.camera.width, view.camera.height]).all()
-
-
-def test_view_at_rest():
-    fields = case.fields()
-    at_rest = deformed.view(type(fields)(fields.nodes, fields.cells, fields.subdomain, fields.lame,
-                                         0 * fields.displacement))
-    assert np.isfinite(at_rest.limits).all() and at_rest.limits[0] < at_rest.limits[1]
-
-
-def test_surface_of_a_box():
-    mesh = case.box_mesh((6, 2, 2))
-    faces, cell, local = surface.outer_faces(mesh.cells)
-    assert len(faces) == 2 * (2 * 4 + 4 * 12)
-    np.testing.assert_array_equal(np.take_along_axis(mesh.cells[cell], local, axis=1), faces)
-    outward = mesh.nodes[faces].mean(axis=1) - mesh.nodes.mean(axis=0)
-    assert (np.einsum("ij,ij->i", outward, surface.normals(mesh.nodes, faces)) > 0).all()
-    assert len(surface.sharp_edges(mesh.nodes, faces)) == 4 * (6 + 2 + 2)
 
 
 def test_result_round_trip(tmp_path):
@@ -295,29 +219,3 @@ def test_time_left():
     assert seconds_left(seconds, values, 1e-2) == 0.0
     assert math.isnan(seconds_left(seconds, [1, 2, 3, 4], 1e-6)) and math.isnan(seconds_left([0], [1], 1e-6))
     assert fraction_done(values, 1e-6) == pytest.approx(0.5) and fraction_done([math.nan], 1e-6) == 0
-
-
-def test_another_process_draws(tmp_path):
-    """It tells what hinders it; where it dies, this process draws; it does not outlive its job."""
-    folder = ResultsFolder(tmp_path)
-    job = folder, case.summary(), case.history(), None
-    with Artist() as artist:
-        artist.begin(*job)
-        artist.finish()
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"convergence.png", "time.png"}
-
-    shutil.rmtree(tmp_path / "figures")
-    with Artist() as artist:
-        artist._process.kill()
-        artist.begin(*job)
-        artist.finish()
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"convergence.png", "time.png"}
-
-    shutil.rmtree(tmp_path / "figures")
-    folder.write("figures", "in the way")
-    with Artist() as artist, pytest.raises(InputError, match="cannot write figures"):
-        artist.begin(*job)
-        artist.finish()
-    with Artist() as artist:
-        pass
-    assert gone([artist._process.pid])

@@ -7,6 +7,7 @@ from types import TracebackType
 from orchestrator.config import Config
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist
+from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import forget_mesh
 from orchestrator.results.solution import Solution
@@ -101,7 +102,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     with watch("output"):
         if artist:
             note_time(solution.summary, watch)
-            artist.begin(folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
+            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
             write_fields(folder, solution.fields)
         if artist:

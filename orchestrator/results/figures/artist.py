@@ -1,30 +1,23 @@
-"""Draws the figures of a run in another process, which is made ready while the run computes.
+"""A process that draws, made ready while the run computes.
 
-    python -m orchestrator.results.figures.artist
-
-To import what draws and to open a window takes as long as the iterations of a small problem.
+To import what draws and to open a window takes as long as the iterations of a small problem; and a graphics library
+that finds no display may end its process: the run must survive that. This module imports next to nothing, so that
+the process can be started before the run's own imports.
 """
 
 from __future__ import annotations
 
-import atexit
-import gc
 import os
 import pickle
-import signal
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Thread
 
-import numpy as np
-
-from orchestrator.errors import InputError
 from orchestrator.parallel.launcher import without_launcher
-from orchestrator.results.figures.drawing import Drawing
-from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.figures.plotting import warm_up
+
+PATIENCE = 300.0  # seconds after which the process is given up
 
 
 class Artist:
@@ -32,44 +25,57 @@ class Artist:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._job: tuple[object, ...] = ()
-        try:
+        self._waiting: Thread | None = None
+        self._answer = b""
+        with suppress(OSError):
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "orchestrator.results.figures.artist"], env=without_launcher(os.environ),
+                [sys.executable, "-m", "orchestrator.results.figures.studio"], env=without_launcher(os.environ),
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                 process_group=0)  # Ctrl-C is for the run, which then ends it
-        except OSError:
-            pass
 
-    def begin(self, folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
-              fields: Fields | None) -> None:
-        """Hands over a job: parameters as for ``write_figures``."""
-        self._job = folder, summary, history, fields
-        if self._process is not None:
-            try:
-                pickle.dump(self._job, self._process.stdin, pickle.HIGHEST_PROTOCOL)
-                self._process.stdin.flush()
-            except OSError:  # it has ended: ``finish`` tells
-                pass
+    def begin(self, draw: Callable[..., object], *job: object) -> Artist:
+        """Has ``draw(*job, canvas=…)`` called there; returns this artist.
 
-    def finish(self) -> None:
-        """Waits for the figures.
+        Parameters
+        ----------
+        draw : a function of a module, whose ``canvas`` may be None: then matplotlib must do
+        job : what can be pickled
+        """
+        self._draw, self._job = draw, job
+        self._waiting = Thread(target=self._hand_over, args=[pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL)], daemon=True)
+        self._waiting.start()
+        return self
+
+    def finish(self) -> object:
+        """Waits for what the function returns.
 
         Raises
         ------
-        InputError : disk full or folder not writable
+        InputError : from the function: disk full or folder not writable
         """
-        answer, _ = self._process.communicate() if self._process is not None else (b"", None)
-        if not answer:
-            write_figures(*self._job)
-        elif error := pickle.loads(answer):
+        self._waiting.join()
+        if not self._answer:
+            return self._draw(*self._job, canvas=None)
+        result, error = pickle.loads(self._answer)
+        if error is not None:
             raise error
+        return result
+
+    def _hand_over(self, work: bytes) -> None:
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired, OSError):  # OSError: it has ended before
+                self._answer, _ = self._process.communicate(work, timeout=PATIENCE)
+            self._process.kill()
 
     def close(self) -> None:
         """Ends the process if it still runs."""
         if self._process is not None:
-            self._process.terminate()
-            self._process.communicate()
+            self._process.kill()
+            if self._waiting is None:
+                self._process.communicate()
+            else:
+                self._waiting.join()
+            self._process.wait()
 
     def __enter__(self) -> Artist:
         return self
@@ -78,26 +84,7 @@ class Artist:
         self.close()
 
 
-def main() -> None:
-    """Gets ready, draws one job from standard input, answers on standard output: None or an InputError."""
-    gc.disable()  # one job, then the end
-    atexit.register(gc.freeze)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # so that it ends its own process too
-    warm_up()
-    drawing = Drawing()
-    try:
-        job = pickle.load(sys.stdin.buffer)
-        error = None
-        try:
-            write_figures(*job, drawing=drawing)
-        except InputError as its:
-            error = its
-        pickle.dump(error, sys.stdout.buffer)
-    except EOFError:  # the run has ended without a result
-        pass
-    finally:
-        drawing.close()
-
-
-if __name__ == "__main__":
-    main()
+def drawn(draw: Callable[..., object], *job: object) -> object:
+    """What ``draw(*job, canvas=…)`` returns, called in a process of its own; parameters and errors as for ``Artist``."""
+    with Artist() as artist:
+        return artist.begin(draw, *job).finish()

@@ -1,61 +1,34 @@
-"""figures/: convergence.png, time.png, deformed.png and, where interfaces open, interfaces.png of one run."""
+"""figures/: what is drawn of one run; each figure is a module of its own."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.events import HISTORY_COLUMNS
-from orchestrator.registry import LAWS
-from orchestrator.results.figures import codes, deformed, panels
-from orchestrator.results.figures.drawing import Drawing
 from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures import codes, deformed, panels
+from orchestrator.results.figures.convergence import convergence
+from orchestrator.results.figures.plotting import png
+from orchestrator.results.figures.stages import time_per_stage
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.figures.plotting import (
-    BLUE,
-    BROWN,
-    GREEN,
-    GREY,
-    OLIVE,
-    ORANGE,
-    PURPLE,
-    RED,
-    SKY,
-    new_figure,
-    png,
-    powers_of_ten,
-    tidy,
-)
-from orchestrator.results.summary.codes import code_label
-from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES
 
-# column, label, colour, marker
-_MAIN = {"error_bound", "law_residual"}
-_FLOOR = 1e-17  # rounding: values below only stretch the axis
-_OF_LAWS = [(SKY, "<"), ("0.5", ">"), (BROWN, "P"), (OLIVE, "X")]  # colours and markers of the laws' measures, in turn
-_CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
-           ("law_residual", "law residual (the largest)", "black", "o"),
-           ("true_error", "true error", RED, "*"),
-           ("residual", "residual ‖Δs‖", PURPLE, "v"),
-           ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
-           ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
-           ("indicator", "indicator η (a squared ratio)", ORANGE, "D")]
+if TYPE_CHECKING:
+    from orchestrator.results.figures.canvas import Canvas
 
 
 def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
-                  fields: Fields | None = None, step: int | None = None, drawing: Drawing | None = None) -> list[Path]:
+                  fields: Fields | None = None, canvas: Canvas | None = None) -> list[Path]:
     """Draws the figures of a run.
 
     Parameters
     ----------
     summary : as in summary.json; history : as from ``read_history``
-    fields : for deformed.png, which is left out without them
-    step : load step of deformed.png, zero-based; default: the one with the largest displacement. Where
-        interfaces open, all are shown
-    drawing : made ready before; default: a new one
+    fields : for deformed.png (the step with the largest displacement; all of them where interfaces open),
+        interfaces.png (where they do) and codes.png (where there are several), which are left out without them
+    canvas : draws the surfaces; without, matplotlib does
 
     Returns
     -------
@@ -65,130 +38,21 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     ------
     InputError : disk full or folder not writable
     """
-    written = []
-    drawn = fields is not None and fields.steps and len(fields.cells)
-    opens = fields is not None and fields.interfaces is not None
-    try:
-        if drawn:
-            drawing = drawing or Drawing()
-            figures = [panels.opened(fields), panels.interfaces(fields)] if opens else []
-            views = [view for figure in figures for view in figure.views] or [deformed.view(fields, step)]
-            by_code = codes.code_view(fields, summary)
-            drawing.begin([*views, *filter(None, [by_code])])  # VTK is busy while matplotlib draws the others
-        if len(history.get("iteration", ())):
-            written.append(folder.write("figures/convergence.png", convergence(summary, history)))
-        if (summary.get("timing") or {}).get("total"):
-            written.append(folder.write("figures/time.png", time_per_stage(summary)))
-        if drawn:
-            pictures, title = drawing.finish(), str(summary.get("name") or "")
-            if not opens:
-                picture = deformed.compose(views[0], pictures[0] if pictures else None, title)
-                written.append(folder.write("figures/deformed.png", picture))
-            if by_code is not None:
-                mine, pictures = pictures and pictures[-1], pictures and pictures[:-1]
-                written.append(folder.write("figures/codes.png", codes.compose(by_code, mine, summary)))
-            for name, figure in zip(("deformed", "interfaces"), figures):
-                mine, pictures = pictures and pictures[:len(figure.views)], pictures and pictures[len(figure.views):]
-                written.append(folder.write(f"figures/{name}.png", panels.compose(figure, mine, title)))
-    finally:
-        if drawing is not None:
-            drawing.close()
-    return written
+    def draw(view):
+        return None if canvas is None else canvas.draw(view)
 
-
-def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> bytes:
-    """PNG of the history's relative quantities over the iterations, with the tolerance."""
-    laws = np.isfinite(history.get("law_residual", np.nan)).any()  # more curves: their names beside them
-    figure = new_figure(9.2 if laws else 7.2, 4.6)
-    axes = figure.add_axes((0.08, 0.12, 0.66, 0.78) if laws else (0.1, 0.12, 0.86, 0.78))
-    x = np.asarray(history["iteration"])
-    every = max(1, len(x) // 12)
-    for column, label, colour, marker in [*_CURVES[:3], *_of_laws(history), *_CURVES[3:]]:
-        y = np.array(history.get(column, np.full(len(x), np.nan)), float)
-        known = np.isfinite(y) & (y > _FLOOR)
-        if laws and column == "displacement_jump":  # interfaces that open are meant to jump
-            continue
-        if known.any():
-            main = column in _MAIN
-            axes.semilogy(x[known], y[known], color=colour, label=label, marker=marker, markevery=every,
-                          markersize=5 if main else 4, linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
-    true = summary.get("true_error")
-    if true and math.isfinite(true) and not np.isfinite(history.get("true_error", np.nan)).any():
-        axes.semilogy(x[-1], true, color=RED, marker="*", markersize=13, linestyle="none", zorder=5,
-                      label=f"true error {true:.1e}")
-    target = tolerance(summary)
-    if target is not None:
-        name, value = target
-        axes.axhline(value, color=GREY, linestyle="--", linewidth=1)
-        axes.annotate(f"tolerance on the {name}: {value:g}", (0, value), xycoords=("axes fraction", "data"),
-                      xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY)
-    axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity")
-    axes.xaxis.get_major_locator().set_params(integer=True)
-    powers_of_ten(axes.yaxis)
-    title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
-    axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
-    tidy(axes)
-    place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0)} if laws else {"loc": "best"}
-    axes.legend(fontsize=8.5, frameon=True, framealpha=0.9, edgecolor="none", **place)
-    return png(figure)
-
-
-def _of_laws(history: Mapping[str, np.ndarray]) -> list[tuple[str, str, str, str]]:
-    """Column, label, colour and marker of the measures that the laws of the scene have."""
-    labels = {measure.name: measure.label for law in LAWS.values() for measure in law.measures}
-    found = [name for name in history if name not in HISTORY_COLUMNS and history[name].dtype.kind == "f"]
-    return [(name, labels.get(name, name.replace("_", " ")), *_OF_LAWS[k % len(_OF_LAWS)]) for k, name in enumerate(found)]
-
-
-def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
-    """Name and value of the configured tolerance, e.g. ("error bound", 1e-6); None if not in the summary."""
-    config = summary.get("config") or {}
-    method = config.get("method") if isinstance(config, Mapping) else None
-    given = (method or {}).get("tolerance")
-    for key, value in (given.items() if isinstance(given, Mapping) else ()):
-        if value:
-            laws = summary.get("status_counts") is not None
-            names = {"error": "law residual" if laws else "error bound", "indicator": "indicator η"}
-            value = summary.get("tolerance") if value == "auto" else value
-            return None if value is None else (names.get(key, key), float(value))
-    return None
-
-
-def time_per_stage(summary: Mapping[str, object]) -> bytes:
-    """PNG of bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
-    timing = summary["timing"]
-    total = float(timing["total"])
-    wall = [(label, float(timing[stage])) for stage, label in STAGES.items() if timing.get(stage)]
-    rest = total - sum(seconds for _, seconds in wall)
-    if rest > 0.005 * total:
-        wall.append(("everything else", rest))
-    sections = [(f"wall clock: {total:.2f} s", wall, BLUE)]
-    entries = summary.get("codes") or [{"code": "the black box", "seconds": timing.get("blackbox") or {}}]
-    for entry in entries:
-        own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
-        if spent := sum(seconds for _, seconds in own):
-            name = code_label(entry) if len(entries) > 1 else entry["code"]
-            sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers", own, ORANGE))
-
-    rows = sum(len(bars) + 1 for _, bars, _ in sections)
-    height = 0.27 * rows + 0.9
-    figure = new_figure(7.2, height)
-    axes = figure.add_axes((0.26, 0.5 / height, 0.70, 1 - 0.95 / height))
-    longest = max(seconds for _, bars, _ in sections for _, seconds in bars)
-    y, ticks, labels = 0.0, [], []
-    for heading, bars, colour in sections:
-        axes.text(0, y, heading, fontsize=9, fontweight="bold", va="center")
-        for label, seconds in bars:
-            y += 1
-            axes.barh(y, seconds, height=0.72, color=colour)
-            axes.text(seconds + 0.008 * longest, y, f"{seconds:.2f}", fontsize=8, va="center", color=GREY)
-            ticks.append(y)
-            labels.append(label)
-        y += 1.2
-    axes.set_yticks(ticks, labels, fontsize=8.5)
-    axes.tick_params(axis="y", length=0)
-    axes.set(ylim=(y - 0.5, -0.7), xlim=(0, 1.1 * longest), xlabel="seconds")
-    axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)
-    tidy(axes)
-    axes.grid(False, axis="y")
-    return png(figure)
+    title, figures = str(summary.get("name") or ""), {}
+    if len(history.get("iteration", ())):
+        figures["convergence"] = convergence(summary, history)
+    if (summary.get("timing") or {}).get("total"):
+        figures["time"] = time_per_stage(summary)
+    if fields is not None and fields.steps and len(fields.cells):
+        if fields.interfaces is None:
+            view = deformed.view(fields)
+            figures["deformed"] = deformed.compose(view, draw(view), title)
+        else:
+            for name, grid in (("deformed", panels.opened(fields)), ("interfaces", panels.interfaces(fields))):
+                figures[name] = panels.compose(grid, [draw(view) for view in grid.views], title)
+        if (view := codes.view(fields, summary)) is not None:
+            figures["codes"] = codes.compose(view, draw(view), summary)
+    return [folder.write(f"figures/{name}.png", png(figure)) for name, figure in figures.items()]

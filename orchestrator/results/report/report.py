@@ -10,7 +10,9 @@ from pathlib import Path
 from orchestrator.results.report.interface_section import interface_section, law_quantities
 from orchestrator.results.report.document import heading, listing, number, page, picture, plain, table
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
-from orchestrator.results.figures.figures import tolerance, write_figures
+from orchestrator.results.figures.artist import drawn
+from orchestrator.results.figures.convergence import tolerance
+from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows
@@ -39,7 +41,7 @@ _QUANTITIES = [
     ("force_imbalance", "‖A f‖ / ‖f‖, weighted by the inverse diagonal of k", "forces the sides do not balance"),
     ("residual", "‖s_new − s‖ / ‖s_new‖, weighted by the inverse diagonal of k", "change of the state in one iteration"),
 ]
-_PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: borders of the "
+_PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress; thin lines: sharp edges and borders of the "
                               "subdomains; grey: the undeformed outline."),
              ("codes.png", "Which code solves what."),
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
@@ -64,9 +66,9 @@ def report(directory: str | os.PathLike[str]) -> Path:
     """
     solution = Solution.read(directory)
     folder = ResultsFolder(directory)
-    drawn = {path.name for path in write_figures(folder, solution.summary, solution.history, solution.fields)}
+    names = {path.name for path in drawn(write_figures, folder, solution.summary, solution.history, solution.fields)}
     parts = _parts(solution)
-    pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in drawn]
+    pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in names]
     parts[3:3] = pictures[:1]  # the structure first, the rest where the text has come to it
     parts += [heading("Figures"), *pictures[1:]] if pictures[1:] else []
     text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"

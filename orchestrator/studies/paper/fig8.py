@@ -125,7 +125,7 @@ def _side_view(axes: Any, scene: Scene, seen: Seen, colours: Any) -> None:
     polygons, values = [], []
     for part, displacement in zip(scene.subdomains, seen.parts):
         nodes = scene.mesh.nodes[part.nodes]
-        triangles, cell, _ = outer_faces(part.connectivity)
+        triangles, cell = outer_faces(nodes, part.connectivity)
         front = np.all(nodes[triangles, 1] < 1e-9, axis=1)
         moved = (nodes + MAGNIFIED * displacement)[:, [0, 2]]
         polygons.append(moved[triangles[front]])

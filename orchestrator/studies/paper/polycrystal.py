@@ -17,12 +17,14 @@ from typing import Any
 import numpy as np
 
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.figures import deformed, surface
-from orchestrator.results.figures.drawing import Drawing
+from orchestrator.results.figures import surface
+from orchestrator.results.figures.artist import drawn
 from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.painting import show
 from orchestrator.results.figures.plotting import BLUE, GREEN, ORANGE, new_figure, png, tidy
+from orchestrator.results.figures.view import Camera, View
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Mesh
 from orchestrator.studies.kit.drawing import Curve, draw
 from orchestrator.studies.kit.following import Followed, follow
 from orchestrator.studies.kit.framework import Case, Study, first
@@ -111,7 +113,8 @@ def _run(study: Study, problem: Mapping[str, Any], iterations: int) -> dict[str,
         _finish(study, run, startup, writing)
     _print_milestones(study, runs["defaults"])
     _print_tables(study, runs["paper, multiscale"])
-    study.folder.write("figure13.png", _figure13(runs["defaults"].scene, problem))
+    scene = runs["defaults"].scene
+    study.folder.write("figure13.png", drawn(figure13, scene.mesh, scene.cell_subdomain, len(scene.interfaces), problem))
     study.figure(_figure15(runs, iterations))
     return runs
 
@@ -122,7 +125,7 @@ def _write(output: ResultsFolder, run: Followed, problem: Mapping[str, Any], kee
     folder = output if keep else ResultsFolder(output / "scratch")
     folder.clear()
     write_fields(folder, fields)
-    write_figures(folder, {"name": problem["name"]}, {}, fields)
+    drawn(write_figures, folder, {"name": problem["name"]}, {}, fields)
     if not keep:
         shutil.rmtree(folder.path)
     run.fields = None  # large
@@ -202,23 +205,18 @@ def _print_tables(study: Study, run: Followed) -> None:
         for rows in (second, third, fourth) for line in (list(rows[0]), *(row.values() for row in rows))))
 
 
-def _figure13(scene: Scene, problem: Mapping[str, Any]) -> bytes:
-    """The grains, and how the top is moved."""
-    faces, cell, _ = surface.outer_faces(scene.mesh.cells)
-    pairs, neighbours = surface.edges(faces)
-    owner = scene.cell_subdomain[cell]
-    lines = scene.mesh.nodes[pairs[owner[neighbours[:, 0]] != owner[neighbours[:, 1]]]]
-    points = scene.mesh.nodes[faces].reshape(-1, 3)
-    colour = (owner * 7919) % 97 / 97  # neighbours differ
-    view = deformed.View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(colour, 3), lines,
-                         surface.box_edges(scene.mesh.nodes), deformed.shaped(surface.Camera.framing(points)),
-                         (-0.2, 1.0), (False, False), "", inches=6.0)
-    pictures = Drawing().begin([view]).finish()
+def figure13(mesh: Mesh, owner: np.ndarray, interfaces: int, problem: Mapping[str, Any], canvas: Any) -> bytes:
+    """The grains, which own the cells, and how the top is moved."""
+    faces, cell = surface.outer_faces(mesh.nodes, mesh.cells)
+    points = mesh.nodes[faces].reshape(-1, 3)
+    colour = (owner[cell] * 7919) % 97 / 97  # neighbours differ
+    view = View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(colour, 3),
+                mesh.nodes[surface.edges(mesh.nodes, faces, owner[cell])], surface.box_edges(mesh.nodes),
+                Camera.framing(points).shaped(), (-0.2, 1.0), inches=6.0)
     figure = new_figure(11.0, 4.8)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
-    deformed.show(left, view, pictures[0] if pictures else None)
-    left.set_title(f"{len(scene.subdomains)} grains, {len(scene.interfaces)} interfaces, "
-                   f"{3 * len(scene.mesh.nodes):,} dofs", fontsize=11)
+    show(left, view, None if canvas is None else canvas.draw(view))
+    left.set_title(f"{owner.max() + 1} grains, {interfaces} interfaces, {3 * len(mesh.nodes):,} dofs", fontsize=11)
     path = [0.0, *(-step[2] for step in problem["boundary"][1]["displacement"])]
     right.plot(path, "o-", color=BLUE, linewidth=1.3)
     right.set_xlabel("load step", fontsize=9)

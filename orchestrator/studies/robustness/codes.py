@@ -10,10 +10,10 @@ import numpy as np
 
 from orchestrator.blackbox.pool.diagnosis import difference
 from orchestrator.config import config_from, load_config
-from orchestrator.results.figures.plotting import new_figure, png, tidy
 from orchestrator.results.figures.codes import PALETTE
-from orchestrator.results.summary.codes import code_label
+from orchestrator.results.figures.plotting import new_figure, png, tidy
 from orchestrator.results.solution import Solution
+from orchestrator.results.summary.codes import code_label
 from orchestrator.run import solve
 from orchestrator.studies.kit.framework import Case, Study
 from orchestrator.studies.problems.cases import cube
