@@ -38,7 +38,7 @@ class CodeSettings(Part):
         "pipe: persistent processes that keep their factors; file: one run per request, for closed codes, or one "
         "for the interface compliance where that is cheaper"))
     workers: AutoCount = Field("auto", description="processes; auto: one per core")
-    timeout: Positive = Field(600.0, description=(
+    timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(600.0, description=(
         "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
 
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
@@ -9,6 +10,9 @@ from orchestrator.blackbox.codes.code import Code
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import InputError, Problem
 from orchestrator.registry import CODES
+
+# Each worker is a process with its threads, pipes and tens of MB; more than the cores only wait for each other.
+MOST_WORKERS, WORKERS_PER_CORE = 64, 8
 
 
 def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = None) -> dict[int, Code]:
@@ -21,11 +25,17 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
 
     Raises
     ------
-    InputError : codes that are not installed, with the problems of all
+    InputError : codes that are not installed, more workers than a machine can start; with the problems of all
     """
     problems: list[Problem] = []
+    cores = len(os.sched_getaffinity(0))
+    most = max(MOST_WORKERS, WORKERS_PER_CORE * cores)
     found: dict[int, Code] = {}
     for index in sorted(set(range(len(settings)) if used is None else used)) or [0]:
+        if (workers := settings[index].workers) != "auto" and workers > most:
+            problems.append(Problem((*entry_path(index, settings), "workers"), f"{workers:,} workers on {cores} cores",
+                                    f"at most {most} processes", "leave workers out: one per core is the fastest"))
+            continue
         try:
             found[index] = CODES[settings[index].code](settings[index])
         except InputError as error:  # a code knows nothing of lists

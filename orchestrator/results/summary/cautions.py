@@ -31,10 +31,11 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     lost = {name for step in detached for name in step}
     kept = [(s, u) for s, u in zip(scene.subdomains, sides) if s.body not in lost]
     result = [*scene_cautions(scene), *_of_mesh(scene, discretisation_error)]
-    size: dict[str, float] = {}
-    for body in dict.fromkeys(s.body for s, _ in kept):
-        whole = np.unique(np.concatenate([s.nodes for s in scene.subdomains if s.body == body]))
-        size[body] = 2 * size_of(scene.mesh.nodes[whole])
+    nodes: dict[str, list[np.ndarray]] = {s.body: [] for s, _ in kept}
+    for s in scene.subdomains:
+        if s.body in nodes:
+            nodes[s.body].append(s.nodes)
+    size = {body: 2 * size_of(scene.mesh.nodes[np.unique(np.concatenate(parts))]) for body, parts in nodes.items()}
     far = list(dict.fromkeys(s.body for s, u in kept if np.abs(u).max(initial=0.0) > DISPLACEMENT * size[s.body]))
     if far:
         result.append(f"{some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
