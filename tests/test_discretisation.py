@@ -168,7 +168,7 @@ def test_files(tmp_path):
     from orchestrator.cli import app
 
     path, output = tmp_path / "bent.yaml", tmp_path / "out"
-    path.write_text(json.dumps({"name": "bent", **bent(5.0), "output": {"directory": str(output)}}))
+    path.write_text(json.dumps({"name": "bent", **bent(5.0), "output": {"directory": str(output), "figures": False}}))
     done = CliRunner().invoke(app, ["run", str(path)])
     assert done.exit_code == 0, done.output
     assert "estimated discretisation error" in " ".join(done.stdout.split())

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -16,7 +17,9 @@ import pytest
 from in_process import FREEFEM
 from method_case import CLAMP, CUBES, METIS, config, method, solved
 from processes import begin, gone, nothing_left, working_below
+from typer.testing import CliRunner
 
+from orchestrator.cli import app
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.results.solution import Solution
 from orchestrator.scene.mesh.structured import bricks
@@ -104,6 +107,15 @@ def temporary(tmp_path):
     return folder
 
 
+def called(temporary, *arguments, **environment):
+    """Exit code, stdout and stderr of ``orchestrator …``, called in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(temporary))
+        done = CliRunner().invoke(app, [*map(str, arguments)], env=environment)
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stdout, done.stderr
+
+
 def launch(temporary, *arguments, **environment):
     """``orchestrator …`` as a process group of its own, as a shell would start it."""
     return begin(sys.executable, "-m", "orchestrator", *map(str, arguments), cwd=ROOT, start_new_session=True,
@@ -183,13 +195,13 @@ def under_way(temporary, path, out, iterations=5, *arguments, **environment):
 def test_not_converged(tmp_path, temporary):
     """Exit code 1, with summary, history, fields and a checkpoint to go on from."""
     out, path = tmp_path / "out", written(tmp_path, **METIS, **BENT, **method(max_iterations=3))
-    code, shown, _ = ended(launch(temporary, "run", path, "--output", out, *SHORTEN))
+    code, shown, _ = called(temporary, "run", path, "--output", out, *SHORTEN)
     assert code == 1 and "NOT converged (max_iterations)" in shown
     summary = json.loads((out / "summary.json").read_text())
     assert not summary["converged"] and summary["iterations"] == 3 and 0 < summary["error_bound"] < 1
     assert (out / "fields.npz").is_file() and lines_of(out / "history.csv") == 4
-    code, *_ = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
-                            "--set", "method.max_iterations=100"))
+    code, *_ = called(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
+                            "--set", "method.max_iterations=100")
     resumed = Solution.read(out)
     assert code == 0 and list(resumed.history["iteration"]) == list(range(1, resumed.iterations + 1))
     assert np.all(np.diff(resumed.history["sweeps"]) >= 1), "the sweeps of both runs are counted"
@@ -251,8 +263,8 @@ def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
     for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint/batch-000.log", "mine.txt"):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_text("old")
-    code, *_ = ended(launch(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN,
-                            "--set", "output.fields=false"))
+    code, *_ = called(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN,
+                            "--set", "output.fields=false")
     assert code == 0
     assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "mine.txt"}
     assert (out / "mine.txt").read_text() == "old"
@@ -263,7 +275,7 @@ def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
 
 def refused(temporary, *arguments, **environment):
     """stderr of a run that ends with exit code 2 and leaves nothing."""
-    code, _, err = ended(launch(temporary, *arguments, **environment))
+    code, _, err = called(temporary, *arguments, **environment)
     assert code == 2 and "Traceback" not in err, err
     assert err.count("problem in the input") == 1 and "expected:" in err
     assert nothing_left(temporary)
@@ -320,7 +332,7 @@ def test_disk_full(tmp_path, temporary):
 def test_resume_without_a_checkpoint_or_for_another_problem(tmp_path, temporary):
     out, path = tmp_path / "out", written(tmp_path, **BENT, **method(max_iterations=2))
     assert "checkpoint" in refused(temporary, "run", path, "--output", out, "--resume")
-    assert ended(launch(temporary, "run", path, "--output", out, *SHORTEN))[0] == 1
+    assert called(temporary, "run", path, "--output", out, *SHORTEN)[0] == 1
     err = refused(temporary, "run", path, "--output", out, "--resume", "--set", "method.relaxation=0.5")
     assert "another problem" in err
     assert (out / "checkpoint").is_dir(), "still there for the right one"

@@ -309,11 +309,12 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
 def test_floor_of_small_runs(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import floor
-    from orchestrator.studies.problems.cases import beam, cube
+    from orchestrator.studies.problems.cases import beam, cube, grains
 
     nothing = {"output": {"fields": False, "figures": False}}
     monkeypatch.setattr(floor, "beam", lambda count: beam(count // 16) | nothing)
     monkeypatch.setattr(floor, "cube", lambda count: cube(count // 2, elements=2) | nothing)
+    monkeypatch.setattr(floor, "grains", lambda count, h: grains(count, h) | nothing)
     monkeypatch.setattr(floor, "GRAINS", 4)
     monkeypatch.setattr(floor, "GRAIN_H", 0.3)
     study = Study("floor", "small", tmp_path)
