@@ -280,14 +280,60 @@ def test_the_program_forgets_to_close(temporary):
     assert gone(pids)
 
 
-def test_folders_of_the_living_are_left_alone(temporary):
+OWNER = """
+import sys
+from orchestrator.blackbox.pool import workdir
+if len(sys.argv) > 1:
+    boot = workdir.here()[1]
+    workdir.here = lambda: (sys.argv[1], boot)
+print(workdir.make(), flush=True)
+sys.stdin.read()
+"""
+
+
+def owner(*host: str) -> tuple[subprocess.Popen, Path]:
+    """Another process that holds a folder until its stdin is closed, perhaps in a container with a name of its own."""
+    child = begin(sys.executable, "-c", OWNER, *host, stdin=subprocess.PIPE)
+    return child, Path(child.stdout.readline().strip())
+
+
+@pytest.mark.parametrize("host", [(), ("another_container",)], ids=["here", "another container"])
+def test_folders_of_the_living_are_left_alone(temporary, host):
+    """Those of another process live as long as it does, whatever its container is called; then they are swept."""
     mine = workdir.make()
-    theirs = temporary / f"orchestrator-{os.getppid()}-x"
-    theirs.mkdir()
+    child, theirs = owner(*host)
+    assert theirs.parent == temporary and (not host or f"-{host[0]}-" in theirs.name)
     workdir.sweep()
     assert mine.is_dir() and theirs.is_dir()
+    child.kill()
+    child.wait()
+    workdir.sweep()
+    assert mine.is_dir() and not theirs.exists()
     workdir.remove(mine)
-    theirs.rmdir()
+
+
+def test_folders_of_other_hosts_are_left_alone(temporary):
+    """Nobody can tell from here whether their owners live; a host that was started anew has no owner left."""
+    host, boot = workdir.here()
+    foreign = temporary / f"orchestrator-{host}x-0123456789ab-1-abc"
+    before = temporary / f"orchestrator-{host}-0123456789ab-1-abc"
+    for path in (foreign, before):
+        path.mkdir()
+    workdir.sweep()
+    assert foreign.is_dir() and not before.exists()
+    foreign.rmdir()
+
+
+def test_whoever_sweeps_while_folders_are_made_takes_none(temporary):
+    """Between its making and its lock a folder looks abandoned."""
+    sweeping = begin(sys.executable, "-c", "from orchestrator.blackbox.pool import workdir; import time\n"
+                     "end = time.monotonic() + 2\nprint(flush=True)\nwhile time.monotonic() < end: workdir.sweep()")
+    sweeping.stdout.readline()
+    made = [workdir.make() for _ in range(300)]
+    assert sweeping.wait(timeout=20) == 0
+    assert all((path / "owner").exists() for path in made)
+    for path in made:
+        workdir.remove(path)
 
 
 def processes_in(folder: Path) -> list[int]:

@@ -1,26 +1,51 @@
 """Folders for the files exchanged with the code, and their removal whatever happens.
 
-A folder carries its owner's process id in its name. What a killed owner left is swept by whoever
-starts next.
+A folder carries host, boot and process of its owner in its name, and holds a file that the owner keeps locked for as long
+as it lives: the kernel opens the lock when the owner ends, however that happens. What a killed owner left is swept by
+whoever starts next on that host. The temporary folder may be shared: folders of another host stay, since nobody can tell
+from here whether their owners live, and so do those whose lock is held, be their owner in another container or not to be
+seen from here.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
+import re
 import shutil
+import socket
 import tempfile
+from functools import cache
 from pathlib import Path
 
 from orchestrator.errors import InputError, Problem
 
-_PREFIX = "orchestrator-"
+_PREFIX, _LOCK = "orchestrator", "owner"
+_held: dict[Path, int] = {}  # the locks of this process's folders
+
+
+@cache
+def here() -> tuple[str, str]:
+    """Name of the host, and what tells this boot of its kernel from all others; without hyphens."""
+    host = re.sub(r"[^A-Za-z0-9.]", "_", socket.gethostname()) or "unknown"
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip().replace("-", "")[:12]
+    except OSError:
+        boot = "unknown"
+    return host, boot
 
 
 def make() -> Path:
     """A new folder under the temporary folder (TMPDIR); raises InputError when it cannot be."""
     sweep()
     try:
-        return Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-"))
+        while True:
+            path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""])))
+            lock = _locked(path)
+            if lock is None:  # someone swept it before it was locked
+                continue
+            _held[path] = lock
+            return path
     except OSError as error:
         raise InputError(Problem(
             (), f"no folder can be made in {tempfile.gettempdir()}: {error.strerror}",
@@ -29,14 +54,20 @@ def make() -> Path:
 
 
 def sweep() -> None:
-    """Remove the folders of owners that are no more; those of other users stay."""
-    for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}[0-9]*-*"):
-        owner = path.name[len(_PREFIX) :].split("-")[0]
+    """Remove the folders of owners on this host that are no more; those of other users stay."""
+    host, boot = here()
+    for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}-*-*-*-*"):
+        _, *owner = path.name.rsplit("-", 4)
         try:
-            if owner.isdigit() and path.stat().st_uid == os.getuid() and not _alive(int(owner)):
+            # one kernel, whatever its containers call themselves; or this host before it was started anew
+            if path in _held or (owner[1] != boot and owner[0] != host) or path.stat().st_uid != os.getuid():
+                continue
+            lock = _locked(path)
+            if lock is not None:
                 shutil.rmtree(path, ignore_errors=True)
+                os.close(lock)
         except OSError:
-            pass  # swept by someone else meanwhile
+            pass  # swept by someone else meanwhile, or a file system without locks
 
 
 def remove(path: Path) -> None:
@@ -44,14 +75,26 @@ def remove(path: Path) -> None:
     for _ in range(3):  # a thread may just be writing into it
         shutil.rmtree(path, ignore_errors=True)
         if not path.exists():
-            return
+            break
+    lock = _held.pop(path, None)
+    if lock is not None:
+        os.close(lock)
 
 
-def _alive(pid: int) -> bool:
+def _locked(folder: Path) -> int | None:
+    """Descriptor of a folder's lock, now held; None while another process holds it, or if the folder is gone."""
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
+        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.path.samestat(os.fstat(lock), os.stat(folder / _LOCK)):
+            return lock
+    except (BlockingIOError, FileNotFoundError):
         pass
-    return True
+    except BaseException:
+        os.close(lock)
+        raise
+    os.close(lock)
+    return None
