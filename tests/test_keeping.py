@@ -20,7 +20,7 @@ from orchestrator.results.kept_mesh import NAME as MESH
 from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
 from orchestrator.results.resume import load_checkpoint
-from orchestrator.results.subscribers.checkpoint import Checkpoint, begun
+from orchestrator.results.subscribers.checkpoint import Checkpoint
 from orchestrator.results.subscribers.history import read_history
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
@@ -145,14 +145,15 @@ def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted):
     folder, made, scene, _ = interrupted
     for what, change in {
             "another version": lambda text: text.replace(b'"version": 1', b'"version": 9'),
-            "another problem": lambda text: text.replace(b'"problem": "key"', b'"problem": "lock"'),
-            "no checkpoint": None}.items():
+            "another problem": lambda text: text.replace(b'"problem": "key"', b'"problem": "lock"')}.items():
         shutil.rmtree(tmp_path / "checkpoint", ignore_errors=True)
         shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
         for file in (tmp_path / "checkpoint").iterdir():
-            file.write_bytes(change(file.read_bytes())) if change else file.unlink()
+            file.write_bytes(change(file.read_bytes()))
         with pytest.raises(InputError, match=what):
             load_checkpoint(tmp_path, "key")
+    with pytest.raises(InputError, match="no checkpoint"):
+        load_checkpoint(tmp_path / "nowhere", "key")
     start = load_checkpoint(folder, "key")
     other = config(**PRESSED | {"subdomains": {"grid": [2, 1, 1]}})
     with pytest.raises(InputError, match="columns"):
@@ -163,14 +164,11 @@ def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted):
 
 
 def test_killed_while_the_first_record_was_written(tmp_path, interrupted):
-    """Nothing whole is there: a run that is known to have begun begins again, rubbish alone is refused."""
+    """Nothing whole is there: the run begins at its beginning."""
     path = tmp_path / "checkpoint"
     shutil.copytree(interrupted[0] / "checkpoint", path)
     for file in path.iterdir():
         file.write_bytes(file.read_bytes()[:300])
-    with pytest.raises(InputError, match="damaged"):
-        load_checkpoint(tmp_path, "key")
-    begun(ResultsFolder(tmp_path))
     assert load_checkpoint(tmp_path, "key") is None
 
 

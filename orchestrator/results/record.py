@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from types import TracebackType
 
 from orchestrator.config import Config
@@ -43,6 +44,8 @@ class Record:
     def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False):
         key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
         self.start = load_checkpoint(folder, key) if resume else None
+        if resume and self.start is None:
+            print(f"No iteration is kept in {folder.path}: the run begins at its beginning.", file=sys.stderr)
         if not resume:
             folder.clear()
             begun(folder)
@@ -70,12 +73,12 @@ class Record:
         try:
             self._history.complete()
             write_results(self._folder, solution, self._watch, fields, artist)
-            if solution.converged:
-                self._checkpoint.remove()
-                forget_mesh(self._folder)
         except BaseException as error:
             self._remains.unwritten(error, solution)
             raise
+        if solution.converged:
+            self._checkpoint.remove()
+            forget_mesh(self._folder)
 
     def __enter__(self) -> Record:
         return self

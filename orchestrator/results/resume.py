@@ -12,7 +12,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.method.memory import Memory
 from orchestrator.method.start import Start
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.results.subscribers.checkpoint import BEGUN, ENDED, NAME, SEGMENTS
+from orchestrator.results.subscribers.checkpoint import ENDED, NAME, SEGMENTS
 from orchestrator.results.subscribers.log import OtherVersion, Record, records
 
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"
@@ -25,28 +25,27 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
 
     Returns
     -------
-    where to go on from; None where a run has begun and was killed before its first iteration was done
+    where to go on from; None where a run has begun, but left no iteration that is whole
 
     Raises
     ------
-    InputError : none there, nothing sound in it, or written for another problem than ``fingerprint``
+    InputError : none there, or written for another problem than ``fingerprint``, or by another version
     """
     path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
     files = [sorted(path.glob(pattern)) for pattern in (ENDED, SEGMENTS)]
-    if not any(files) and not (path / BEGUN).exists():
+    if not path.is_dir():
         raise InputError(Problem(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
                                  "the checkpoint of an interrupted run of this configuration", _FRESH))
     # read all the same: what belongs to another problem or version is refused
     ended, latest = ([record for file in some for record in _sound(file, fingerprint)] for some in files)
-    if not ended and not latest and (path / BEGUN).exists():
-        return None
     done: list[Record] = []
     for record in ended:  # batches of load steps, one after the other
         if record.header["batch"] == len(done):
             done.append(record)
     if done and (done[-1].header["notes"]["last"] or not all(r.header["notes"]["met"] for r in done)):
         return _after_the_end(done, latest)
-    return _between(done, _window([r for r in latest if r.header["batch"] == len(done)]), path)
+    window = _window([r for r in latest if r.header["batch"] == len(done)])
+    return _between(done, window) if done or window else None
 
 
 def _sound(file: Path, fingerprint: str) -> list[Record]:
@@ -80,11 +79,8 @@ def _window(found: Sequence[Record]) -> list[Record]:
     return []
 
 
-def _between(done: Sequence[Record], latest: Sequence[Record], path: Path) -> Start:
+def _between(done: Sequence[Record], latest: Sequence[Record]) -> Start:
     """Where a run stood that was stopped."""
-    if not done and not latest:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} is damaged: no iteration in it is whole",
-                                 "a checkpoint written by a run", f"remove {path} and run without --resume"))
     last = (latest or done)[-1].header
     return Start(None, last["iteration"], last["notes"]["batch"]["sweeps"], last["notes"]["seconds"],
                  [_memory(r) for r in done], [_memory(r) for r in latest])
@@ -97,9 +93,9 @@ def _after_the_end(done: Sequence[Record], latest: Sequence[Record]) -> Start:
     its last state, and so do those after it.
     """
     if all(r.header["notes"]["met"] for r in done):
-        return _between(done, [], Path())
+        return _between(done, [])
     if len(done) == 1 and (window := _window(latest)) and window[-1].header["iteration"] >= done[0].header["iteration"] - 1:
-        return _between([], window, Path())
+        return _between([], window)
     memories, last = [_memory(r) for r in done], done[-1].header
     sound = next(i for i, r in enumerate(done) if not r.header["notes"]["met"])
     state = np.vstack([m.arrays["trace/delivered.s"] for m in memories])

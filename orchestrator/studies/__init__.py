@@ -49,6 +49,8 @@ _LISTED = {
     "large": ("performance.large:run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
     "stability": ("robustness.stability:run",
                   "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
+    "faults": ("robustness.faults:run",
+               "runs killed at random moments and disks full at every stage, then resumed: nothing is lost"),
     "bound": ("convergence.bound:run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}

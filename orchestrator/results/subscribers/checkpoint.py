@@ -24,7 +24,7 @@ from orchestrator.method.start import Start
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.log import append, begin
 
-NAME, BEGUN, ENDED, SEGMENTS = "checkpoint", "begun", "batch-*.log", "iterations-*.log"
+NAME, ENDED, SEGMENTS = "checkpoint", "batch-*.log", "iterations-*.log"
 RESERVE, MARGIN = "reserve", 1 << 16  # bytes for what is no array
 DELAY = 0.5  # seconds that an iteration waits for others, to be written together
 SYNCED = 30.0  # seconds between two waits for the disk itself
@@ -32,7 +32,8 @@ SYNCED = 30.0  # seconds between two waits for the disk itself
 
 def begun(folder: ResultsFolder) -> None:
     """Note that a run has begun here: if it is killed before its first iteration, it resumes at its beginning."""
-    folder.write(f"{NAME}/{BEGUN}", b"")
+    with folder.guarded(NAME):
+        (folder / NAME).mkdir(exist_ok=True)
 
 
 def saved(folder: ResultsFolder) -> bool:
@@ -130,17 +131,20 @@ class Checkpoint(Subscriber):
 
     def _write_pending(self) -> None:
         while self._pending and not self._removed:
-            memory = self._pending.pop(0)
-            if self._given_up and not memory.ended:
-                continue
+            memory = self._pending[0]
+            if not self._given_up or memory.ended:
+                self._keep_or_give_up(memory)
+            self._pending.pop(0)  # now, so that an interrupt does not lose it
+
+    def _keep_or_give_up(self, memory: Memory) -> None:
+        try:
+            self._keep(memory)
+        except (OSError, MemoryError) as first:
+            self._free(memory)
             try:
                 self._keep(memory)
-            except OSError as first:
-                self._free(memory)
-                try:
-                    self._keep(memory)
-                except OSError:
-                    self._give_up(first)
+            except (OSError, MemoryError):
+                self._give_up(first)
 
     def _keep(self, memory: Memory) -> None:
         for path in self._stale:
@@ -153,7 +157,9 @@ class Checkpoint(Subscriber):
             (self._path / RESERVE).unlink(missing_ok=True)
             self._end(memory)  # first, so that no run goes on after an iteration that was the last
             self._reserved = memory.notes["last"]
-        if not self._given_up:
+        if memory.ended and memory.notes["met"]:
+            self._forget()  # the results may need the room
+        elif not self._given_up:
             self._append(memory)
 
     def _reserve(self, memory: Memory) -> None:
@@ -211,15 +217,20 @@ class Checkpoint(Subscriber):
     def _free(self, memory: Memory) -> None:
         """Make room on a full disk: the end of a batch needs none of the iterations before."""
         if memory.ended:
-            self._close_file()
-            for path, _ in self._segments:
-                with suppress(OSError):
-                    path.unlink(missing_ok=True)
-            self._segments, self._given_up = [], True
+            self._forget()
+            self._given_up = True
 
-    def _give_up(self, error: OSError) -> None:
+    def _forget(self) -> None:
+        """Remove the iterations so far."""
+        self._close_file()
+        for path, _ in self._segments:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        self._segments = []
+
+    def _give_up(self, error: Exception) -> None:
         if not self._given_up:
-            self._warn(f"No checkpoint can be written in {self._path} ({error.strerror or error}): the run goes on "
+            self._warn(f"No checkpoint can be written in {self._path} ({getattr(error, 'strerror', None) or error}): the run goes on "
                        "without; if it is killed, --resume begins where the last checkpoint was.")
         self._given_up = True
         self._close_file()

@@ -72,7 +72,7 @@ def append(file: BinaryIO, header: Mapping[str, Any], arrays: Mapping[str, np.nd
         _write(file, _HEAD.pack(_MARK, len(text), sum(v.nbytes for v in views), zlib.crc32(text), total) + text)
         for view in views:
             _write(file, view)
-    except OSError:
+    except BaseException:  # an interrupt too: nothing behind half a record can be read
         file.truncate(size)
         raise
 

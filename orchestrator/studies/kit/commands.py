@@ -31,6 +31,14 @@ def without_ranks() -> str | None:
     return None if launcher().is_file() else f"no {launcher()}"
 
 
+def orchestrate(path: Path, *options: str, ranks: int = 1) -> subprocess.Popen:
+    """``orchestrator run`` under way, its output collected; over several ranks by ``launcher``."""
+    command, environment = [sys.executable, "-m", "orchestrator", "run", str(path), *options], None
+    if ranks > 1:
+        command, environment = [str(launcher()), "-n", str(ranks), *command], {**os.environ, **_MPI}
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
 def whole_command(study: Study, name: str, config: dict[str, Any], ranks: int = 1, *, output: str = "",
                   accepted: Container[int] = (CONVERGED, NOT_CONVERGED)) -> tuple[dict[str, Any], float]:
     """Run a configuration from the command line, in the study's folder.
@@ -51,14 +59,11 @@ def whole_command(study: Study, name: str, config: dict[str, Any], ranks: int = 
     """
     path = study.folder.write(f"{name}.yaml", json.dumps(config, indent=1))  # JSON is YAML
     folder = study.folder / (output or name)
-    command = [sys.executable, "-m", "orchestrator", "run", str(path), "--output", str(folder), "--quiet"]
-    environment = None
-    if ranks > 1:
-        command, environment = [str(launcher()), "-n", str(ranks), *command], {**os.environ, **_MPI}
     begin = time.perf_counter()
-    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    with orchestrate(path, "--output", str(folder), "--quiet", ranks=ranks) as process:
+        said, complaint = process.communicate()
     seconds = time.perf_counter() - begin
-    if done.returncode not in accepted:
-        told = done.stderr.strip() or done.stdout.strip() or f"the run ended with code {done.returncode}"
+    if process.returncode not in accepted:
+        told = complaint.strip() or said.strip() or f"the run ended with code {process.returncode}"
         raise BlackBoxError(f"{name}: {told}")
     return json.loads((folder / "summary.json").read_text(encoding="utf-8")), seconds
