@@ -90,6 +90,7 @@ class Problems:
     """Collects problems so that a user sees all of them in one go."""
 
     found: list[Problem] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)  # sentences on what is no error but may be meant otherwise
 
     def add(self, path: KeyPath, found: str, expected: str, cure: str = "") -> None:
         self.found.append(Problem(tuple(path), found, expected, cure))

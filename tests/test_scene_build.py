@@ -11,6 +11,7 @@ from orchestrator.config import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.rigid import check_held, rigid_modes
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
@@ -70,7 +71,7 @@ def interfaces_of(mesh, fixed=None, entries=()):
     partition = Partition(mesh.volume, mesh.volumes)
     numbering = split_numbering(mesh.cells, mesh.volume, len(mesh.nodes))
     fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
-    interfaces = make_interfaces(mesh, faces, partition, numbering, list(entries), found)
+    interfaces, _ = make_interfaces(mesh, faces, partition, numbering, list(entries), found)
     return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
 
 
@@ -437,3 +438,21 @@ def test_everything_is_reported_at_once():
                      boundary=[{**CLAMP, "on": "xmim"}], loads=[{"on": "bax", "body_force": [0.0, 0.0, 1.0]}])
     assert [p.path for p in found] == [("materials", 0, "on"), ("materials",), ("boundary", 0, "on"), ("subdomains",),
                                        ("loads", 0, "on")]
+
+
+# --- scenes that are hardly meant so ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"boundary": [CLAMP]}, ["nothing loads the scene"]),
+    ({"boundary": [CLAMP, {"on": {"plane": "x", "at": 0.0}, "traction": [1, 0, 0]}]}, ["boundary[1], a traction, acts on faces"]),
+    ({"boundary": [CLAMP, {"on": {"plane": "x", "at": 0.0}, "pressure": 1.0}]}, ["boundary[1], a pressure, acts on faces"]),
+    ({"boundary": [CLAMP, {"on": "xmax", "traction": [1, 0, 0]}], "histories": {"ramp": [0.5, 1.0]}}, ["history 'ramp' has no use"]),
+    ({"boundary": [CLAMP, {"on": "xmax", "traction": [1, 0, 0]}]}, []),
+    ({"boundary": [CLAMP, {"on": "xmax", "displacement": [1e-3, None, None]}, {"on": "xmax", "traction": [0, 1, 0]}]}, []),
+    ({"boundary": [CLAMP], "loads": [{"body_force": [0, 0, -1]}]}, []),
+    ({"boundary": [CLAMP], "interfaces": [{"law": "jump", "jump": [1e-3, 0, 0]}]}, []),
+], ids=["no load", "traction on the clamp", "pressure on the clamp", "history", "pulled", "held along, pushed across", "weight", "jump"])
+def test_what_is_hardly_meant(changes, words):
+    said = scene_cautions(scene(**changes))
+    assert len(said) == len(words) and all(text.startswith(word) for word, text in zip(words, said)), said

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 from contact_case import contact, contacts, converged, written
 
+from orchestrator.config import Config
 from orchestrator.errors import InputError
+from orchestrator.laws.contact import Contact
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.interfaces.overlap import Solid, contained
 from orchestrator.scene.interfaces.pairing import REACH, Body, close_bodies
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.scene.model import Mesh
@@ -130,7 +133,7 @@ def test_bodies_within_reach_are_all_found_in_their_order():
 
 def test_a_patch_is_connected(tmp_path):
     """Blocks that touch in two places have two interfaces."""
-    notch = two_parts(lambda x: x + np.c_[0 * x[:, :2], np.where((x[:, 2] == 0.5) & (np.abs(x[:, 0] - 0.5) < 0.2), 0.02, 0.0)])
+    notch = two_parts(lambda x: x + np.c_[0 * x[:, :2], np.where((x[:, 2] == 0.5) & (np.abs(x[:, 0] - 0.5) < 0.2), 0.12, 0.0)])
     scene = build_scene(made(tmp_path, notch, LAWS["friction"]))
     assert [(i.name, len(i.global_nodes)) for i in scene.interfaces] == [
         ("lower | upper (patch 1)", 10), ("lower | upper (patch 2)", 10)]
@@ -160,8 +163,8 @@ def test_what_nothing_holds(tmp_path):
     """A part is held through its pair; without the pair it is named."""
     pushed = {"on": "upper zmax", "pressure": 1.0}
     build_scene(made(tmp_path, two_parts(), LAWS["friction"], (HELD, pushed)))
-    (wrong,) = problems(made(tmp_path, two_parts(lambda x: x + [0, 0, 0.01]), LAWS["friction"], (HELD, pushed)))
-    assert wrong.path == ("boundary",) and wrong.found.startswith("upper (one of 2 separate bodies")
+    apart, wrong = problems(made(tmp_path, two_parts(lambda x: x + [0, 0, 0.01]), LAWS["friction"], (HELD, pushed)))
+    assert apart.path == ("interfaces", 0, "between") and wrong.path == ("boundary",) and wrong.found.startswith("upper (one of 2 separate bodies")
 
 
 def test_pairs_prescribed_on_one_side_only(tmp_path):
@@ -171,3 +174,82 @@ def test_pairs_prescribed_on_one_side_only(tmp_path):
     both = {"on": {"plane": "x", "at": 0.0}, "displacement": [0, None, None]}
     scene = build_scene(made(tmp_path, two_parts(), LAWS["friction"], (HELD, both)))
     assert (~scene.interfaces[0].free[:, 0]).sum() == 5 and scene.interfaces[0].free[:, 1:].all()
+
+
+# --- near without an interface ----------------------------------------------------------------------------
+
+ALL = {"law": "contact", "friction": 0.1}
+NAMED = {"between": ["lower", "upper"], **ALL}
+
+
+def moved_corner(by):
+    """Moves the node in the middle of the upper part's lower face."""
+    return lambda x: x + np.where((x == [0.5, 0.5, 0.5]).all(axis=1)[:, None], by, 0.0)
+
+
+@pytest.mark.parametrize("mesh, law, path, words", [
+    (two_parts(upper=(3, 3, 2)), ALL, ("interfaces", 0, "between"), ["no interface in all the scene", "2 separate pieces"]),
+    (two_parts(lambda x: x + [0, 0, 0.01]), ALL, ("interfaces", 0, "between"), ["nearest nodes are 0.01 apart"]),
+    (two_parts(lambda x: x + [0, 0, 0.01]), NAMED, ("interfaces", 0, "between"), ["nearest nodes are 0.01 apart"]),
+    (two_parts(moved_corner([0.02, 0, 0])), ALL, ("interfaces", 0), ["6 faces of 'lower' and 'upper' touch", "up to 0.02"]),
+    (two_parts(moved_corner([0, 0, 0.01])), {"law": "perfect"}, ("interfaces", 0), ["6 faces of", "up to 0.01"]),
+    (two_parts(moved_corner([0, 0, 0.01])), None, ("mesh",), ["6 faces of", "up to 0.01"]),
+    (two_parts(lambda x: x - [0, 0, 0.19]), None, ("mesh",), ["inside each other by about 0.19"]),
+    (two_parts(lambda x: x * [0.5, 0.5, 1] + [0.25, 0.25, -0.3]), None, ("mesh",), ["inside each other by about"]),
+], ids=["meshed apart", "gap", "gap, named", "node aside", "node off", "node off, no entry", "deep", "small in large"])
+def test_what_is_near_without_an_interface(mesh, law, path, words, tmp_path):
+    wrong = problems(made(tmp_path, mesh, law) if law else unasked(tmp_path, mesh))[0]
+    assert wrong.path == path and all(word in wrong.found for word in words), str(wrong)
+
+
+def unasked(folder, mesh):
+    """Without a word on interfaces."""
+    data = made(folder, mesh, ALL).model_dump(exclude={"interfaces"}, exclude_unset=True)
+    return Config.model_validate(data)
+
+
+@pytest.mark.parametrize("change, words", [
+    (lambda x: x + [0, 0, 0.01], "touch, at"), (lambda x: x + [0, 0, 0.1], "are 0.1 apart, at"),
+    (lambda x: x + [0, 0, 0.7], ""), (lambda x: x, "")], ids=["a hundredth", "a tenth", "far", "joined"])
+def test_parts_merely_near_are_told(change, words, tmp_path):
+    warnings = build_scene(unasked(tmp_path, two_parts(change))).warnings
+    assert len(warnings) == bool(words)
+    assert not words or warnings[0].startswith(f"'lower' and 'upper' {words}")
+
+
+def test_a_third_part_near_the_others(tmp_path):
+    """An entry for all parts joins two of three: for the third it is an error where it asks for contact."""
+    mesh = two_parts()
+    third = bricks(np.array([1.0, 1.0, 0.5]), np.array([4, 4, 2]), "box")
+    count = len(mesh.nodes)
+    mesh = Mesh(np.r_[mesh.nodes, third.nodes + [0, 0, 1.01]], np.r_[mesh.cells, third.cells + count],
+                np.r_[mesh.volume, np.full(len(third.cells), 2)], [*mesh.volumes, "third"],
+                mesh.surfaces | {f"third {n}": t + count for n, t in third.surfaces.items()})
+    boundary = (HELD, MOVED, {"on": "third zmax", "displacement": PATH})
+    (wrong,) = problems(made(tmp_path, mesh, ALL, boundary))
+    assert wrong.path == ("interfaces", 0) and "'upper' and 'third' touch" in wrong.found
+    assert not build_scene(made(tmp_path, mesh, MEASURED, boundary)).warnings
+
+
+def test_a_press_fit_may_overlap():
+    """Only as deep as its gap says."""
+    assert Contact.Parameters(law="contact", gap=-0.1).fit == 0.1
+    assert Contact.Parameters(law="contact", gap="geometry").fit == Contact.Parameters(law="contact").fit == 0
+
+
+def test_points_in_a_part():
+    """Against the box that the part is, with every way of being outside."""
+    mesh = bricks(np.array([2.0, 1.0, 0.5]), np.array([5, 3, 2]), "box")
+    points = np.random.default_rng(0).uniform(-0.5, 2.5, (2000, 3))
+    inside = ((points > 0) & (points < [2, 1, 0.5])).all(axis=1)
+    assert 10 < inside.sum() and np.array_equal(contained(points, Solid.of("", mesh.nodes, mesh.cells, None)), inside)
+
+
+@pytest.mark.parametrize("by, words", [(0.05, []), (0.2, ["pass through each other by about 0.1 at load step 2"])])
+def test_parts_that_pass_through_each_other(by, words, tmp_path):
+    """Blocks 0.1 apart without an interface, the upper one pushed down."""
+    moved = {"on": "upper zmax", "displacement": [[0, 0, -0.02], [0, 0, -by], [0, 0, 0]]}
+    data = unasked(tmp_path, two_parts(lambda x: x + [0, 0, 0.1])).model_dump(exclude_unset=True)
+    warnings = solve(Config.model_validate({**data, "boundary": [HELD, moved]})).summary["warnings"]
+    found = [text for text in warnings if "pass through" in text and "load step" in text]
+    assert len(found) == len(words) and all(word in text for word, text in zip(words, found))

@@ -28,6 +28,11 @@ class Entry(Part):
         """How far apart sides are sought, a length; None: as the scene thinks fit."""
         return None
 
+    @property
+    def fit(self) -> float:
+        """How deep the sides may be inside each other before loading, a length."""
+        return 0.0
+
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         """Rules that concern several keys of the raw entry: key, what was found, what is expected, the cure."""

@@ -49,6 +49,10 @@ class Parameters(Entry):
     def reach(self) -> float | None:
         return self.within
 
+    @property
+    def fit(self) -> float:
+        return 0.0 if self.apart else max(-(self.gap or 0.0), 0.0)
+
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         if raw.get("within") is not None and raw.get("gap") != "geometry":

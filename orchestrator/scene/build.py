@@ -72,7 +72,8 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
                problems)
-    interfaces = [] if whole else make_interfaces(mesh, faces, partition, numbering, config.interfaces, problems)
+    interfaces, near = ([], []) if whole else make_interfaces(
+        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
@@ -82,10 +83,12 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         links = [i.cells for i in interfaces]
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
+    problems.warnings += [f"history '{name}' has no use: no entry of boundary or loads names it"
+                          for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads)}]
     subdomains = _subdomains(partition, numbering, cell_material, held_by, split_prescribed, split)
     assign_codes(mesh, subdomains, config.codes)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count)
+                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near)
 
 
 def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray,

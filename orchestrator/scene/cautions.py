@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Scene
 
 LOCKING = 0.45  # Poisson's ratio from which four-node tets move visibly too little
+FLAT = 1e-9  # share of a force, along an axis, that is rounding
 _SHOWN = 4
 
 
@@ -24,7 +26,29 @@ def locking(scene: Scene) -> Iterator[str]:
                "they move too little, however small the residuals; take blackbox: {element: P2}, which code: freefem has")
 
 
-RULES: list[Callable[[Scene], Iterator[str]]] = [locking]
+def noted(scene: Scene) -> Iterator[str]:
+    """What was noticed when the scene was built: parts that are near each other, histories without use."""
+    yield from scene.warnings
+
+
+def unloaded(scene: Scene) -> Iterator[str]:
+    """Nothing acts, or only where it goes straight into a support."""
+    moved = any(s.prescribed.any() for s in scene.subdomains) or any(i.law.imposed for i in scene.interfaces)
+    if not moved and not any(s.loads.any() for s in scene.subdomains):
+        yield ("nothing loads the scene: no traction, no pressure, no body force, no displacement other than zero; "
+               "nothing will move")
+    for entry in scene.boundary:
+        if entry.kind == "displacement" or not entry.values.any():
+            continue
+        area = area_vectors(scene.mesh.nodes, entry.triangles)
+        force = entry.values[:, :1, None] * area if entry.kind == "pressure" else entry.values[:, None]
+        acts = (np.abs(force) > FLAT * np.abs(force).max()).any(axis=(0, 1))
+        if scene.fixed[entry.nodes][:, acts].all():
+            yield (f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement is prescribed along "
+                   "it: it goes straight into the support and moves nothing")
+
+
+RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
 
 
 def scene_cautions(scene: Scene) -> list[str]:

@@ -169,6 +169,8 @@ class Scene:
         bodies share where interfaces open is fixed if it is in one of them
     loads : (steps, n, 3), consistent nodal forces on global nodes
     steps : number of load steps
+    warnings : sentences on what is no error but may be meant otherwise
+    near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
     """
 
     name: str
@@ -183,6 +185,8 @@ class Scene:
     prescribed: np.ndarray
     loads: np.ndarray
     steps: int
+    warnings: list[str] = field(default_factory=list)
+    near: list[tuple[int, int]] = field(default_factory=list)
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.status import table
+from orchestrator.results.summary.passing import passing_through
 from orchestrator.scene.cautions import LOCKING, scene_cautions, some
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import size_of
@@ -47,6 +48,7 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
     if turned:
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
                       f"(up to about {ROTATION} rad), which the results rest on")
+    result += passing_through(scene, sides, lost)
     return result if interfaces is None else result + _of_interfaces(scene, interfaces)
 
 

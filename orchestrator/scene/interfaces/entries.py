@@ -24,7 +24,7 @@ class Laws:
 
     def __init__(self, entries: list[Any]):
         self.entries = list(entries)
-        self.used = [list(entry.between) == ["*", "*"] for entry in self.entries]
+        self.used = [False] * len(self.entries)
         self._hits = lru_cache(maxsize=None)(lambda pattern, name: bool(matching(pattern, [name])))
 
     def between(self, first: Iterable[str], second: Iterable[str]) -> int:
@@ -85,18 +85,20 @@ class Laws:
                              "names of different bodies: their pieces are joined by perfect interfaces",
                              "leave this entry out; a real joint needs two volumes in the mesh")
 
-    def report_unused(self, names: list[str], pairs: list[tuple[str, str]], problems: Problems,
+    def report_unused(self, names: list[str], pairs: list[tuple[str, str]], pieces: int, problems: Problems,
                       nearest: Callable[[Any], str] = lambda entry: "") -> None:
-        """Adds a problem for each entry that matched no interface.
+        """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
 
         Parameters
         ----------
         names : everything an entry could have named
         pairs : names of the two sides of existing interfaces, for the cure
+        pieces : number of pieces of the mesh that share no faces with each other
         nearest : what to say of how far apart the parts of an entry are
         """
         for i, (entry, used) in enumerate(zip(self.entries, self.used)):
-            if used:
+            everything = list(entry.between) == ["*", "*"]
+            if used or (everything and pieces < 2):
                 continue
             unknown = [p for p in entry.between if not matching(p, names)]
             if unknown:
@@ -110,6 +112,10 @@ class Laws:
                          [f"{a} | {b}" for a, b in pairs]
                 cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
                     if pairs else "there are no interfaces at all"
+                if everything:
+                    found = f"no interface in all the scene: its {pieces} separate pieces share no face" + nearest(entry)
+                    cure = ("mesh what touches alike on both sides; for gaps, let the law read them (contact: "
+                            "gap: geometry); for parts that have nothing to do with each other leave interfaces out")
             where = "between" if unknown else entry.apart or "between"
             problems.add(("interfaces", i, where), found,
                          "names of two parts that share faces, or have opposite faces with matching nodes; "

@@ -147,7 +147,7 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tup
         return [], None
     size = one.size[a]
     reach = (np.full(len(a), within) if within else REACH * size) if apart else COINCIDE * size
-    i, j = _candidates(one.corners[a].mean(axis=1), two.corners[b].mean(axis=1), (1 + ASIDE) * reach + ASIDE * size * apart)
+    i, j = candidates(one.corners[a].mean(axis=1), two.corners[b].mean(axis=1), (1 + ASIDE) * reach + ASIDE * size * apart)
     reach, i, j = reach[i], a[i], b[j]
     facing = np.einsum("ij,ij->i", one.normal[i], two.normal[j]) < OPPOSITE
     reach, i, j = reach[facing], i[facing], j[facing]
@@ -187,7 +187,7 @@ def nearest(one: Body, two: Body) -> tuple[float, np.ndarray, float]:
     return float(distance[at]), x[at], float(one.size[at // 3])
 
 
-def _candidates(x: np.ndarray, y: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def candidates(x: np.ndarray, y: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices i, j of points x[i], y[j] closer than reach[i]."""
     from scipy.spatial import cKDTree  # as above
 

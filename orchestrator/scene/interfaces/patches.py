@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.patch import local_size, node_normals
@@ -23,7 +24,7 @@ MOST = 50
 
 
 def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering,
-                    entries: list[Any], problems: Problems) -> list[Interface]:
+                    entries: list[Any], problems: Problems, asked: bool = True) -> tuple[list[Interface], list[tuple[int, int]]]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
 
     Pairs that touch along an edge or in a node are none. All components count as free, see ``leave_free``.
@@ -31,6 +32,11 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     Parameters
     ----------
     entries : of ``interfaces:`` in the YAML
+    asked : whether the user has written them; what is near without an interface is a mistake then
+
+    Returns
+    -------
+    interfaces, and the pairs of volumes that are near each other without one
     """
     shared, sides, bounds = patches(faces, partition.subdomain)
     triangles, cells = _outward_of_first(faces, partition.subdomain, shared)
@@ -57,9 +63,13 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         found.append(interface)
         pairs.append(names)
     laws.refuse_within(cuts, problems)
-    laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), problems,
-                       lambda entry: _how_far(mesh, bodies, partition, entry))
-    return found
+    if asked:
+        laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), piece_of(mesh, faces)[0],
+                           problems, lambda entry: _how_far(mesh, bodies, partition, entry))
+    near = []
+    if bodies and not problems.found:
+        near = report_neighbours(mesh, faces, bodies, found, partition, numbering, laws, asked, problems)
+    return found, near
 
 
 def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,0 +1,58 @@
+"""Parts that end up inside each other where no interface keeps them apart: of those that were near from the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from orchestrator.scene.interfaces.overlap import Solid, overlap
+from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.model import Scene
+
+
+def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] = ()) -> list[str]:
+    """A sentence per pair of parts, for the load step at which they are deepest.
+
+    Parameters
+    ----------
+    sides : per subdomain (steps, n_E, 3) displacement
+    lost : names of bodies whose place means nothing
+    """
+    parts = {v: _Part(scene, sides, v, set(lost)) for v in {v for pair in scene.near for v in pair}}
+    result = []
+    for one, two in scene.near:
+        if parts[one].lost or parts[two].lost:
+            continue
+        found = [(o.depth, step, o) for step in range(scene.steps)
+                 if (o := overlap(parts[one].at(step), parts[two].at(step))) is not None]
+        if found:
+            depth, step, deepest = max(found, key=lambda f: f[0])
+            result.append(f"{parts[one].name!r} and {parts[two].name!r} pass through each other by about {depth:.3g} at load "
+                          f"step {step + 1}, at {format_point(deepest.where)}, where they have no interface: mesh both sides "
+                          "alike there, or let the law read the gap (contact: gap: geometry)")
+    return result
+
+
+class _Part:
+    """A volume of the mesh as it is displaced."""
+
+    def __init__(self, scene: Scene, sides: list[np.ndarray], volume: int, lost: set[str]):
+        self.name = scene.mesh.volumes[volume]
+        chosen = scene.mesh.volume == volume
+        self.nodes, self.cells = np.unique(scene.mesh.cells[chosen], return_inverse=True)
+        self.cells = self.cells.reshape(-1, scene.mesh.cells.shape[1])
+        self.displacement = np.zeros((scene.steps, len(self.nodes), 3))
+        self.lost = False
+        for e in np.unique(scene.cell_subdomain[chosen]):
+            s = scene.subdomains[e]
+            self.lost |= s.body in lost
+            _, own, at = np.intersect1d(s.nodes, self.nodes, assume_unique=True, return_indices=True)
+            self.displacement[:, at] = sides[e][:, own]
+        self.points = scene.mesh.nodes[self.nodes]
+        faces = faces_of(self.cells[:, :4], len(self.nodes))
+        self.outer = faces.triangles[faces.outer]
+
+    def at(self, step: int) -> Solid:
+        return Solid.of(self.name, self.points + self.displacement[step], self.cells, self.outer)

@@ -1,0 +1,106 @@
+"""Parts inside each other: outer corners and faces' centres of one in the tets of another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from orchestrator.scene.mesh.geometry import area_vectors
+
+# Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
+AROUND, DEEP = 8, 0.1
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Solid:
+    """One part as a set of points in space.
+
+    Parameters
+    ----------
+    name : of the part
+    nodes : (n, 3); cells : (m, 4 or 10) int; outer : (k, 3 or 6) int, its outer faces
+    low, high : (m, 3) boxes of the tets
+    """
+
+    name: str
+    nodes: np.ndarray
+    cells: np.ndarray
+    outer: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, name: str, nodes: np.ndarray, cells: np.ndarray, outer: np.ndarray) -> Solid:
+        """Of a mesh's tets and outer faces."""
+        corners = nodes[cells[:, :4]]
+        return cls(name, nodes, cells, outer, corners.min(axis=1), corners.max(axis=1))
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates."""
+        return self.low.min(axis=0), self.high.max(axis=0)
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """How deep one part is in the other, where that is, and the local mesh size."""
+
+    depth: float
+    where: np.ndarray
+    size: float
+
+
+def overlap(one: Solid, two: Solid) -> Overlap | None:
+    """The deepest that a corner or a face's centre of either part is inside the other; None: not worth mentioning."""
+    if (one.box[0] > two.box[1]).any() or (two.box[0] > one.box[1]).any() or not len(one.outer) or not len(two.outer):
+        return None
+    found = [o for o in (_inside(one, two), _inside(two, one)) if o is not None]
+    return max(found, key=lambda o: o.depth / o.size, default=None)
+
+
+def _inside(one: Solid, two: Solid) -> Overlap | None:
+    faces = one.nodes[one.outer[:, :3]]
+    points = np.concatenate([one.nodes[np.unique(one.outer[:, :3])], faces.mean(axis=1)])
+    points = points[((points > two.box[0]) & (points < two.box[1])).all(axis=1)]
+    points = points[contained(points, two)]
+    if not len(points):
+        return None
+    from scipy.spatial import cKDTree  # only parts that are inside each other need it
+
+    faces = two.nodes[two.outer[:, :3]]
+    vectors = area_vectors(two.nodes, two.outer)
+    area = np.linalg.norm(vectors, axis=1)
+    normal, size = vectors / area[:, None], np.sqrt(2 * area)
+    _, near = cKDTree(faces.mean(axis=1)).query(points, min(AROUND, len(faces)))
+    near = near.reshape(len(points), -1)
+    behind = np.einsum("pki,pki->pk", faces[near].mean(axis=2) - points[:, None], normal[near])
+    depth = np.abs(behind).min(axis=1)
+    at = int((depth / size[near[:, 0]]).argmax())
+    deepest = Overlap(float(depth[at]), points[at], float(size[near[at, 0]]))
+    return deepest if deepest.depth > DEEP * deepest.size else None
+
+
+def contained(points: np.ndarray, solid: Solid) -> np.ndarray:
+    """(p,) bool, which points (p, 3) are in one of a part's tets."""
+    result = np.zeros(len(points), dtype=bool)
+    if not len(points):
+        return result
+    from scipy.spatial import cKDTree
+
+    chosen = np.flatnonzero(((solid.low <= points.max(axis=0)) & (solid.high >= points.min(axis=0))).all(axis=1))
+    middle, radius = (solid.low[chosen] + solid.high[chosen]) / 2, (solid.high[chosen] - solid.low[chosen]) / 2
+    around = cKDTree(points).query_ball_point(middle, np.linalg.norm(radius, axis=1))
+    count = np.array([len(a) for a in around], dtype=int)
+    if not count.sum():
+        return result
+    tet, point = np.repeat(chosen, count), np.concatenate([np.asarray(a, dtype=int) for a in around])
+    boxed = ((points[point] >= solid.low[tet]) & (points[point] <= solid.high[tet])).all(axis=1)
+    tet, point = tet[boxed], point[boxed]
+    corners = solid.nodes[solid.cells[tet, :4]]
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    share = np.linalg.solve(edges, (points[point] - corners[:, 0])[:, :, None])[:, :, 0]
+    result[point[(share.min(axis=1) >= -ROUNDING) & (share.sum(axis=1) <= 1 + ROUNDING)]] = True
+    return result
