@@ -7,6 +7,7 @@ shape (reported elsewhere) and is listed in ``RULES``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -175,7 +176,8 @@ def one_element(data: Any) -> Iterator[Problem]:
 def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
     """Numbers whose products with each other are numbers still: twenty powers of ten more than any unit asks for."""
     if _is_number(data):
-        if data and not SMALLEST <= abs(data) <= HUGEST:
+        known = isinstance(data, int) or math.isfinite(data)  # others are refused as no numbers
+        if data and known and not SMALLEST <= abs(data) <= HUGEST:
             yield Problem(path, f"{data:.3g}" if isinstance(data, float) else f"a number of {len(str(data))} digits",
                           f"0, or a number from {SMALLEST:g} to {HUGEST:g} but for its sign",
                           "take units in which the problem's numbers are of ordinary size")

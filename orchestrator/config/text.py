@@ -83,7 +83,7 @@ class _Constructor(RoundTripConstructor):
         try:
             return super().construct_object(node, deep=deep)
         except (ValueError, ArithmeticError) as error:
-            raise ConstructorError(problem=str(error), problem_mark=node.start_mark) from error
+            raise ConstructorError(problem=str(error).partition(";")[0], problem_mark=node.start_mark) from error
 
 
 class _TooMuch(Exception):
