@@ -7,8 +7,8 @@ from method_case import box_of, prepared
 
 from orchestrator.config import config_from
 from orchestrator.method.events import Subscriber
+from orchestrator.method.start import Start
 from orchestrator.method.stopping.lengths import LengthScale
-from orchestrator.results.subscribers.checkpoint import SavedState
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions
@@ -59,7 +59,7 @@ def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):
     sound = solve(stack(), subscribers=[kept])
     assert sound.converged
     for factor in (1e3, 1e12):
-        resumed = solve(stack(), start=SavedState(factor * kept.state, 0, 0.0, 0.0))
+        resumed = solve(stack(), start=Start(factor * kept.state))
         wrong = max(np.abs(a - b).max() for a, b in zip(resumed.sides[:2], sound.sides)) / np.abs(sound.sides[1]).max()
         assert not resumed.converged or wrong < 30 * TOLERANCE
         assert factor > 1e3 or resumed.converged
