@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_case import box, forces, settings
+from in_process import IN_PROCESS, InProcess, InProcessWorker
 from typer.testing import CliRunner
 
 from orchestrator.blackbox.trial import conformance
@@ -54,6 +55,17 @@ class Solver(template.Solver):
         k = super().stiffness(model)
         {stiffness}
 '''
+MORE = {  # methods beside the two
+    "the last model prepared": """
+    def prepare(self, model):
+        self.last = super().prepare(model)
+        return self.last
+""",
+    "the last model of that size": """
+    def prepare(self, model):
+        self.last = {**getattr(self, "last", {}), model.fixed.size: super().prepare(model)}
+        return self.last[model.fixed.size]
+"""}
 WRONG = {
     "sign": ("return -u", "return k", "the opposite sign"),
     "component after component": ("return u.reshape(len(u), -1, 3).swapaxes(1, 2).reshape(u.shape)", "return k",
@@ -74,6 +86,18 @@ WRONG = {
     "a stiffness without symmetry": ("return u", "k.data[::7] *= 1.0001; return k", "not symmetric"),
     "held stiffness": ("return u", "k = k.tolil(); k[0, 0] *= 2; return k.tocsr()",
                        "stiffness of the body: relative difference"),
+    "wrong units from the third region on": (
+        "return u", "import copy; m = copy.copy(model); m.materials = m.materials * np.array([[1, 1], [1, 1], [1e-3, 1], "
+        "[1e-3, 1]])[: len(m.materials)]; return super().stiffness(m)", "region 3 of 4 counts 0.001 times"),
+    "the last model prepared": ("return super().solve(self.last, forces)", "return k", "any more, now that 4 models are prepared"),
+    "the last model of that size": ("return super().solve(self.last[forces.shape[1]], forces)", "return k", "any more, now that 4 models are prepared"),
+    "512 load cases at most": ("u[512:] = u[:1]; return u", "return k", "of 600 load cases at once"),
+    "zeros are answered": ("u[~forces.any(axis=1)] = u[0]; return u", "return k", "a load case of zeros"),
+    "one size for all rows": ("return u if len(u) < 13 else np.rint(u / abs(u).max() * 1e9) * abs(u).max() / 1e9",
+                              "return k", "forces of twelve orders of magnitude"),
+    "forces overwritten": ("forces *= 1.0; return u", "return k", "read-only"),
+    "the order of preparing": ("return u", "self.seen = getattr(self, 'seen', []) + [model.name]; "
+                               "return k * (1 + 1e-3 * (self.seen[0] == 'twin body'))", "in which models are prepared"),
     "an exception": ("raise RuntimeError('out of licences')", "return k", "out of licences"),
 }
 
@@ -82,9 +106,23 @@ WRONG = {
 def test_wrong_adapters_are_caught(name, tmp_path):
     solve, stiffness, words = WRONG[name]
     path = tmp_path / "wrong.py"
-    path.write_text(PROTOTYPE.format(solve=solve, stiffness=stiffness))
+    path.write_text(PROTOTYPE.format(solve=solve, stiffness=stiffness) + MORE.get(name, ""))
     found = [wrong for wrong in verdicts(code=str(path)).values() if wrong]
     assert any(words in wrong for wrong in found), found
+
+
+def test_models_that_are_mixed_up_are_told_as_such():
+    """By a code whose server tests nothing: the bodies are equal but for where they are held."""
+    class Mixed(InProcessWorker):
+        def load(self, index, model):
+            super().load(index, model)
+            for other in self.models:
+                if self.models[other].fixed.size == model.fixed.size:
+                    self.prepared[other] = self.prepared[index]
+
+    code = type("MixedCode", (InProcess,), {"worker": lambda self: Mixed})(settings(**IN_PROCESS))
+    found = [wrong for _, _, wrong in conformance.run_checks(lambda: Pool(code)) if wrong]
+    assert any("of the body: those of another model of the same size, the twin body" in wrong for wrong in found), found
 
 
 @pytest.mark.parametrize("name", ["sign", "dropped load case", "load cases reversed", "a load case too few", "not finite"])

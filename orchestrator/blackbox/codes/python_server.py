@@ -117,6 +117,7 @@ class Server:
                 full[:, model.trace] = forces
             else:
                 full = forces
+            full.flags.writeable = False  # through pipes and files, for traces and fields alike
             u = self._displacements(index, full)
             if index in self.unproven:
                 self._prove(index, self.unproven.pop(index), full, u)

@@ -8,60 +8,20 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
 from orchestrator.blackbox.pool.diagnosis import AGREE, diagnosis, difference
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.blackbox.codes.template import Solver
+from orchestrator.blackbox.trial.problem import Trial, trial_models
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.conditions.rigid import motions
-from orchestrator.scene.mesh.structured import bricks
 
 RIGID, DEFINITE = 1e-10, 1e-14
-
-
-@dataclass
-class Trial:
-    """A black box under trial: what it was asked and what it answered.
-
-    Parameters
-    ----------
-    models : a body of two materials held at one end, and a sole: a thin layer clamped at its outer face
-    exact : per model, its reference stiffness
-    forces : per model (4, t) trace forces
-    """
-
-    blackbox: BlackBox
-    models: list[Model]
-    exact: list[sp.csr_array]
-    forces: list[np.ndarray]
-    stiffness: list[sp.csr_array] = field(default_factory=list)
-    traces: dict[int, np.ndarray] = field(default_factory=dict)
-
-    def everywhere(self, index: int) -> np.ndarray:
-        """The trace forces among all dofs, (4, 3n)."""
-        full = np.zeros((len(self.forces[index]), self.models[index].fixed.size))
-        full[:, self.models[index].trace] = self.forces[index]
-        return full
-
-    def expected(self, index: int) -> np.ndarray:
-        """(4, 3n) displacements that the reference stiffness gives."""
-        free, f = np.flatnonzero(~self.models[index].fixed), self.everywhere(index)
-        factor = spla.splu(sp.csc_array(self.exact[index][free][:, free]))
-        u = np.zeros_like(f)
-        u[:, free] = factor.solve(np.ascontiguousarray(f[:, free].T)).T
-        return u
-
-
-def trial_models() -> list[Model]:
-    """Small, distorted, with nothing symmetric in them that could hide a mistake."""
-    body = _sample("body", [1.0, 0.8, 0.6], [3, 2, 2], [[200e3, 0.3], [70e3, 0.2]], 0)
-    sole = _sample("sole", [1.0, 1.0, 0.05], [3, 3, 1], [[100e3, 0.25]], 2)
-    return [body, sole]
+MANY = 600  # load cases at once
 
 
 def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
@@ -102,7 +62,8 @@ def _reference_values(trial: Trial) -> tuple[str, str]:
         if found.shape != exact.shape:
             return "", f"stiffness of the {model.name}: {found.shape} for {exact.shape} expected"
         apart = max(apart, difference(found.toarray(), exact.toarray()))
-        wrong = wrong or _named(f"stiffness of the {model.name}", diagnosis(found.toarray(), exact.toarray()))
+        wrong = wrong or _named(f"stiffness of the {model.name}", _of_region(model, found, exact)
+                                or diagnosis(found.toarray(), exact.toarray()))
     return f"{apart:.0e} from the reference values", wrong
 
 
@@ -128,8 +89,8 @@ def _loads(trial: Trial) -> tuple[str, str]:
 def _fields(trial: Trial) -> tuple[str, str]:
     answers, apart = trial.blackbox.fields({i: trial.everywhere(i) for i in range(len(trial.models))}), 0.0
     for i, model in enumerate(trial.models):
-        if wrong := diagnosis(answers[i], trial.expected(i)):
-            return "", f"displacements of the {model.name}: {wrong}"
+        if wrong := trial.wrong("displacements", i, answers[i], trial.everywhere(i)):
+            return "", wrong
         if answers[i][:, model.fixed.ravel()].any():
             return "", f"displacements of the {model.name}: clamped dofs move"
         apart = max(apart, difference(answers[i], trial.expected(i)))
@@ -140,9 +101,8 @@ def _traces(trial: Trial) -> tuple[str, str]:
     trial.traces = trial.blackbox.traces(dict(enumerate(trial.forces)))
     apart, wrong = 0.0, ""
     for i, model in enumerate(trial.models):
-        expected = trial.expected(i)[:, model.trace]
-        apart = max(apart, difference(trial.traces[i], expected))
-        wrong = wrong or _named(f"traces of the {model.name}", diagnosis(trial.traces[i], expected))
+        apart = max(apart, difference(trial.traces[i], trial.expected(i)[:, model.trace]))
+        wrong = wrong or trial.wrong("traces", i, trial.traces[i], trial.everywhere(i), model.trace)
     return f"{apart:.0e} from the reference solution", wrong
 
 
@@ -161,10 +121,55 @@ def _batch(trial: Trial) -> tuple[str, str]:
     return _small(apart, "a load case is answered otherwise in a batch than alone")
 
 
+def _many(trial: Trial) -> tuple[str, str]:
+    """More rows than any cache or buffer is likely to hold; one of them is zero."""
+    rows = np.resize([1.0, -2.0, 0.5], MANY)[:, None] * np.resize(trial.forces[0], (MANY, trial.forces[0].shape[1]))
+    rows[MANY // 2] = 0.0
+    found = trial.blackbox.traces({0: rows})[0]
+    if found.shape == rows.shape and found[MANY // 2].any():
+        return "", f"a load case of zeros among {MANY} is answered with displacements"
+    full = np.zeros((MANY, trial.models[0].fixed.size))
+    full[:, trial.models[0].trace] = rows
+    apart = _row_by_row(found, trial.answers(0, full)[:, trial.models[0].trace])
+    return _small(apart, f"of {MANY} load cases at once not all are answered as they are alone")
+
+
+def _sizes(trial: Trial) -> tuple[str, str]:
+    size = 10.0 ** np.arange(-6, 7)[:, None]
+    found = trial.blackbox.traces({0: size * trial.forces[0][:1]})[0]
+    apart = _row_by_row(found, size * trial.expected(0)[:1, trial.models[0].trace])
+    return _small(apart, "forces of twelve orders of magnitude in one batch: small load cases are answered worse than alone")
+
+
+def _untouched(trial: Trial) -> tuple[str, str]:
+    """The caller's arrays are the caller's: they may be read-only, and must be the same afterwards."""
+    asked = {i: f.copy() for i, f in enumerate(trial.forces)}
+    for f in asked.values():
+        f.flags.writeable = False
+    trial.blackbox.traces(asked)
+    trial.blackbox.fields({i: _read_only(trial.everywhere(i)) for i in range(len(trial.models))})
+    return "read-only arrays", ""
+
+
 def _order(trial: Trial) -> tuple[str, str]:
-    answers = trial.blackbox.traces({1: trial.forces[1], 0: trial.forces[0]})
-    apart = max(difference(answers[i], trial.traces[i]) for i in (0, 1))
+    """In reverse at once, then one model after the other with matrices of others asked for in between."""
+    last = list(range(len(trial.models)))[::-1]
+    answers = trial.blackbox.traces({i: trial.forces[i] for i in last})
+    apart = max(difference(answers[i], trial.traces[i]) for i in last)
+    for i in last[::2] + last[1::2]:
+        trial.blackbox.stiffness([trial.models[i - 1]])
+        apart = max(apart, difference(trial.blackbox.traces({i: trial.forces[i]})[i], trial.traces[i]))
     return _small(apart, "answers depend on the order in which models are asked")
+
+
+def _reloaded(trial: Trial) -> tuple[str, str]:
+    """The same models again, the last one first."""
+    count = len(trial.models)
+    trial.blackbox.load(trial.models[::-1])
+    answers = trial.blackbox.traces({count - 1 - i: f for i, f in enumerate(trial.forces)})
+    apart = max(difference(answers[count - 1 - i], trial.traces[i]) for i in range(count))
+    trial.blackbox.load(trial.models)
+    return _small(apart, "answers depend on the order in which models are prepared")
 
 
 def _repeatable(trial: Trial) -> tuple[str, str]:
@@ -198,8 +203,9 @@ def _clean_death(trial: Trial) -> tuple[str, str]:
 CHECKS: dict[str, Callable[[Trial], tuple[str, str]]] = {
     "stiffness, reference values": _reference_values, "stiffness, symmetry": _symmetric,
     "stiffness, rigid motions": _rigid, "clamped and factorised": _loads, "fields": _fields, "traces": _traces,
-    "linearity": _linear, "batch and single": _batch, "order of models": _order, "repeatability": _repeatable,
-    "interface compliance": _compliance,
+    "linearity": _linear, "batch and single": _batch, "many load cases": _many, "sizes of forces": _sizes,
+    "forces untouched": _untouched, "order of models": _order, "repeatability": _repeatable,
+    "interface compliance": _compliance, "order of preparing": _reloaded,
 }
 
 
@@ -211,13 +217,27 @@ def _named(what: str, wrong: str) -> str:
     return f"{what}: {wrong}" if wrong else ""
 
 
-def _sample(name: str, size: list[float], cells: list[int], materials: list[list[float]], axis: int) -> Model:
-    """A distorted box clamped at its end along an axis; traces on half of the other dofs, in no order."""
-    mesh, rng = bricks(np.array(size), np.array(cells), name), np.random.default_rng(axis)
-    step = np.array(size) / np.array(cells)
-    nodes = mesh.nodes + rng.uniform(-0.12, 0.12, mesh.nodes.shape) * step
-    fixed = np.repeat(np.isclose(mesh.nodes[:, axis], 0.0)[:, None], 3, axis=1)
-    fixed[-1, 1] = True  # one component alone
-    free = np.flatnonzero(~fixed)
-    region = (np.arange(len(mesh.cells)) % 3 == 0).astype(int) % len(materials)
-    return Model(name, nodes, mesh.cells, region, np.array(materials), fixed, rng.permutation(free)[: len(free) // 2])
+def _row_by_row(found: np.ndarray, expected: np.ndarray) -> float:
+    """The largest difference of a row from what is expected, relative to that row."""
+    if found.shape != expected.shape:
+        return np.inf
+    return max((difference(a, b) for a, b in zip(found, expected)), default=0.0)
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.flags.writeable = False
+    return array
+
+
+def _of_region(model: Model, found: sp.csr_array, exact: sp.csr_array) -> str:
+    """A stiffness in which some materials count otherwise than others, in words; empty where it is not just that."""
+    if len(model.materials) < 2 or difference(found.toarray(), exact.toarray()) <= AGREE:
+        return ""
+    only = np.where(np.arange(len(model.materials))[:, None, None] == np.arange(len(model.materials))[:, None], 1.0, 0.0)
+    each = [Solver().stiffness(replace(model, materials=model.materials * np.hstack([own, np.ones_like(own)]))).toarray()
+            for own in only]
+    factors = np.linalg.lstsq(np.column_stack([k.ravel() for k in each]), found.toarray().ravel(), rcond=None)[0]
+    if difference(sum(f * k for f, k in zip(factors, each)), found.toarray()) > AGREE or np.ptp(factors) <= AGREE:
+        return ""
+    return "; ".join(f"region {r + 1} of {len(factors)} counts {f:.6g} times" for r, f in enumerate(factors)
+                     if abs(f - 1) > AGREE) + ": are the moduli of each tet those of materials[region]?"
