@@ -297,11 +297,12 @@ def test_where_that_process_fails_this_one_draws(tmp_path, monkeypatch, how):
         monkeypatch.setattr(sys, "executable", str(program))
     elif how == "is no program":
         monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
-    monkeypatch.setattr(artists, "PATIENCE", 0.5 if how == "hangs" else 60.0)
+    monkeypatch.setattr(artists, "IDLE", 0.5 if how == "hangs" else 60.0)
     job = ResultsFolder(tmp_path), case.summary(ballast="x" * 10**6), case.history(), case.fields()
     with Artist() as artist:
         if how == "killed":
             artist._process.kill()
-        names = [path.name for path in artist.begin(write_figures, *job).finish()]
+        names = [path.name for path in (drawn(write_figures, *job) if how == "hangs" else
+                                        artist.begin(write_figures, *job).finish())]
     assert names == ["convergence.png", "time.png", "deformed.png"]
     assert how == "is no program" or gone([artist._process.pid])

@@ -7,7 +7,7 @@ from types import TracebackType
 
 from orchestrator.config import Config
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.figures.artist import Artist
+from orchestrator.results.figures.artist import Artist, TooSlow
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import forget_mesh
@@ -56,9 +56,10 @@ class Record:
         self.subscribers = [self._checkpoint, self._history, self._remains]
 
     def finish(self, solution: Solution, fields: bool, artist: Artist | None) -> None:
-        """Fields, figures and summary of a finished run; if it has converged, the checkpoint goes once they are there.
+        """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
-        Whatever keeps them from being written, the checkpoint stays: ``--resume`` then does nothing but write.
+        Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
+        write. Figures come last, and hold up nothing: the command ``report`` draws them from what is there.
 
         Parameters
         ----------
@@ -79,6 +80,8 @@ class Record:
         if solution.converged:
             self._checkpoint.remove()
             forget_mesh(self._folder)
+        if artist:
+            await_figures(self._folder, solution, self._watch, artist)
 
     def __enter__(self) -> Record:
         return self
@@ -90,7 +93,7 @@ class Record:
 
 def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, fields: bool,
                   artist: Artist | None) -> None:
-    """Fields, figures and summary of a finished run.
+    """Fields and summary of a finished run; figures are begun.
 
     Parameters
     ----------
@@ -108,7 +111,22 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
             artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
             write_fields(folder, solution.fields)
-        if artist:
+    note_time(solution.summary, watch)
+    write_summary(folder, solution.summary)
+
+
+def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, artist: Artist) -> None:
+    """Waits for the figures that were begun, within reason: if they do not come, the summary's warnings say so.
+
+    Raises
+    ------
+    InputError : folder not writable, disk full
+    """
+    with watch("output"):
+        try:
             artist.finish()
+        except TooSlow as error:
+            solution.summary["warnings"] = [*(solution.summary.get("warnings") or ()),
+                                            f"no figures: {error}; orchestrator report {folder.path} draws them"]
     note_time(solution.summary, watch)
     write_summary(folder, solution.summary)

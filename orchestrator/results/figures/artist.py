@@ -11,13 +11,20 @@ import os
 import pickle
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from threading import Thread
 
 from orchestrator.parallel.launcher import without_launcher
 
-PATIENCE = 300.0  # seconds after which the process is given up
+PATIENCE = 300.0  # seconds after which the process is given up, whatever it does
+IDLE = 15.0  # seconds after which it is given up if it has used no processor: it is stopped, or waits for what never comes
+_LOOK = 0.2  # seconds between two looks
+
+
+class TooSlow(Exception):
+    """The process has been given up."""
 
 
 class Artist:
@@ -47,13 +54,24 @@ class Artist:
         return self
 
     def finish(self) -> object:
-        """Waits for what the function returns.
+        """Waits for what the function returns, but not for ever.
 
         Raises
         ------
+        TooSlow : the process takes longer than ``PATIENCE``, or does nothing for ``IDLE``
         InputError : from the function: disk full or folder not writable
         """
-        self._waiting.join()
+        begin = active = time.monotonic()
+        used = self._processor_time()
+        while self._waiting.is_alive():
+            self._waiting.join(_LOOK)
+            now = time.monotonic()
+            if (so_far := self._processor_time()) != used:
+                used, active = so_far, now
+            if self._waiting.is_alive() and max(now - begin - PATIENCE, now - active - IDLE) > 0:
+                self.close()
+                raise TooSlow(f"the process that draws did nothing for {IDLE:g} s" if now - active > IDLE else
+                              f"the process that draws was not done after {PATIENCE:g} s")
         if not self._answer:
             return self._draw(*self._job, canvas=None)
         result, error = pickle.loads(self._answer)
@@ -63,9 +81,16 @@ class Artist:
 
     def _hand_over(self, work: bytes) -> None:
         if self._process is not None:
-            with suppress(subprocess.TimeoutExpired, OSError):  # OSError: it has ended before
-                self._answer, _ = self._process.communicate(work, timeout=PATIENCE)
+            with suppress(OSError):  # it has ended before
+                self._answer, _ = self._process.communicate(work)
             self._process.kill()
+
+    def _processor_time(self) -> str | None:
+        """Ticks that the process has computed, as the system writes them; None where it does not tell."""
+        with suppress(OSError, AttributeError):
+            with open(f"/proc/{self._process.pid}/stat") as file:
+                return " ".join(file.read().rpartition(")")[2].split()[11:13])
+        return None
 
     def close(self) -> None:
         """Ends the process if it still runs."""
@@ -87,4 +112,7 @@ class Artist:
 def drawn(draw: Callable[..., object], *job: object) -> object:
     """What ``draw(*job, canvas=…)`` returns, called in a process of its own; parameters and errors as for ``Artist``."""
     with Artist() as artist:
-        return artist.begin(draw, *job).finish()
+        try:
+            return artist.begin(draw, *job).finish()
+        except TooSlow:
+            return draw(*job, canvas=None)

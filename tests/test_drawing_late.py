@@ -1,0 +1,61 @@
+"""Figures hold up neither a run nor its end: fields and summary come first, and who draws is not waited for for ever."""
+
+import json
+import os
+import signal
+import threading
+import time
+
+import pytest
+from in_process import IN_PROCESS
+from method_case import config
+from processes import gone
+
+from orchestrator.config import Loaded
+from orchestrator.results.figures import artist as artists
+from orchestrator.results.figures.artist import Artist
+from orchestrator.run import run
+
+BAR = {"blackbox": IN_PROCESS, "output": {"fields": True, "figures": True}}
+
+
+@pytest.fixture
+def stopped():
+    """An artist whose process stands still."""
+    with Artist() as artist:
+        os.kill(artist._process.pid, signal.SIGSTOP)
+        yield artist
+    assert gone([artist._process.pid])
+
+
+def test_a_process_that_stands_still_is_given_up(tmp_path, monkeypatch, stopped):
+    """Exit code, fields and summary are those of the run; the summary says what is missing, and how to get it."""
+    monkeypatch.setattr(artists, "IDLE", 0.5)
+    assert run(Loaded(config(**BAR)), output=tmp_path, quiet=True, artist=stopped) == 0
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["converged"] and (tmp_path / "fields.npz").exists()
+    assert "no figures: the process that draws did nothing for 0.5 s" in summary["warnings"][-1]
+    assert f"orchestrator report {tmp_path} draws them" in summary["warnings"][-1]
+    assert not (tmp_path / "checkpoint.npz").exists() and not list(tmp_path.glob("figures/*"))
+
+
+def test_while_it_is_waited_for_all_else_is_there(tmp_path, stopped):
+    """An interrupt then ends the run at once, and what has been computed stays as it is."""
+    def interrupt():
+        end = time.monotonic() + 60
+        while not (tmp_path / "summary.json").exists() and time.monotonic() < end:
+            time.sleep(0.01)
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    sender = threading.Thread(target=interrupt, daemon=True)
+    sender.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run(Loaded(config(**BAR)), output=tmp_path, quiet=True, artist=stopped)
+    finally:
+        sender.join()
+        signal.signal(signal.SIGINT, before)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["converged"] and summary["stop_reason"] == "converged" and (tmp_path / "fields.npz").exists()
