@@ -5,6 +5,8 @@ import os
 import shutil
 import signal
 import subprocess
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -198,10 +200,17 @@ def summary_of(folder):
 def test_a_converged_run_outlives_its_writing(tmp_path):
     """Fields that cannot be written: told, the checkpoint stays, and ``resume`` does nothing but write."""
     out, case = tmp_path / "out", loaded(tmp_path)
-    out.mkdir()
-    (out / "fields").write_text("a file where a folder should be")
+
+    def spoil():
+        while not (out / "history.csv").exists() or (out / "history.csv").read_text().count("\n") < 3:
+            time.sleep(0.001)
+        (out / "fields").write_text("a file where a folder should be")
+
+    spoiler = threading.Thread(target=spoil, daemon=True)
+    spoiler.start()
     with pytest.raises(InputError, match="cannot write"):
         run(case, output=out, quiet=True)
+    spoiler.join()
     assert "--resume writes them" in summary_of(out)["stop_reason"] and (out / "checkpoint").is_dir()
     before = read_history(out)
     (out / "fields").unlink()
@@ -212,6 +221,15 @@ def test_a_converged_run_outlives_its_writing(tmp_path):
     run(case, output=tmp_path / "other", quiet=True)
     one, other = (np.load(folder / "fields.npz") for folder in (out, tmp_path / "other"))
     np.testing.assert_allclose(one["displacement"], other["displacement"], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["fields", "figures", "checkpoint"])
+def test_a_file_where_a_folder_should_be(tmp_path, name):
+    """Told before anything is computed."""
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(InputError, match=f"{name} is no folder"):
+        run(loaded(tmp_path), output=tmp_path, quiet=True)
+    assert (tmp_path / name).read_text() == "mine" and not (tmp_path / "history.csv").exists()
 
 
 @pytest.fixture

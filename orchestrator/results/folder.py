@@ -12,6 +12,7 @@ from pathlib import Path
 from orchestrator.errors import InputError, Problem
 
 DIRECTORY_KEY = ("output", "directory")
+_FOLDERS = ("fields", "figures", "checkpoint")
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 # What a run writes; removed before a fresh one so that old and new results never mix.
 _PRODUCTS = ("summary.json", "history.csv", "checkpoint/*", "traceback.txt", "fields.npz", "report.md", "report.html",
@@ -41,6 +42,11 @@ class ResultsFolder:
             finally:
                 with suppress(OSError):
                     probe.unlink()
+        for name in _FOLDERS:  # now, not when all has been computed
+            if os.path.lexists(self.path / name) and not (self.path / name).is_dir():
+                raise InputError(Problem(DIRECTORY_KEY, f"{self.path / name} is no folder, and a run needs one of that name",
+                                         "a folder that can be created and written to",
+                                         f"rename {name}, or choose another folder with --output"))
 
     def __repr__(self) -> str:
         return f"ResultsFolder({str(self.path)!r})"
