@@ -94,3 +94,14 @@ def test_a_registry_knows_names_of_the_users_own_by_their_form():
     assert list(CODES)[:3] == ["freefem", "calculix", "scikit-fem"] and CODES.own() == [PythonCode]
     with pytest.raises(KeyError):
         CODES["solver"]
+
+
+@pytest.mark.parametrize("transport", ["pipe", "file"])
+@pytest.mark.parametrize("text, words", [
+    ("class Mine:\n    pass", "lonely.py has no class Solver, but Mine"), ("x = 3", "lonely.py has no class Solver"),
+    ("class Solver:\n    def solve(self): ...", "class Solver of lonely.py has no method stiffness, prepare")])
+def test_a_file_without_a_solver(tmp_path, transport, text, words):
+    (tmp_path / "lonely.py").write_text(text)
+    with pytest.raises(InputError) as caught:
+        solve(config_from(problem({"code": str(tmp_path / "lonely.py"), "transport": transport, "workers": 1})))
+    assert words in str(caught.value) and "my_solver.py:Mine" in str(caught.value) and "Traceback" not in str(caught.value)

@@ -107,6 +107,11 @@ class MessageCode(Code):
     def mesh(self, model: Model) -> bytes:
         """Bytes of a model's mesh file, which the code reads before it answers."""
 
-    def missing_part(self, exit_code: int) -> InputError | None:
-        """The error to raise when a process ends with this code before its first word, if it is the installation's."""
+    def missing_part(self, exit_code: int, said: str) -> InputError | None:
+        """The error to raise when a process ends with this code before its first word, if it is the installation's.
+
+        Parameters
+        ----------
+        said : the last lines that it printed
+        """
         return None

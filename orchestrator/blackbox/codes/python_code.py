@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
+_NO_SOLVER = 67  # exit code of ``python_server``
 _MEANINGS = {1: "an exception in the solver's Python code"}
 
 
@@ -120,6 +121,14 @@ class PythonCode(MessageCode):
     def meaning(self, exit_code: int) -> str:
         """As ``Code`` says."""
         return exit_meaning(exit_code, _MEANINGS)
+
+    def missing_part(self, exit_code: int, said: str) -> InputError | None:
+        """The class: the module is imported by the process alone, which finds out."""
+        if exit_code != _NO_SOLVER:
+            return None
+        return _absent(said.splitlines()[-1], "a class Solver with the methods stiffness, prepare and solve, or another "
+                       "one's name after a colon, as my_solver.py:Mine",
+                       f"name the class in code:, or start from {TEMPLATE}")
 
     def version(self) -> str:
         """Version of the package it needs; empty for a class of one's own."""

@@ -31,10 +31,19 @@ def promised(solver) -> int:
 
 
 SYMMETRIC = 1e-10  # relative
+METHODS = ("stiffness", "prepare", "solve")
+NO_SOLVER = 67  # exit code
+
+
+class NoSolver(Exception):
+    """The code names no class that could answer."""
 
 
 def solver_class(code: str) -> type:
-    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names."""
+    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names.
+
+    Raises NoSolver when there is none, or when it lacks a method.
+    """
     where, _, name = code.rpartition(":") if ":" in code else (code, "", "Solver")
     if where.endswith(".py"):
         spec = importlib.util.spec_from_file_location(Path(where).stem, where)
@@ -43,7 +52,14 @@ def solver_class(code: str) -> type:
         spec.loader.exec_module(module)
     else:
         module = importlib.import_module(where)
-    return getattr(module, name)
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        others = [n for n, value in vars(module).items() if isinstance(value, type) and value.__module__ == module.__name__]
+        raise NoSolver(f"{Path(where).name} has no class {name}" + (f", but {', '.join(others)}" if others else ""))
+    lacking = [method for method in METHODS if not callable(getattr(found, method, None))]
+    if lacking:
+        raise NoSolver(f"class {name} of {Path(where).name} has no method {', '.join(lacking)}")
+    return found
 
 
 class Server:
@@ -184,5 +200,11 @@ def read_model(path: str) -> Model:
 
 
 if __name__ == "__main__":
+    try:
+        solver = solver_class(sys.argv[1])
+    except NoSolver as absent:
+        print(absent, file=sys.stderr)
+        sys.exit(NO_SOLVER)
+    solver = solver(**json.loads(sys.argv[2]))
     with open(sys.argv[3], "rb") as requests, open(sys.argv[4], "wb") as replies:
-        Server(solver_class(sys.argv[1])(**json.loads(sys.argv[2])), requests, replies).run()
+        Server(solver, requests, replies).run()

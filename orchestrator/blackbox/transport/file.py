@@ -85,7 +85,7 @@ class FileWorker(StatelessWorker):
         try:
             process = self.spawn(asked.name, answered.name)
             code, seconds = self.wait_for_end(process)
-            missing = self.code.missing_part(code) if not answered.exists() else None
+            missing = self.code.missing_part(code, self.log_tail()) if not answered.exists() else None
             if missing:
                 raise missing
             if code != 0:

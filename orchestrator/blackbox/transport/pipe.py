@@ -27,7 +27,7 @@ class PipeWorker(Worker):
             self.promised = messages.check_hello(reply)
         except (Ended, BadReply) as error:
             failure = self.failure("it did not start", error, "")
-            missing = self.code.missing_part(self.process.returncode)
+            missing = self.code.missing_part(self.process.returncode, self.log_tail())
             raise missing or failure from error
         self.seconds["start"] += float(reply.seconds[0])
 

@@ -78,7 +78,7 @@ class FreeFem(MessageCode):
         """As ``Code`` says."""
         return exit_meaning(exit_code, _MEANINGS, "ended by the script")
 
-    def missing_part(self, exit_code: int) -> InputError | None:
+    def missing_part(self, exit_code: int, said: str) -> InputError | None:
         """The plugin: FreeFEM finds out about it only when it reads the script."""
         if exit_code != _NO_PLUGIN:
             return None
