@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -38,6 +39,11 @@ def shows_matter(path) -> bool:
     found = pixels(path)
     coloured = found[np.ptp(found, axis=2) > 40]
     return len(coloured) > 0.02 * found[..., 0].size and len(np.unique(coloured.round(-1), axis=0)) > 20
+
+
+def share(picture: np.ndarray, colour: str, within: float = 12) -> float:
+    """Of all pixels of a picture (height, width, 3), how many have a colour."""
+    return float((np.abs(picture.astype(float) - 255 * np.array(to_rgb(colour))).max(axis=2) < within).mean())
 
 
 def bars(figure: Figure) -> list[float]:

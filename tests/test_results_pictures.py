@@ -1,0 +1,207 @@
+"""Pictures of surfaces: what one sees, whoever draws them, and the process that does."""
+
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import results_case as case
+from matplotlib.colors import ListedColormap, to_rgb
+from pictures import pixels, share
+from processes import gone
+
+from orchestrator.errors import InputError
+from orchestrator.results.figures import artist as artists
+from orchestrator.results.figures import codes, deformed, panels, surface
+from orchestrator.results.figures.artist import Artist, drawn
+from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.painting import PAINTED, show
+from orchestrator.results.figures.plotting import new_figure
+from orchestrator.results.figures.view import DPI, Camera, View
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.mesh.geometry import area_vectors
+
+
+@pytest.fixture(scope="module")
+def canvas():
+    program = "from orchestrator.results.figures.canvas import Canvas; Canvas()"
+    if subprocess.run([sys.executable, "-c", program], capture_output=True).returncode:  # VTK would crash here too
+        pytest.skip("VTK can draw neither with X nor with EGL on this machine")
+    from orchestrator.results.figures.canvas import Canvas
+
+    opened = Canvas()
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(params=["vtk", "matplotlib"])
+def draw(request):
+    """From a view to its picture (rows, columns, 3)."""
+    if request.param == "vtk":
+        return request.getfixturevalue("canvas").draw
+    return painted
+
+
+def painted(view):
+    columns, rows = view.pixels
+    figure = new_figure(columns / 100, rows / 100)
+    show(figure.add_axes((0, 0, 1, 1)), view, None)
+    figure.set_dpi(100)
+    figure.canvas.draw()
+    return np.asarray(figure.canvas.buffer_rgba())[:, :, :3]
+
+
+def seen(view, chosen=slice(None)):
+    """The share of the picture that some triangles fill, none of which hides another."""
+    flat = view.camera.project(view.points)
+    flat[:, 2] = 0
+    area = np.linalg.norm(area_vectors(flat, view.triangles[chosen]), axis=1).sum()
+    return area / (view.camera.width * view.camera.height)
+
+
+# --- what one sees ----------------------------------------------------------------------------------------
+
+
+def test_colours_fill_what_they_should(draw):
+    """A flat patch of three kinds, seen from the front: each has its share of the pixels, in exactly its colour."""
+    colours, x = ["#d0d0d0", "#0072B2", "#E69F00"], np.array([0.0, 1, 3, 6])
+    corners = np.array([[[a, 0, 0], [b, 0, 0], [b, 0, 2], [a, 0, 2]] for a, b in zip(x, x[1:])])
+    triangles = (4 * np.arange(3)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    camera = Camera(np.array([3.0, 0, 1]), np.array([0.0, -1, 0]), np.array([1.0, 0, 0]), np.array([0.0, 0, 1]), 8.0, 4.0)
+    none = np.empty((0, 2, 3))
+    view = View(corners.reshape(-1, 3), triangles, np.repeat([0.0, 1, 2], 4), none, none, camera, (-0.5, 2.5),
+                palette=ListedColormap(colours), inches=3.0, shaded=False)
+    picture = draw(view)
+    assert picture.shape == (240, 480, 3)
+    for colour, width in zip(colours, np.diff(x)):
+        assert share(picture, colour) == pytest.approx(2 * width / 32, abs=0.006)
+    assert share(picture, "white") == pytest.approx(1 - 12 / 32, abs=0.01)
+    for column, colour in zip((90, 180, 330), colours):  # from left to right: 60 pixels a unit after one of margin
+        assert np.abs(picture[120, column] - 255 * np.array(to_rgb(colour))).max() < 2
+
+
+def test_a_body_fills_its_outline_and_its_lines_are_dark(canvas):
+    """The bending box from its own camera: shape, colours of the scale, subdomain borders; the same twice."""
+    view = deformed.view(case.fields())
+    picture = canvas.draw(view)
+    assert picture.shape == (*view.pixels[::-1], 3)
+    white = share(picture, "white", within=2)
+    normal = area_vectors(view.camera.project(view.points), view.triangles)
+    assert 1 - white == pytest.approx(seen(view, normal[:, 2] > 0), abs=0.02)
+    hue = picture.astype(float)
+    coloured = np.ptp(hue, axis=2) > 40
+    assert len(np.unique(hue[coloured].round(-1), axis=0)) > 20
+    bare = canvas.draw(View(**{**vars(view), "lines": view.lines[:0], "outline": view.outline[:0]}))
+    darker = bare.sum(axis=2).astype(int) - picture.sum(axis=2)
+    on_lines = view.camera.project(view.lines.mean(axis=1))[:, :2] / [view.camera.width, -view.camera.height] + 0.5
+    columns, rows = (on_lines * view.pixels).astype(int).T
+    near = np.array([darker[r - 2:r + 3, c - 2:c + 3].max() for r, c in zip(rows, columns)])
+    assert (near > 60).mean() > 0.4, "the others are at the back"
+    np.testing.assert_array_equal(canvas.draw(view), picture)
+
+
+def test_matplotlib_paints_what_vtk_draws(canvas):
+    """But for lines on the surface, which it leaves out."""
+    view = deformed.view(case.fields())
+    view = View(**{**vars(view), "lines": view.lines[:0], "outline": view.outline[:0], "inches": 4.0})
+    one, other = canvas.draw(view).astype(float), painted(view).astype(float)
+    body, also = one.min(axis=2) < 250, other.min(axis=2) < 250
+    assert (body & also).sum() / (body | also).sum() > 0.98
+    assert np.abs(one - other)[body & also].mean() < 12
+
+
+def test_the_deformed_figure_explains_itself():
+    view = deformed.view(case.fields())
+    for picture, added in ((None, PAINTED), (np.full((*view.pixels[::-1], 3), 255, np.uint8), "")):
+        figure = deformed.compose(view, picture, "made_up")
+        surface_axes, scale = figure.axes
+        assert {text.get_text() for text in figure.texts} == {"made_up", view.caption + added}
+        assert scale.get_xlabel() == "von Mises stress" and scale.get_xlim() == pytest.approx(view.limits)
+        assert len(surface_axes.images) == (picture is not None)
+        assert bool(surface_axes.collections) == (picture is None)
+        assert surface_axes.get_xlim() == pytest.approx((-view.camera.width / 2, view.camera.width / 2))
+
+
+def test_status_and_pressure_of_interfaces(draw):
+    """Each triangle has the status of most of its nodes; its colour fills its share of the picture."""
+    fields = case.opened({1: [0, 0, 0, 0, 1, 2, 2, 2, 2]})
+    i, grid = fields.interfaces, panels.interfaces(fields)
+    assert grid.headings == 2 * ["load step 1 of 2", "load step 2 of 2"] and len(grid.views) == 4
+    (status_view, _, names), (_, label, _) = grid.scales
+    assert names == i.kind_names.tolist() and label == "pressure" and "largest pressure 5" in grid.caption
+    status, pressure = grid.views[1], grid.views[3]
+    expected = np.median(i.status[1][i.triangles], axis=1)
+    np.testing.assert_array_equal(status.values.reshape(-1, 3), np.tile(expected[:, None], 3))
+    np.testing.assert_allclose(pressure.values.reshape(-1, 3)[:, 0], i.pressure[1][i.triangles].mean(axis=1))
+    assert pressure.limits == pytest.approx((0, i.pressure[1][i.triangles].mean(axis=1).max()))
+    picture = draw(View(**{**vars(status), "lines": status.lines[:0], "outline": status.outline[:0]}))
+    for kind, colour in zip(i.kinds, i.kind_colours):
+        assert share(picture, colour) == pytest.approx(seen(status, expected == kind), abs=0.01)
+    assert share(picture, i.kind_colours[0]) > 0.05 and share(picture, i.kind_colours[2]) > 0.05
+
+    figure = panels.compose(grid, None, "made_up")
+    assert [t.get_text() for t in figure.axes[4].get_xticklabels()] == names
+    assert {*grid.headings, "made_up", grid.caption + PAINTED} == {t.get_text() for t in figure.texts}
+
+
+def test_codes_in_colours(draw):
+    fields = case.fields()
+    used = [{"code": "freefem", "transport": "pipe", "subdomains": [0, 2]}, {"code": "mine", "transport": "file", "subdomains": [1]}]
+    assert codes.view(fields, {"codes": used[:1]}) is None
+    view = codes.view(fields, {"codes": used})
+    faces, cell = surface.outer_faces(fields.nodes, fields.cells)
+    np.testing.assert_array_equal(view.values.reshape(-1, 3)[:, 0], fields.subdomain[cell] == 1)
+    view = View(**{**vars(view), "lines": view.lines[:0], "shaded": False})
+    picture, front = draw(view), area_vectors(view.camera.project(view.points), view.triangles)[:, 2] > 0
+    for k in (0, 1):
+        mine = front & (view.values[view.triangles[:, 0]] == k)
+        assert share(picture, codes.PALETTE[k]) == pytest.approx(seen(view, mine), abs=0.012)
+    figure = codes.compose(view, picture, {"name": "made_up", "codes": used})
+    legend, = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["freefem (pipe)", "mine (file)"]
+    assert [to_rgb(patch.get_facecolor()) for patch in legend.get_patches()] == [to_rgb(c) for c in codes.PALETTE[:2]]
+
+
+# --- who draws --------------------------------------------------------------------------------------------
+
+
+def test_another_process_draws(tmp_path, canvas):
+    """With VTK; it tells what hinders it; it does not outlive its job."""
+    folder, job = ResultsFolder(tmp_path), (case.summary(), case.history(), case.fields())
+    names = [path.name for path in drawn(write_figures, folder, *job)]
+    assert names == ["convergence.png", "time.png", "deformed.png"]
+    view, top = deformed.view(case.fields()), round(0.4 * DPI)
+    surface_only = pixels(tmp_path / "figures/deformed.png")[top:top + view.pixels[1]]
+    assert surface_only.mean() == pytest.approx(canvas.draw(view).mean(), rel=0.01)
+
+    shutil.rmtree(tmp_path / "figures")
+    folder.write("figures", "in the way")
+    with Artist() as artist, pytest.raises(InputError, match="cannot write figures"):
+        artist.begin(write_figures, folder, *job).finish()
+    assert gone([artist._process.pid])
+    with Artist() as idle:
+        pass
+    assert gone([idle._process.pid])
+
+
+@pytest.mark.parametrize("how", ["killed", "crashes at once", "is no program", "hangs"])
+def test_where_that_process_fails_this_one_draws(tmp_path, monkeypatch, how):
+    """Without VTK, and says so. A process that hangs has not even read the job, which is more than a pipe takes in."""
+    programs = {"crashes at once": "#!/bin/sh\nkill -SEGV $$\n", "hangs": "#!/bin/sh\nexec sleep 60\n"}
+    if how in programs:
+        program = tmp_path / "program"
+        program.write_text(programs[how])
+        program.chmod(0o755)
+        monkeypatch.setattr(sys, "executable", str(program))
+    elif how == "is no program":
+        monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
+    monkeypatch.setattr(artists, "IDLE", 0.5 if how == "hangs" else 60.0)
+    job = ResultsFolder(tmp_path), case.summary(ballast="x" * 10**6), case.history(), case.fields()
+    with Artist() as artist:
+        if how == "killed":
+            artist._process.kill()
+        names = [path.name for path in (drawn(write_figures, *job) if how == "hangs" else
+                                        artist.begin(write_figures, *job).finish())]
+    assert names == ["convergence.png", "time.png", "deformed.png"]
+    assert how == "is no program" or gone([artist._process.pid])
