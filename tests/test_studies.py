@@ -451,3 +451,18 @@ def test_true_errors_of_an_exact_solution():
         assert _carried(s, nodes, field(nodes), points) == pytest.approx(field(points), rel=1e-12)
         with pytest.raises(ValueError, match="outside"):
             _carried(s, nodes, field(nodes), points + 1)
+
+
+def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
+    """A run that is killed is resumed and compared; what could not be tried is a target that is not met."""
+    from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.robustness import faults
+
+    monkeypatch.setattr(faults, "without_ranks", lambda: "not in this test")
+    study = Study("faults", "tiny", tmp_path)
+    faults.run(study, {"beam": tiny()}, kills=1, stages=0)
+    (row,) = rows_of(tmp_path / "table.csv")
+    assert row["fault"] == "killed" and row["exit"] == "0" and float(row["difference"]) <= faults.SAME
+    assert {target.what.partition(":")[0]: target.met for target in study.targets[:4]} == {"killed": True}
+    assert not study.targets[4].met and "two ranks" in study.targets[5].what
+    assert (tmp_path / "faults.png").read_bytes().startswith(b"\x89PNG")
