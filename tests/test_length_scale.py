@@ -51,6 +51,7 @@ def apart(solution, exact):
 def test_a_body_sent_far_away_leaves_the_others_as_exact(exact, far):
     solution = solve(stack(far))
     assert solution.converged and apart(solution, exact) < 10 * TOLERANCE
+    assert solution.summary["energy"][0] == pytest.approx(solve(stack(FAR[0])).summary["energy"][0], rel=1e-5)
 
 
 def test_a_state_out_of_all_proportion_gives_no_wrong_result(exact):
@@ -106,3 +107,18 @@ def test_units_do_not_matter():
     for name, value in one.summary["residuals"].items():
         if value > 1e-9:
             assert other.summary["residuals"][name] == pytest.approx(value, rel=1e-3)
+
+
+@pytest.mark.parametrize("far, converges", [(1e3, True), (1e6, False)])
+def test_energy_and_bound_of_what_is_moved_far(far, converges):
+    """Rigid motions have no energy: what they leave of rounding is told by the bound."""
+    def bar(at):
+        return solve(config_from({
+            "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "blackbox": IN_PROCESS,
+            "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+            "boundary": [{"on": "xmin", "displacement": [at, 0, 0]}, {"on": "xmax", "traction": [10, 1, 0]}]}))
+
+    here, there = bar(0.0), bar(far)
+    wrong = np.abs(there.displacement - [far, 0, 0] - here.displacement).max() / np.abs(here.displacement).max()
+    assert there.converged == converges and (converges or wrong > TOLERANCE)
+    assert there.summary["energy"][0] == pytest.approx(here.summary["energy"][0], rel=1e-5 if converges else 1e-3)

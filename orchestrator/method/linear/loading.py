@@ -19,7 +19,11 @@ from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
+from orchestrator.scene.conditions.rigid import HELD, motions_about, size_of
+from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, Subdomain
+
+ROUNDING = 1e-12  # of what is prescribed, what is left beside a rigid motion and counts as none
 
 
 @dataclass
@@ -73,7 +77,8 @@ class Loading:
     lift : per subdomain (T, 3n_E) prescribed displacements
     known : (T, D) their traces on interfaces, None where there are none
     boundary : (T, B) boundary values of M⁻¹f_d
-    working : (T, B) boundary values of M⁻¹(f_ext + K u_lift): gives energies by duality
+    carried : (T, B) the rigid motions r that come closest to what is prescribed on each body, on boundary dofs
+    working : (T, B) boundary values of M⁻¹(f_ext + K (u_lift − r)): gives energies by duality
     energy : (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
     sweeps : back-substitutions per subdomain and step
     """
@@ -82,6 +87,7 @@ class Loading:
     lift: list[np.ndarray]
     known: np.ndarray | None
     boundary: np.ndarray
+    carried: np.ndarray
     working: np.ndarray
     energy: np.ndarray
     sweeps: float
@@ -90,7 +96,7 @@ class Loading:
         """The part that belongs to some of the load steps."""
         return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift],
                        None if self.known is None else self.known[steps], self.boundary[steps],
-                       self.working[steps], self.energy[steps], self.sweeps)
+                       self.carried[steps], self.working[steps], self.energy[steps], self.sweeps)
 
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """(T,) ‖u‖²_K of the subdomains' fields, both boundary-borne and inner.
@@ -103,11 +109,11 @@ class Loading:
 
         Notes
         -----
-        u = u_free + u_lift with K u = f_ext + Nᵀf on free dofs, so that
-        ‖u‖² = u_freeᵀ(f_ext + Nᵀf + K u_lift) + ‖u_lift‖², and u_free = M⁻¹(f_d + robin);
-        on boundary dofs u is u_free.
+        u = u_free + u_lift with K u = f_ext + Nᵀf on free dofs. A rigid motion r has no energy: with d = u_lift − r on
+        prescribed dofs, ‖u‖² = ‖u − r‖² = (u_free − r)ᵀ(f_ext + Nᵀf + K d) + ‖d‖², and u_free = M⁻¹(f_d + robin);
+        on boundary dofs u is u_free. Of a body that is moved far, r leaves nothing to cancel.
         """
-        return self.energy + dots(self.working, robin) + dots(u, forces)
+        return self.energy + dots(self.working, robin) + dots(u - self.carried, forces)
 
 
 def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], traces: list[np.ndarray],
@@ -119,19 +125,24 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
     soles = None if known is None else space.loads(direction.times(known))
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
     lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
-    working_forces = []
+    working_forces, carried, bodies = [], np.zeros((steps, len(space.global_dof))), _Carried(scene)
     for e, (s, rim, model) in enumerate(zip(own, rims, models)):
         external = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
         lift = np.where(s.fixed, s.prescribed, 0.0).reshape(steps, -1)
-        reaction = np.zeros_like(lift)
-        if lift.any():
-            reaction[:, rim.dofs] = (rim.stiffness @ lift[:, rim.dofs].T).T
-            energy += np.sum(lift * reaction, axis=1)
-            reaction[:, s.fixed.ravel()] = 0.0
+        reaction, strained = np.zeros((2, *lift.shape))
+        parts = bodies.split(s, lift)
+        if parts is not None:
+            rigid, left = parts
+            carried[:, space.boundary[e]] = rigid[:, traces[e]]
+            for force, moved in ((reaction, lift), (strained, left)) if len(rim.nodes) else ():
+                force[:, rim.dofs] = (rim.stiffness @ moved[:, rim.dofs].T).T
+            energy += np.sum(left * strained, axis=1)
+            reaction[:, s.fixed.ravel()] = strained[:, s.fixed.ravel()] = 0.0
+            energy -= np.sum(rigid * (external + strained), axis=1)
         forces.append(external - reaction)
         if soles is not None:
             forces[-1][:, traces[e]] -= soles[:, space.boundary[e]]
-        working_forces.append(external + reaction)
+        working_forces.append(external + strained)
         lifts.append(lift)
         columns = np.vstack([forces[-1], working_forces[-1]]) if lifted_any else forces[-1]
         if columns.any():
@@ -146,4 +157,41 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
         boundary[:, part] = answer[:steps, trace]
         working[:, part] = answer[-steps:, trace]
         energy += np.sum(working_forces[e] * answer[:steps, : working_forces[e].shape[1]], axis=1)
-    return Loading(forces, lifts, known, boundary, working, energy, 2.0 if lifted_any else 1.0)
+    return Loading(forces, lifts, known, boundary, carried, working, energy, 2.0 if lifted_any else 1.0)
+
+
+class _Carried:
+    """The rigid motion that comes closest to what is prescribed on each body, of all that joining laws hold together.
+
+    Parameters
+    ----------
+    scene : all of it, on every rank
+    """
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins]).reshape(-1, 2)
+        self.body = components(*joined.T, len(scene.subdomains))[1]
+        self.frames = {body: self._fit([s for s, b in zip(scene.subdomains, self.body) if b == body]) for body in
+                       np.unique([self.body[s.index] for s in scene.subdomains if s.prescribed.any()])}
+
+    def _fit(self, pieces: list[Subdomain]) -> tuple[np.ndarray, float, np.ndarray]:
+        """Centre, size, and (6, T) coefficients of the motions."""
+        held = [s for s in pieces if s.fixed.any()]
+        points = np.concatenate([self.scene.mesh.nodes[s.nodes[s.fixed.any(axis=1)]] for s in held])
+        centre, size = points.mean(axis=0), size_of(points)
+        rows = np.concatenate([motions_about(self.scene.mesh.nodes[s.nodes], centre, size)[s.fixed] for s in held])
+        values = np.concatenate([s.prescribed[:, s.fixed] for s in held], axis=1)
+        return centre, size, np.linalg.lstsq(rows, values.T, rcond=HELD)[0]
+
+    def split(self, s: Subdomain, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """The motion (T, 3n) of a subdomain, zero on prescribed dofs, and what it leaves there of the lift (T, 3n); None
+        where nothing moves."""
+        if self.body[s.index] not in self.frames:
+            return None
+        centre, size, coefficients = self.frames[self.body[s.index]]
+        rigid = (motions_about(self.scene.mesh.nodes[s.nodes], centre, size).reshape(-1, 6) @ coefficients).T
+        fixed = s.fixed.ravel()
+        left = np.where(fixed, lift - rigid, 0.0)
+        left[np.abs(left) <= ROUNDING * np.abs(rigid).max(initial=0.0)] = 0.0
+        return np.where(fixed, 0.0, rigid), left

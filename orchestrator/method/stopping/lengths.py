@@ -6,7 +6,7 @@ make one; its displacement is split in the rigid motion that its supports prescr
 
 - the deformation, the largest displacement of a boundary node that is left;
 - what the scene was told: per body its largest prescribed displacement and what its loads alone move it on its soles,
-  M⁻¹f_ext, per interface what its law imposes (a press fit, a jump). The smallest counts, so that a body sent far away
+  M⁻¹f_ext (with what its supports strain), per interface what its law imposes (a press fit, a jump). The smallest counts, so that a body sent far away
   says nothing of the others. It matters where next to nothing is deformed, as where all contacts are open.
 """
 
@@ -85,7 +85,7 @@ class LengthScale:
             held[body] += rows.T @ rows
             moved[body] += lift[:, fixed] @ rows
             at_supports.append((rows, lift[:, fixed]))
-            loads = 0.5 * (d.loading.boundary[:, part] + d.loading.working[:, part])  # what lifts move cancels
+            loads = d.loading.working[:, part]  # and what strains its supports: rigid motions are no part of it
             told[0, body] = max(told[0, body], np.abs(lift).max(initial=0.0))
             told[1, body] = max(told[1, body], np.abs(loads).max(initial=0.0))
         gram, held, moved = self.team.sum(gram, held, moved)
