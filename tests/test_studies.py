@@ -13,9 +13,13 @@ from pictures import bars, is_drawn, missing_curves, missing_points, saved_figur
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
+from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.scene.mesh.geometry import tet_volumes
+from orchestrator.run import solve
 from orchestrator.studies import FUNCTIONS, STUDIES, run_study
+from orchestrator.studies.kit.framework import Study
+from orchestrator.studies.robustness import falsified
 
 
 def rows_of(path):
@@ -466,3 +470,18 @@ def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
     assert {target.what.partition(":")[0]: target.met for target in study.targets[:4]} == {"killed": True}
     assert not study.targets[4].met and "two ranks" in study.targets[5].what
     assert (tmp_path / "faults.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("kind, number, ends", [("stiffness", 0, "refused"), ("fields", 1, "refused"), ("traces", 3, None),
+                                                ("load", 0, "converged")])
+def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, number, ends):
+    """A real process between the pipes: what a thousandth in one reply leads to, beside a sound solution."""
+    small = {**falsified.PROBLEMS["bonded"], "mesh": {"box": {"size": [4.0, 1.0, 1.0], "cells": [4, 1, 1]}}}
+    monkeypatch.setattr(falsified, "PROBLEMS", {"bonded": small})
+    study = Study("falsified", "one fault", tmp_path)
+    exact = solve(config_from(falsified.problem("bonded")), study.scene(falsified.problem("bonded")))
+    fault = {"kind": kind, "how": "reply" if kind == "fields" else "entry", "number": number, "size": 1e-3, "seed": 5}
+    falsified.attempt(study, "bonded", fault, exact, falsified.TOLERANCE)
+    (row,) = study.rows
+    assert row["silent_wrong"] == "no" and ends in (None, row["outcome"]), row
+    assert row["outcome"] != "refused" or row["message"].startswith("guard: ")

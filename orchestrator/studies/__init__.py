@@ -51,6 +51,8 @@ _LISTED = {
                   "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
     "faults": ("robustness.faults:run",
                "runs killed at random moments and disks full at every stage, then resumed: nothing is lost"),
+    "falsified": ("robustness.falsified:run",
+                  "one reply of FreeFEM falsified by a thousandth at 100 random places: refused, stopped or right"),
     "bound": ("convergence.bound:run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}
