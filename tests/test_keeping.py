@@ -23,7 +23,7 @@ from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
 from orchestrator.results.resume import load_checkpoint
 from orchestrator.results.subscribers.checkpoint import Checkpoint
-from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.gmsh_session import session
@@ -272,6 +272,29 @@ def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, caps
     np.testing.assert_allclose(one["displacement"], other["displacement"], rtol=0, atol=1e-15)
     assert summary_of(place / "out")["converged"] and not (place / "out" / "checkpoint").exists()
     assert np.array_equal(read_history(place / "out")["iteration"], read_history(tmp_path / "other")["iteration"])
+
+
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+@pytest.mark.parametrize("kind", [Checkpoint, HistoryWriter])
+def test_interrupted_while_an_iteration_is_noted(tmp_path, monkeypatch, kind, after):
+    """One record has the iteration, the other one perhaps not: resumed, none is missing in the history, none twice."""
+    case, out, note = loaded(tmp_path), tmp_path / "out", kind.iteration
+
+    def interrupted(self, event):
+        if after:
+            note(self, event)
+        if event.iteration == 4:
+            raise KeyboardInterrupt
+        if not after:
+            note(self, event)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(kind, "iteration", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run(case, output=out, quiet=True)
+    assert run(case, output=out, resume=True, quiet=True) == 0
+    iterations = read_history(out)["iteration"].tolist()
+    assert len(iterations) > 5 and iterations == list(range(1, len(iterations) + 1))
 
 
 @pytest.mark.parametrize("kind", [MemoryError, SystemError, ZeroDivisionError])

@@ -53,7 +53,8 @@ class Record:
         self._checkpoint = Checkpoint(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         self._remains = Remains(folder, config, scene, watch)
-        self.subscribers = [self._checkpoint, self._history, self._remains]
+        # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
+        self.subscribers = [self._history, self._checkpoint, self._remains]
 
     def finish(self, solution: Solution, fields: bool, artist: Artist | None) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
