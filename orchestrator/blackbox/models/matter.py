@@ -103,9 +103,10 @@ class Matter:
     @cached_property
     def stiff(self) -> np.ndarray:
         """(n,) what a node opposes to a displacement of its own, the largest of its directions at most."""
-        square = self.gradient.copy()
-        square.data **= 2
-        return square.T @ np.tile(self.weight * (self.lam + 2 * self.mu), 3)
+        slopes = self.gradient.data.reshape(3, len(self.weight), -1)
+        square = np.einsum("xpa,xpa->pa", slopes, slopes)
+        square *= (self.weight * (self.lam + 2 * self.mu))[:, None]
+        return np.bincount(self.gradient.indices[: square.size], square.ravel(), minlength=self.gradient.shape[1])
 
     def _on_nodes(self, sigma: np.ndarray, rhs: int) -> np.ndarray:
         sigma *= self.weight[:, None, None]

@@ -9,6 +9,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.guards import failed_guards, with_noise
+from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.delivery.recovery import reactions, recover
 from orchestrator.method.iterated import Iterated
@@ -66,14 +67,14 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if estimate is not None:
         with watch("bound"):
             discretisation = estimate.of_parts(d, iterated.bound, parts)
-    interfaces = interface_fields(d, iterated)
+    interfaces, inside = interface_fields(d, iterated), interior(d, iterated, parts)
     if d.all_perfect:
-        iterated = with_noise(d, iterated, parts)
+        iterated = with_noise(d, iterated, parts, inside)
     else:
         displacement, own = sides(d, iterated, parts)
         criterion = LawCriterion(d, tolerance)
         laws, lengths = criterion.laws(iterated.fields, iterated.local), criterion.lengths(iterated.fields.u)
-    broken = failed_guards(d, iterated, parts, interfaces, lengths)
+    broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
     return Delivered(iterated, displacement, parts, own, interfaces, laws, reactions(d, parts, iterated.fields.f),

@@ -38,7 +38,8 @@ ROUNDING = 1e-9
 
 
 def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
-                  interfaces: InterfaceFields | None, lengths: Lengths | None = None) -> list[str]:
+                  interfaces: InterfaceFields | None, lengths: Lengths | None = None,
+                  inside: Interior | None = None) -> list[str]:
     """What the delivered fields break, a sentence each.
 
     Parameters
@@ -46,8 +47,9 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
     parts : per subdomain (T, n_E, 3), as recovered
     interfaces, lengths : fields of the interfaces that are not perfect, if there are any, and what they are
         compared with
+    inside : of these parts; None: it is found here
     """
-    inside = interior(d, iterated, parts)
+    inside = inside or interior(d, iterated, parts)
     found = _works(d, iterated, parts, inside)
     length = None if interfaces is None else np.concatenate(
         [pair_normals(d.scene.points(i), i)[1][i.corners] for i in d.scene.interfaces if not i.law.perfect])
@@ -84,9 +86,9 @@ def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tupl
     return tuple(d.space.team.sum(inner, outer, size))
 
 
-def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> Iterated:
+def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside: Interior | None = None) -> Iterated:
     """The same with the noise of the answers in its bound; not converged any more if that is too much."""
-    inside = interior(d, iterated, parts)
+    inside = inside or interior(d, iterated, parts)
     unbalanced, _ = inside.shares(iterated.bound.energy.max(initial=0.0))
     bound, floor = iterated.bound.relative, NOISE * float(np.hypot(noise(d, iterated, parts), unbalanced))
     if not floor > NOTICED * bound:

@@ -18,6 +18,7 @@ import numpy as np
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
+from orchestrator.scene.congruence import first_congruent
 
 UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of a product, of combined back-substitutions
 
@@ -58,24 +59,37 @@ def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> I
     """
     scene, steps = d.scene, d.scene.steps
     energy, unbalanced, repeated = np.zeros((3, steps, len(scene.subdomains)))
-    forces, mode, foreign = d.space.loads(iterated.fields.f), 0, 0
+    forces = d.space.loads(iterated.fields.f)
     moduli = np.array([[m.young, m.poisson] for m in scene.materials])
-    for s, modes, part, trace in zip(d.own, d.modes, d.space.boundary, d.traces):
-        u = parts[s.index].reshape(steps, -1)
-        rigid = iterated.bound.repositioned[:, mode : mode + modes.shape[1]] @ modes.T
-        mode += modes.shape[1]
-        if d.blackbox.traits(s.code).own_matter:
-            foreign += 1
-            continue
-        matter = Matter(scene.mesh.nodes[s.nodes], s.connectivity, *moduli[s.material].T)
-        held, root = matter.forces(u), np.sqrt(np.repeat(matter.stiff, 3))
-        load = s.loads.reshape(steps, -1).copy()
-        load[:, trace] += forces[:, part]
-        largest = (root * np.abs(u)).max(axis=1, keepdims=True)
-        left = np.where(s.fixed.ravel(), 0.0, np.abs(held - load) / root)
-        apart = root[trace] * np.abs(u[:, trace] - rigid[:, trace] - iterated.fields.u[:, part])
-        energy[:, s.index] = np.sum(u * held, axis=1)
-        unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
-        repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
+    ends = np.cumsum([0] + [modes.shape[1] for modes in d.modes])
+    judged = [e for e, s in enumerate(d.own) if not d.blackbox.traits(s.code).own_matter]
+    for kind, members in _alike(d, judged).items():
+        one = d.own[kind]
+        matter = Matter(scene.mesh.nodes[one.nodes], one.connectivity, *moduli[one.material].T)
+        root = np.sqrt(np.repeat(matter.stiff, 3))
+        together = np.vstack([parts[d.own[e].index].reshape(steps, -1) for e in members])
+        resisting = np.split(matter.forces(together), len(members))
+        for e, u, held in zip(members, np.split(together, len(members)), resisting):
+            s, part, trace = d.own[e], d.space.boundary[e], d.traces[e]
+            rigid = iterated.bound.repositioned[:, ends[e] : ends[e + 1]] @ d.modes[e][trace].T
+            load = s.loads.reshape(steps, -1).copy()
+            load[:, trace] += forces[:, part]
+            largest = (root * np.abs(u)).max(axis=1, keepdims=True)
+            left = np.where(s.fixed.ravel(), 0.0, np.abs(held - load) / root)
+            apart = root[trace] * np.abs(u[:, trace] - rigid - iterated.fields.u[:, part])
+            energy[:, s.index] = np.sum(u * held, axis=1)
+            unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
+            repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
+    foreign = len(d.own) - len(judged)
     energy, unbalanced, repeated, foreign = d.space.team.sum(energy, unbalanced, repeated, np.array(foreign))
     return Interior(energy, unbalanced, repeated, not foreign)
+
+
+def _alike(d: Decomposition, judged: list[int]) -> dict[int, list[int]]:
+    """Of these subdomains, those that differ by a translation alone: the first → all of them."""
+    own = [d.own[e] for e in judged]
+    keys = ((s.connectivity.tobytes(), s.material.tobytes()) for s in own)
+    found: dict[int, list[int]] = {}
+    for e, first in zip(judged, first_congruent(keys, [d.scene.mesh.nodes[s.nodes] for s in own])):
+        found.setdefault(judged[first], []).append(e)
+    return found
