@@ -44,8 +44,9 @@ def saved(folder: ResultsFolder) -> bool:
 class Checkpoint(Subscriber):
     """Writes every iteration to the results folder; ``remove`` it when all results are there.
 
-    A disk that is full ends no run: what is not needed any more is removed, and if that is too little the run goes on
-    without, and says so.
+    The room that the end of the run needs is taken at its first iteration: a run whose end would not fit is not worth
+    computing. A disk that is full later ends no run: what is not needed any more is removed, and if that is too little
+    the run goes on without, and says so.
 
     Parameters
     ----------
@@ -53,6 +54,10 @@ class Checkpoint(Subscriber):
     fingerprint : of the problem
     start : where the run goes on from what an earlier one has left here; None at the beginning
     warn : what is told to the user
+
+    Raises
+    ------
+    InputError : from the first iteration, if there is no room for the end of the run
     """
 
     wants_states = True
@@ -79,6 +84,9 @@ class Checkpoint(Subscriber):
     def iteration(self, event: Iteration) -> None:
         if event.memory is None or self._removed:
             return
+        if not self._reserved:
+            with self._folder.guarded("what the end of the run will need"):
+                self._reserve(event.memory)
         self._pending.append(event.memory)
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name="checkpoint", daemon=True)
@@ -150,21 +158,19 @@ class Checkpoint(Subscriber):
         for path in self._stale:
             path.unlink(missing_ok=True)
         self._stale = []
-        if not self._reserved:
-            self._path.mkdir(parents=True, exist_ok=True)
-            self._reserve(memory)
         if memory.ended:
-            (self._path / RESERVE).unlink(missing_ok=True)
+            if memory.notes["last"]:
+                (self._path / RESERVE).unlink(missing_ok=True)
             self._end(memory)  # first, so that no run goes on after an iteration that was the last
-            self._reserved = memory.notes["last"]
         if memory.ended and memory.notes["met"]:
             self._forget()  # the results may need the room
         elif not self._given_up:
             self._append(memory)
 
     def _reserve(self, memory: Memory) -> None:
-        """Take the room that the end of the run will need, as long as there is some."""
+        """Take the room that the end of the run will need."""
         self._reserved = True
+        self._path.mkdir(parents=True, exist_ok=True)
         rest = sum(array.nbytes for name, array in memory.arrays.items() if not name.startswith("trace"))
         width = max(array.shape[1] for name, array in memory.arrays.items() if name.startswith("trace"))
         try:
@@ -218,6 +224,8 @@ class Checkpoint(Subscriber):
         """Make room on a full disk: the end of a batch needs none of the iterations before."""
         if memory.ended:
             self._forget()
+            with suppress(OSError):
+                (self._path / RESERVE).unlink(missing_ok=True)
             self._given_up = True
 
     def _forget(self) -> None:
