@@ -280,6 +280,18 @@ def test_the_program_forgets_to_close(temporary):
     assert gone(pids)
 
 
+@pytest.mark.parametrize("transport", TRANSPORTS)
+def test_a_process_that_asks_for_memory_in_vain(temporary, monkeypatch, transport):
+    """Under ulimit -v OpenBLAS asks for its buffer for ever: said within seconds, long before the timeout."""
+    monkeypatch.setenv("ORCHESTRATOR_FREEFEM", wrapper(temporary, 'ulimit -v 240000\nexec "$REAL" "$@"'))
+    monkeypatch.setattr("orchestrator.blackbox.pool.starvation.PATIENCE", 1.0)
+    begun = time.monotonic()
+    with pytest.raises(BlackBoxError, match="asks for memory in vain|out of memory|bad_alloc") as caught:
+        with make_blackbox(settings(transport=transport, timeout=60.0)) as blackbox:
+            blackbox.load([box((14, 14, 14), name="large")])
+    assert caught.value.subdomain == "large" and time.monotonic() - begun < 30
+
+
 OWNER = """
 import sys
 from orchestrator.blackbox.pool import workdir

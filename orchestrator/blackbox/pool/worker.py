@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.blackbox.pool.starvation import Starvation
 from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, Problem
@@ -110,8 +111,12 @@ class Worker:
         try:
             poll = select.poll()
             poll.register(handle, select.POLLIN)
-            if not poll.poll(self.timeout * 1000):
-                raise Silence()
+            end, hopeless = self.deadline(), Starvation(process.pid)
+            while not poll.poll(max(0.0, min(end - time.monotonic(), 1.0)) * 1000):
+                if why := hopeless():
+                    raise Ended(why)
+                if time.monotonic() >= end:
+                    raise Silence()
             # the process is a zombie now: its memory is in what waiting for it returns
             with self._lock:
                 _, status, usage = os.wait4(process.pid, 0)

@@ -10,6 +10,7 @@ import fcntl
 import os
 import select
 import time
+from collections.abc import Callable
 
 from orchestrator.blackbox.pool.worker import Ended, Silence
 
@@ -26,6 +27,7 @@ class Channel:
         self.child_fds = (read_requests, write_replies)
         self._buffer = bytearray(_PIPE_SIZE)
         self._start = self._stop = 0
+        self.hopeless: Callable[[], str] = str  # asked while waiting: why no answer will come, if that is so
         for fd in (self._in, self._out):
             os.set_blocking(fd, False)
             try:
@@ -86,10 +88,12 @@ class Channel:
             self._start, self._stop = 0, received
             return
 
-    @staticmethod
-    def _wait(fd: int, event: int, deadline: float) -> None:
-        left = deadline - time.monotonic()
+    def _wait(self, fd: int, event: int, deadline: float) -> None:
         poll = select.poll()
         poll.register(fd, event)
-        if left <= 0 or not poll.poll(left * 1000):
-            raise Silence()
+        while (left := deadline - time.monotonic()) > 0:
+            if poll.poll(min(left, 1.0) * 1000):
+                return
+            if why := self.hopeless():
+                raise Ended(why)
+        raise Silence()

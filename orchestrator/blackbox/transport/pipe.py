@@ -9,6 +9,7 @@ from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.channel import Channel
 from orchestrator.blackbox.transport.messages import BadReply, Reply
 from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.pool.starvation import Starvation
 from orchestrator.blackbox.pool.worker import Ended, Worker
 
 
@@ -20,7 +21,8 @@ class PipeWorker(Worker):
     def open(self) -> None:
         self.channel = Channel()
         requests, replies = self.channel.child_fds
-        self.spawn(f"/dev/fd/{requests}", f"/dev/fd/{replies}", self.channel.child_fds)
+        process = self.spawn(f"/dev/fd/{requests}", f"/dev/fd/{replies}", self.channel.child_fds)
+        self.channel.hopeless = Starvation(process.pid)
         self.channel.hand_over()
         try:
             reply = self._reply(self.deadline())
