@@ -15,7 +15,7 @@ from typing import Annotated, Optional
 import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
-from orchestrator.interrupts import heard, interrupt
+from orchestrator.interrupts import heard, interrupt, raise_waiting
 from orchestrator.registry import CODES
 from orchestrator.streams import guard_streams, lost_output
 
@@ -189,7 +189,9 @@ def _guarded(action: Callable[[], int]) -> None:
     ends = [number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) != signal.SIG_IGN]
     previous = {number: signal.signal(number, interrupt) for number in ends} if in_main else {}
     try:
+        raise_waiting()
         code = action()
+        raise_waiting()  # a short command may end before it has been looked again
     except OrchestratorError as error:
         _show(error)
         code = error.exit_code
