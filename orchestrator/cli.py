@@ -92,6 +92,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
         try:
             scene = build_scene(loaded.config)
             find_codes(loaded.config.codes, {s.code for s in scene.subdomains})
+            _check_iterations(scene, loaded.config.method)
             print(f"OK: {scene!r}")
             for sentence in scene_cautions(scene):
                 print(f"warning: {sentence}")
@@ -177,6 +178,15 @@ def main() -> None:
         print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
               file=sys.stderr)
     sys.exit(code)
+
+
+def _check_iterations(scene, method) -> None:
+    """Whether there are enough of them; where there is no doubt, the method is not even imported."""
+    if scene.steps > method.max_iterations:
+        from orchestrator.method.load_cases import load_cases
+        from orchestrator.method.solver import check_iterations
+
+        check_iterations(len(load_cases(scene, method.skip).chosen), all(i.law.perfect for i in scene.interfaces), method)
 
 
 def _guarded(action: Callable[[], int]) -> None:

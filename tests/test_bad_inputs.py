@@ -209,6 +209,26 @@ def test_meshes_must_fit_in_what_is_free(folder, in_time, monkeypatch, mesh, wor
     assert word in refused(folder / "bar.yaml", "--output", str(folder / "out"))
 
 
+def test_ten_nodes_must_fit_too(folder, in_time, monkeypatch):
+    """A mesh of 81 corners that fits with four nodes a tet does not with ten."""
+    monkeypatch.setattr(size, "memory_left", lambda: 4e5)
+    (folder / "ten.yaml").write_text("\n".join({**GOOD, "extra": "blackbox: {element: P2}"}.values()))
+    assert "element: P2" in refused(folder / "ten.yaml", "--output", str(folder / "out"))
+    (folder / "four.yaml").write_text("\n".join(GOOD.values()))
+    assert CliRunner().invoke(app, ["check", str(folder / "four.yaml")]).exit_code == 0
+
+
+def test_more_batches_than_iterations(folder, in_time):
+    """``check`` says it, not only ``run``."""
+    changes = {"loaded": "  {on: {plane: x, at: 4}, traction: [1, 0, 0], history: up}]",
+               "interfaces": "interfaces: [{law: contact, friction: 0.1}]",
+               "held": "boundary: [{on: {box: [[-1, -1, -1], [5, 5, 0]]}, displacement: [0, 0, 0]},",
+               "method": "method: {max_iterations: 2, increment: 1}", "extra": "histories: {up: [1, 0.5, 1, 0.5]}"}
+    (folder / "few.yaml").write_text("\n".join({**GOOD, **changes}.values()))
+    done = CliRunner().invoke(app, ["check", str(folder / "few.yaml")])
+    assert done.exit_code == 2 and "2 iterations for 4 batches" in done.stderr, done.output
+
+
 def test_memory_left_heeds_the_process_own_limit():
     """As ``ulimit -v`` sets it: no more is left than is allowed."""
     program = ("import resource; from orchestrator.scene.mesh.size import memory_left; free = memory_left()\n"

@@ -22,6 +22,8 @@ from orchestrator.scene.partition.partition import Partition, make_partition
 
 # Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
 STEP_BYTES = 5 * 3 * 8
+# Per corner of a mesh that gets a node in the middle of every edge, at most while its scene is made, measured.
+QUADRATIC_BYTES = 5800.0
 
 
 def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
@@ -50,6 +52,8 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     """
     mesh, faces = make_mesh(config.mesh, kept)
     if config.codes[0].element == "P2":
+        check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
+                     "use a coarser mesh, or element: P1")
         mesh, faces = quadratic(mesh, faces)
     problems, count = Problems(), steps(config)
     check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",

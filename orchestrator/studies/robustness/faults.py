@@ -13,7 +13,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -120,8 +120,10 @@ def _lost(folder: Path) -> dict[str, Any]:
     if not (folder / "history.csv").exists():
         return {"lost": 0, "lost_seconds": 0.0}
     history = read_history(folder)
-    saved = max((record.header["iteration"] for pattern in (ENDED, SEGMENTS) for path in (folder / NAME).glob(pattern)
-                 for record in records(path)), default=0)
+    saved = 0
+    for path in (path for pattern in (ENDED, SEGMENTS) for path in (folder / NAME).glob(pattern)):
+        with suppress(ValueError):  # killed before the first line was whole
+            saved = max([saved, *(record.header["iteration"] for record in records(path))])
     seconds = history["seconds"][history["iteration"] > saved]
     before = history["seconds"][history["iteration"] <= saved]
     spent = seconds[-1] - (before[-1] if len(before) else seconds[0]) if len(seconds) else 0.0
