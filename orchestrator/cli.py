@@ -116,13 +116,17 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
 
 
 @app.command()
-def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None) -> None:
+def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None,
+          overrides: Annotated[Optional[list[str]], typer.Option(
+              "--set", metavar="KEY=VALUE", help="change a setting of the study, if it has any (repeatable)")] = None,
+          output: Annotated[Optional[Path], typer.Option(help="its folder, instead of results/studies/NAME")] = None,
+          resume: Annotated[bool, typer.Option("--resume", help="repeat no run that the folder has")] = False) -> None:
     """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
     def action() -> int:
         from orchestrator.studies import STUDIES, run_study
 
         if name in STUDIES:
-            run_study(name)
+            run_study(name, output, overrides or [], resume)
             return CONVERGED
         listing = "\n".join(f"  {key:12} {line}" for key, line in STUDIES.items())
         if name is None:

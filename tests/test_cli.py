@@ -165,9 +165,12 @@ def test_doctor(monkeypatch):
 
 def test_studies_are_listed_and_run(room):
     seen = []
-    room("orchestrator.studies", STUDIES={"fig7": "convergence", "fig10": "soles"}, run_study=seen.append)
+    room("orchestrator.studies", STUDIES={"fig7": "convergence", "fig10": "soles"},
+         run_study=lambda *asked: seen.append(asked))
     assert "fig7" in call("study").stdout and call("study").exit_code == 0
-    assert call("study", "fig7").exit_code == 0 and seen == ["fig7"]
+    assert call("study", "fig7").exit_code == 0 and seen == [("fig7", None, [], False)]
+    assert call("study", "fig10", "--set", "counts=[2]", "--set", "ranks=2", "--resume", "--output", "here").exit_code == 0
+    assert seen[1] == ("fig10", Path("here"), ["counts=[2]", "ranks=2"], True)
     unknown = call("study", "fig77")
     assert unknown.exit_code == 2 and "did you mean 'fig7'?" in unknown.stderr
 

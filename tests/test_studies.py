@@ -2,6 +2,7 @@
 
 import csv
 import inspect
+import json
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -485,3 +486,74 @@ def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, 
     (row,) = study.rows
     assert row["silent_wrong"] == "no" and ends in (None, row["outcome"]), row
     assert row["outcome"] != "refused" or row["message"].startswith("guard: ")
+
+
+# --- grains: runs in processes of their own, kept ------------------------------------------------------------
+
+
+def grains_study(folder, **settings):
+    from orchestrator.studies.performance import grains
+
+    study = Study("grains", "few grains", folder)
+    grains.run(study, grains.Settings(elements=2.0, seeds=[1], **settings), resume=True)
+    study.close()
+    return study
+
+
+def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
+    first = grains_study(tmp_path, counts=[5])
+    (row,), folder = first.rows, tmp_path / "grains-5-seed-1-0.0001"
+    summary = json.loads((folder / "summary.json").read_text())
+    coarse = next(stage["seconds"] for stage in summary["workload"]["iterations"]["stages"] if stage["stage"] == "coarse")
+    assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == "converged" and row["iterations"] == summary["iterations"]
+    assert row["newton_steps"] == summary["newton_steps"] >= 4  # one per load step at least
+    assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 5
+    assert not (folder / "fields.npz").exists()
+
+    # what is kept is not run again, what is asked otherwise is
+    (folder / "summary.json").unlink()
+    again = grains_study(tmp_path, counts=[5, 4])
+    assert again.rows[1] == row and again.rows[0]["grains"] == 4 and not (folder / "summary.json").exists()
+    assert again.targets[0].met
+    assert is_drawn(tmp_path / "grains.png", saved_figures[-1])
+    assert not missing_points(saved_figures[-1], [(r["grains"], r["iterations"]) for r in again.rows])
+    # a run that fails is a row with its reason
+    failed = grains_study(tmp_path, counts=[4], method={"acceleration": "andersen"})
+    assert "did you mean 'anderson'" in failed.rows[0]["stop_reason"]
+    assert [target.met for target in failed.targets] == [False]
+
+
+def test_targets_of_grains(tmp_path):
+    """What each target asks for, on rows of every kind."""
+    from orchestrator.studies.performance import grains
+
+    def judged(*rows):
+        study = Study("grains", "rows", tmp_path)
+        finished = {"stop_reason": "converged", "coarse_share": 0.2, "dofs_decomposed": 600_000, "seconds": 500.0, "GB": 9.0}
+        study.rows += [{"seed": 1, "tolerance": 1e-4, **(finished if "iterations" in row else {}), **row} for row in rows]
+        grains.judge(study)
+        return [target.met for target in study.targets]
+
+    small, large = {"grains": 64, "iterations": 26}, {"grains": 1000, "iterations": 33}
+    assert judged(small, large) == [True] * 6
+    assert judged(small, {**large, "iterations": 34}) == [True, True, False, True, True, True]
+    assert judged(small, {**large, "stop_reason": "max_iterations"}) == [False, False, False, True, True, False]
+    assert judged(small, {"grains": 1000, "stop_reason": "failed: no mesh"}) == [False, False, False, True, False]
+    assert judged({**small, "coarse_share": 0.3}, {**large, "coarse_share": 0.41}) == [True, True, True, False, False, True]
+    for wrong in ({"seconds": 601.0}, {"GB": 17.0}, {"dofs_decomposed": 400_000}):
+        assert judged(small, {**large, **wrong})[-1] is False
+    tight = {**small, "tolerance": 1e-6, "iterations": 65}
+    assert judged(small, tight) == [True] * 5
+    assert judged(small, {**tight, "iterations": 66}) == [True] * 4 + [False]
+    assert judged(small, {**tight, "stop_reason": "max_iterations"}) == [True] * 3 + [False]
+
+
+def test_what_a_study_may_be_told(tmp_path):
+    for name, asked, message in (("grains", {"overrides": ["cunts=[3]"]}, "did you mean 'counts'"),
+                                 ("grains", {"overrides": ["counts=[1]"]}, "a number >= 2"),
+                                 ("grains", {"overrides": ["counts"]}, "key=value"),
+                                 ("fig7", {"overrides": ["counts=[3]"]}, "fig7 has no settings"),
+                                 ("fig7", {"resume": True}, "fig7 keeps no runs")):
+        with pytest.raises(InputError, match=message):
+            run_study(name, tmp_path / "none", **asked)
+    assert not (tmp_path / "none").exists()

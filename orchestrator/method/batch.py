@@ -111,7 +111,8 @@ class Batch:
                 verdict = criterion(best, local, measures)
                 self.sweeps += verdict.sweeps * share
                 event = _event(criterion, verdict, measures(), iteration=self.iteration,
-                               sweeps=d.setup_sweeps + self.sweeps, seconds=earlier + watch.total, state=best.s)
+                               sweeps=d.setup_sweeps + self.sweeps, seconds=earlier + watch.total, state=best.s,
+                               newton_steps=d.coarse.problem.newton_steps if d.coarse is not None else 0)
             if self.true_error is not None:
                 event = replace(event, true_error=self.true_error(best, verdict.bound))
             history.append(replace(event, state=event.state[:0]))  # the states themselves are large

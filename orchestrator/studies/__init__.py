@@ -14,6 +14,7 @@ from those before it alone, never one of the last four from another:
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.registry import Registry
@@ -41,6 +42,8 @@ _LISTED = {
     "polycrystal_small": ("paper.polycrystal:small", "the same with 15 grains"),
     "scaling": ("performance.scaling:run",
                 "strong and weak scaling over workers and ranks, and what a cluster would take"),
+    "grains": ("performance.grains:run",
+               "27 to 343 grains (up to 1,000 if set) pressed and sheared: iterations and seconds over their number"),
     "floor": ("performance.floor:run", "wall time of whole runs beside the code's own seconds"),
     "codes": ("robustness.codes:run",
               "the same scenes through FreeFEM, CalculiX, scikit-fem and mixed: agreement and seconds"),
@@ -59,23 +62,28 @@ STUDIES = {name: title for name, (_, title) in _LISTED.items()}
 FUNCTIONS = Registry({name: f"{__name__}.{place}" for name, (place, _) in _LISTED.items()})
 
 
-def run_study(name: str, folder: str | os.PathLike[str] | None = None) -> None:
+def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides: Sequence[str] = (),
+              resume: bool = False) -> None:
     """Run a study, print its table and its targets.
 
     Parameters
     ----------
     name : one of ``STUDIES``
     folder : where its results go; default results/studies/NAME
+    overrides : ``key=value`` texts, for studies that have settings
+    resume : take over what the folder has of the same runs, for studies that keep them
 
     Raises
     ------
-    InputError : no such study, or the folder cannot be written
+    InputError : no such study, none of its settings, or the folder cannot be written
     BlackBoxError : from the code; the cases finished so far are on disk
     """
     if name not in STUDIES:
         raise InputError(Problem((), f"study '{name}'", "one of " + ", ".join(STUDIES), "take one of these"))
     from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.kit.settings import arguments
 
+    asked = arguments(name, FUNCTIONS[name], overrides, resume)
     study = Study(name, STUDIES[name], folder)
-    FUNCTIONS[name](study)
+    FUNCTIONS[name](study, **asked)
     study.close()

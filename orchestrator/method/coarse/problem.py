@@ -111,18 +111,20 @@ class CoarseProblem:
         """
         steps = sorted(self._reach)
         arrays = {"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)}
+        notes = {"newton_steps": self.newton_steps}
         if self.factors is None:
-            return arrays, {}
+            return arrays, notes
         keys = sorted(self.factors.factorised if whole else self.factors.renewed)
         self.factors.renewed.clear()
         shifts = {}
         for key in keys:
             arrays[f"common/factorised.{key}"], shifts[str(key)] = self.factors.factorised[key]
-        return arrays, {"shifts": shifts}
+        return arrays, {"shifts": shifts, **notes}
 
     def recall(self, memories: Sequence[Memory]) -> None:
         """Take back what was told of some iterations, the first of them as a whole."""
         self._reach = dict(enumerate(memories[-1].arrays["interface/reach"]))
+        self.newton_steps = memories[-1].notes["coarse"]["newton_steps"]
         if self.factors is not None:
             factorised = {}
             for memory in memories:

@@ -35,7 +35,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "iterations": iterated.iterations,
         "acceleration": algorithm(config.method.acceleration, all(i.law.perfect for i in scene.interfaces)).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
-        "indicator": last.indicator, "error_bound": iterated.bound.relative,
+        "newton_steps": last.newton_steps, "indicator": last.indicator, "error_bound": iterated.bound.relative,
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in
