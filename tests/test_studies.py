@@ -199,9 +199,12 @@ def test_a_run_is_continued_to_where_it_tends(tmp_path):
     assert not paper.iterated.converged and paper.iterated.iterations == 6
     assert paper.accuracy < 1e-8 and paper.history[-1].true_error > 1e-3 > paper.accuracy
     assert paper.history[0].true_error > paper.history[-1].true_error
+    # a continuation of one iteration gets no further: no error is claimed
+    short = follow(study, Case(with_method(few_grains(), contact_defaults(iterations=15)), {"settings": "short"}), continued=1)
+    assert short.accuracy == short.iterated.last.law_residual > 1e-9 and np.isnan(short.history[-1].true_error)
     rows = rows_of(tmp_path / "table.csv")
-    assert [row["settings"] for row in rows] == ["defaults", "paper"]
-    assert rows[0]["stop_reason"] == "converged" and rows[1]["apart"] != ""
+    assert [row["settings"] for row in rows] == ["defaults", "paper", "short"]
+    assert rows[0]["stop_reason"] == "converged" and rows[1]["apart"] != "" and rows[2]["sweeps_1e-01"] == ""
     assert rows_of(tmp_path / "curves.csv")[0]["law_residual"] != ""
 
 

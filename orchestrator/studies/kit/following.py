@@ -3,7 +3,8 @@
 The solution of a frictional problem need not be unique. Every run is therefore continued, from where it
 stopped and on the same soles, until its laws hold as well as they will; the error of each of its
 iterations is the distance of the interface displacements from that end. How far the ends of two runs are
-apart, and in how many statuses they differ, is reported beside.
+apart, and in how many statuses they differ, is reported beside. Where the continuation gets no further than the run,
+the end is not known, and neither are errors.
 
 Bodies that nothing holds at the end have no position of their own: wherever they drift, all laws hold. The
 *held error* leaves out their rigid motion, at the load steps at which they are loose; their deformation counts.
@@ -210,9 +211,10 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
             w, status, accuracy = end.fields.w, end.local.status, end.last.law_residual
             last = interfaces if end is iterated else interface_fields(d, end)
             loose = [set(a + b) for a, b in zip(*held_bodies(scene, last))]
-        held = trail.held_errors(w, scene, loose)
-    iterated.history[:] = [replace(event, true_error=error)
-                          for event, error in zip(iterated.history, trail.errors(w))]
+        errors, held = trail.errors(w), trail.held_errors(w, scene, loose)
+        if towards is None and end is iterated and continued and not iterated.converged:  # nothing better is known
+            errors, held = [[math.nan] * len(errors)] * 2
+    iterated.history[:] = [replace(event, true_error=error) for event, error in zip(iterated.history, errors)]
     return Followed(scene, iterated, w, status, loose, held, accuracy, fields, interfaces, watch, d.setup_sweeps, seconds, clock, memory)
 
 
