@@ -86,6 +86,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
             print("OK")
             return CONVERGED
         from orchestrator.blackbox.codes.finding import find_codes
+        from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
         from orchestrator.scene.build import build_scene
         from orchestrator.scene.cautions import scene_cautions
 
@@ -94,7 +95,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
             find_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             _check_iterations(scene, loaded.config.method)
             print(f"OK: {scene!r}")
-            for sentence in scene_cautions(scene):
+            for sentence in [*scene_cautions(scene), *stabilisation_cautions(loaded.config.method)]:
                 print(f"warning: {sentence}")
         except InputError as error:
             raise located(error, loaded) from error

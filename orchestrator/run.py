@@ -16,6 +16,7 @@ from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
+from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.load_cases import common_load_cases
 from orchestrator.method.solver import check_iterations, iterate
 from orchestrator.method.start import Start, numbers_of
@@ -105,7 +106,7 @@ def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, sta
     with watch("soles"):
         soles = make_soles(scene, method.sole, method.skip.congruent, placement.touched)
     told.stage("assembling and factorising")
-    cases = common_load_cases(scene, method.skip, savings, team)
+    cases = common_load_cases(scene, method.skip, savings, team, bool(stabilisation(scene, method).any()))
     check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method)
     with watch("start"):
         blackbox = with_layers(make_blackbox(codes, placement.codes), method.skip, workers, len(cases.chosen), savings)

@@ -21,7 +21,7 @@ def pushed_body(friction: float = 0.0) -> Body:
     none, dofs, bounds = np.zeros(0), np.zeros((3, 1), int), np.array([0, 1])
     transfer = Matching(dofs, dofs, 1, 1, bounds, np.ones((3, 1), bool))
     pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], bounds, transfer,
-                  [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], list(Contact.statuses),
+                  [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], list(Contact.statuses), None,
                   none.astype(int), np.zeros((1, 0)), none)
     fields = np.zeros((1, 3, 12))
     fields[0, 0, 0] = fields[0, 1, 1] = 1.0

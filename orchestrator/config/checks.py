@@ -156,6 +156,10 @@ def heeded(data: Any) -> Iterator[Problem]:
                       f"memory beside acceleration: anderson only; {why}", "remove memory, or take anderson")
     kplus = get(data, "method", "search_direction", "kplus")
     opens = [(path, entry) for path, entry in find(data, ("interfaces", "*")) if not law_of(entry).perfect]
+    stabilisation = get(data, "method", "contact", "stabilisation")
+    if _is_number(stabilisation) and stabilisation and not opens:
+        yield Problem(("method", "contact", "stabilisation"), f"stabilisation: {_show(stabilisation)} where all interfaces "
+                      "are perfect", "a number beside interfaces that may open or slide", "remove it")
     if kplus not in (None, "exchange") and opens:
         path, entry = opens[0]
         yield Problem(("method", "search_direction", "kplus"), f"kplus: {_show(kplus)} beside law: {_show(entry.get('law'))} "

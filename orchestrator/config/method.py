@@ -9,12 +9,14 @@ from pydantic import Field, model_validator
 from orchestrator.config.base import AutoCount, Count, Name, Part, Positive, auto_or
 
 RATIO_RANGE = (1e-3, 1e2)
+STABLEST = 0.1  # stabilisation beyond which springs, not laws, decide what contacts do
 FRACTION = 0.1  # of the mesh's error, for the iterations'
 
 AutoPositive = auto_or(Positive, "a number > 0")
 AutoPoisson = auto_or(Annotated[float, Field(gt=-1, lt=0.5)], "a number > -1 and < 0.5")
 AutoRelaxation = auto_or(Annotated[float, Field(gt=0, le=1)], "a number > 0 and <= 1")
 Fraction = Annotated[float, Field(gt=0, lt=1)]
+AutoStabilisation = auto_or(Annotated[float, Field(ge=0, le=STABLEST)], f"a number from 0 to {STABLEST:g}")
 AutoFraction = auto_or(Fraction, "a number > 0 and < 1")
 
 
@@ -59,6 +61,15 @@ class SearchDirection(Part):
     kplus: Literal["exchange", "full", "diagonal"] = Field("exchange", description=(
         "exchange: the neighbour's own sole, which needs no interface factorisation. full, diagonal: where all interfaces "
         "are perfect"))
+
+
+class Contact(Part):
+    """Where laws do not join their sides."""
+
+    stabilisation: AutoStabilisation = Field("auto", description=(
+        "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that "
+        "bodies that nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a quarter of the law "
+        "residual that the tolerance stands for, between loose bodies and their neighbours alone; 0: none"))
 
 
 class Tolerance(Part):
@@ -114,6 +125,7 @@ class Method(Part):
     coarse: Literal["affine", "none"] = Field("affine", description=(
         "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine "
         "fields under the true laws, after every linear stage; it removes the plateau of the fixed point"))
+    contact: Contact = Field(Contact(), description="what keeps bodies in place that contact alone holds")
     increment: AutoCount = Field("auto", description=(
         "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch "
         "starting from the last"))

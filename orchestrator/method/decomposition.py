@@ -20,6 +20,7 @@ from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.interface.pairs import make_pairs
+from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.interface.traces import TraceSpace
@@ -157,7 +158,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
-        pairs = make_pairs(scene, space, direction.whole)
+        pairs = make_pairs(scene, space, direction.whole, stabilisation(scene, method))
         local = LawStage(direction, pairs.lawful)
         if method.coarse != "none":
             with watch("macro"):

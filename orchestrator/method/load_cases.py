@@ -56,31 +56,32 @@ class LoadCases:
         return replace(part, bound=part.bound and part.bound.for_cases(self.weights))
 
 
-def load_cases(scene: Scene, skip) -> LoadCases:
+def load_cases(scene: Scene, skip, anchored: bool = False) -> LoadCases:
     """The steps to solve.
 
     Parameters
     ----------
     skip : ``method.skip`` of the configuration
+    anchored : contacts are stabilised: they remember the load step before, whatever their laws do
     """
     if scene.steps > 1:
         laws = [i.law for i in scene.interfaces]
         if all(law.perfect for law in laws):
             if skip.superposition:
                 return _independent(_load_vectors(scene))
-        elif skip.proportional and not any(law.has_history for law in laws):
+        elif skip.proportional and not anchored and not any(law.has_history for law in laws):
             return _on_rays(_load_vectors(scene), all(law.homogeneous for law in laws))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 
 
-def common_load_cases(scene: Scene, skip, savings: Savings, team: Team) -> LoadCases:
+def common_load_cases(scene: Scene, skip, savings: Savings, team: Team, anchored: bool = False) -> LoadCases:
     """The same for all ranks: rank 0 decides, since rounding may differ from machine to machine.
 
     Parameters
     ----------
     savings : where the steps left out are noted
     """
-    cases = team.share(load_cases(scene, skip) if team.rank == 0 else None)
+    cases = team.share(load_cases(scene, skip, anchored) if team.rank == 0 else None)
     if team.rank == 0:
         savings.add(cases.switch, "load steps", cases.left_out)
     return cases
@@ -151,7 +152,7 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
         status = local.status[weights.argmax(axis=0)]  # of the step that each one is a multiple of
         status[~weights.any(axis=0)] = d.local.at_rest  # unloaded
         everything = LocalState(everything.s, tuple(weights.T @ h for h in local.hats),
-                                cases.all_steps(local.force), cases.all_steps(local.jump), status)
+                                cases.all_steps(local.force), cases.all_steps(local.lawful), cases.all_steps(local.jump), status)
         bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, weights.T @ bound.repositioned,
                       weights.T @ bound.correction)
     return replace(iterated, fields=fields, local=everything, bound=bound)

@@ -34,6 +34,7 @@ from orchestrator.scene.model import Scene
 
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
+FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place, often far from where they are
 
 
 @dataclass
@@ -116,14 +117,15 @@ class CoarseCorrection:
         """
         steps = len(fields.s)
         if self.radius is None:
-            self.radius = REACH * max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
+            self.radius = (REACH if self.pairs.stabilisation is None else FAR) * max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
         y = np.zeros((steps, self.bodies, FIELDS))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous
         F0 = self.predict.predicted(PairTraces.of(self.pairs, *fields.extended))
         for t in range(steps):
             y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
-            previous = self.predict.jump(F, self.pairs.force(F, previous).force)
+            force = self.pairs.force(F, previous).force
+            previous = self.predict.jump(F, self.pairs.stabilised(force, F, previous))
         r, u, s = self.response, fields.u.copy(), fields.s.copy()
         w, f = (x.copy() for x in fields.extended)
         for e, part, boundary in zip(self.own, self.parts, self.stage.space.boundary):

@@ -2,6 +2,9 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y)
 
+Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part is affine, and summed
+once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
+
 Most pairs are open and stay so. With |n·L y| ≤ ‖n·L‖ ‖y‖, those that no fields of the size seen so far can close
 are left out, and come back if the fields grow beyond it.
 
@@ -14,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
 from orchestrator.parallel.team import Team
@@ -34,6 +38,7 @@ class Bodies:
     counted : int, interfaces that this rank adds up
     order : int, the order of all ranks' interfaces, which must not depend on the ranks
     pattern : of the Newton matrices, on rank 0
+    springs : (I, 24, 24) ΣTᵀε L, what stabilisation adds; None without
     """
 
     team: Team
@@ -43,6 +48,7 @@ class Bodies:
     counted: np.ndarray
     order: np.ndarray
     pattern: BlockPattern | None
+    springs: np.ndarray | None
 
     @classmethod
     def of(cls, team: Team, count: int, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
@@ -52,7 +58,12 @@ class Bodies:
         everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in mine]), [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([everyones[i][1:] for i in order], dtype=int).reshape(-1, 2)
-        return cls(team, count, fields, K0, counted, order, BlockPattern(ends, count, FIELDS) if team.rank == 0 else None)
+        pattern = BlockPattern(ends, count, FIELDS) if team.rank == 0 else None
+        weight, springs = fields.pairs.stabilisation, None
+        if weight is not None:
+            every = np.arange(len(weight))
+            springs = fields.slopes(Answer(np.zeros((3, 0)), every, every, weight * np.eye(3)[:, :, None]))
+        return cls(team, count, fields, K0, counted, order, pattern, springs)
 
 
 class LoadStep:
@@ -74,6 +85,9 @@ class LoadStep:
     def __init__(self, bodies: Bodies, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray, reach: np.ndarray):
         self.bodies, self.F0, self.resultant, self.previous, self.reach = bodies, F0, resultant, previous, reach
         self.seen = np.zeros_like(reach)
+        if bodies.springs is not None:
+            pairs = bodies.fields.pairs
+            self.resisted = bodies.fields.carried(pairs.stabilisation * pairs.resisted(F0, previous))
         self._choose()
 
     def _choose(self) -> None:
@@ -95,7 +109,10 @@ class LoadStep:
             self.reach = np.maximum(self.reach, REACH * self.seen)
             self._choose()
         self.F = self.F0_near + self.fields.spread(y)
-        sums = self.fields.carried(self.fields.pairs.force(self.F, self.before).force)[bodies.counted]
+        sums = self._lawful(self.fields.pairs.force(self.F, self.before).force)
+        if bodies.springs is not None:
+            sums = sums + self.resisted + np.einsum("ifg,ig->if", bodies.springs, bodies.fields.both(y))
+        sums = sums[bodies.counted]
         firsts, seconds = bodies.fields.bodies[bodies.counted].T
         carried = np.zeros((bodies.count, FIELDS))
         np.add.at(carried, firsts, sums[:, :FIELDS])
@@ -107,8 +124,19 @@ class LoadStep:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
         bodies = self.bodies
         answer = self.fields.pairs.force(self.F, self.before, derivative=True)
-        everyone = bodies.team.gather(self.fields.slopes(answer)[bodies.counted])
+        if bodies.springs is not None:
+            answer.derivative = (1 - self.fields.pairs.stabilisation[answer.active]) * answer.derivative
+        slopes = self.fields.slopes(answer)
+        if bodies.springs is not None:
+            slopes = slopes + bodies.springs
+        everyone = bodies.team.gather(slopes[bodies.counted])
         return bodies.pattern.values(-np.concatenate(everyone)[bodies.order], bodies.K0) if everyone else False
+
+    def _lawful(self, force: np.ndarray) -> np.ndarray:
+        """(I, 24) the laws' share of the moments."""
+        if self.bodies.springs is not None:
+            force = (1 - self.fields.pairs.stabilisation) * force
+        return self.fields.carried(force)
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""

@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
-from orchestrator.method.coarse.newton import Newton, Stall
+from orchestrator.method.coarse.newton import LEVENBERG, STABLE, Newton, Stall
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.coarse.stale_factors import StaleFactors
@@ -72,14 +72,15 @@ class CoarseProblem:
         """
         at = LoadStep(self.bodies, F0, resultant, previous,
                       self._reach.get(step, np.full(len(self.fields.bodies), np.inf)))
-        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, step, radius))
+        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, step, radius),
+                        LEVENBERG if self.bodies.springs is None else STABLE)
         stall, settled, start = Stall(), [], newton.size
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
             if newton.size <= REDUCTION * start or newton.size == 0:
                 break
             if stalled:
-                worst = self._dominating(newton)
+                worst = self._dominating(newton) if self.bodies.springs is None else None
                 if worst is not None and worst not in settled and len(settled) < FEW:
                     settled.append(worst)
                     newton.move_to(newton.y + self._settle(worst, newton, SETTLED * REDUCTION * start, radius))

@@ -54,6 +54,7 @@ class Pairs:
     mine : (P,) bool, pairs of interfaces whose first side is on this rank
     laws : all laws of the scene that have measures
     statuses : all that its laws know
+    stabilisation : (P,) ε of every pair, see ``stabilisation``; None where contacts are not stabilised
     tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (T, q) and k⁺
         tie_stiffness (q,)
     """
@@ -65,6 +66,7 @@ class Pairs:
     mine: np.ndarray
     laws: list[type[Law]]
     statuses: list[Status]
+    stabilisation: np.ndarray | None
     tied: np.ndarray
     targets: np.ndarray
     tie_stiffness: np.ndarray
@@ -104,13 +106,28 @@ class Pairs:
             answer.derivative = np.where(free[:, None] & free, slope, 0.0)
         return answer
 
+    def stabilised(self, force: np.ndarray, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_before); what the laws answer where nothing is stabilised.
+
+        Parameters
+        ----------
+        force : law(F); F, previous : as for ``force``
+        """
+        if self.stabilisation is None:
+            return force
+        return force + self.stabilisation * (self.resisted(F, previous) - force)
+
+    def resisted(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
+        """(3, P) F − keq d_before: the force that leaves pairs where they were at the end of the load step before."""
+        return self.masked(F - self.points.stiffness(previous))
+
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
         runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
         return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs,
-                       bounds=np.searchsorted(chosen, self.bounds),
+                       bounds=np.searchsorted(chosen, self.bounds), stabilisation=_at(self.stabilisation, chosen),
                        tied=self.tied[:0], targets=self.targets[:, :0], tie_stiffness=self.tie_stiffness[:0])
 
     @cached_property
@@ -121,7 +138,7 @@ class Pairs:
             return self
         first = np.arange(self.bounds[count])
         return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1],
-                       transfer=self.transfer.some(first), mine=self.mine[first],
+                       transfer=self.transfer.some(first), mine=self.mine[first], stabilisation=_at(self.stabilisation, first),
                        runs=[run for run in self.runs if not run.law.perfect])
 
     def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -166,12 +183,17 @@ def _nothing(derivative: bool) -> Answer:
     return answer
 
 
-def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array) -> Pairs:
+def _at(values: np.ndarray | None, chosen: np.ndarray) -> np.ndarray | None:
+    return None if values is None else values[chosen]
+
+
+def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: np.ndarray | None = None) -> Pairs:
     """Pairs of the interfaces that a rank touches, ordered by law.
 
     Parameters
     ----------
     k : (D + G, D + G) search direction k⁻, ghosts included
+    stabilisation : (interfaces,) ε of every interface of the scene; default: none
     """
     here = set(space.subdomains)
     wanted = sorted((i for i in scene.interfaces if here.intersection(i.subdomains)),
@@ -206,11 +228,13 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array) -> Pairs:
     stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
     stiff_t = (trace - stiff_n) / 2
     points = Points(np.ascontiguousarray(normal.T), stiff_n / 2, stiff_t / 2, np.concatenate([none[:, 0], *area]))
+    if stabilisation is not None:  # on all ranks, or on none
+        stabilisation = np.repeat(stabilisation[[i.index for i in wanted]], np.diff(bounds)) if stabilisation.any() else None
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
     return Pairs(wanted, bounds, transfer, _runs(wanted, bounds, points, own), mine,
-                 [law for law in laws if law.measures], table(laws), *ties)
+                 [law for law in laws if law.measures], table(laws), stabilisation, *ties)
 
 
 def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: list[dict]) -> list[Run]:

@@ -6,6 +6,7 @@ same scene keep their exchange.
 With k = k⁺ on both sides, d = w₂ − w₁ and n from side 1 to side 2:
 
     F = ½(f₁ − f₂) + ½k(w₂ − w₁),   f̂ = law(F),   d = (F − f̂)/keq,   keq = k/2
+    stabilised:                     f̂ = (1 − ε) law(F) + ε (F − keq d_before)
     f̂₁ = f̂, f̂₂ = −f̂,   ŵ₁ = ½(w₁ + w₂) − (f₁ + f₂)/(2k) − d/2,   ŵ₂ = ŵ₁ + d
 
 Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
@@ -78,10 +79,12 @@ class LawStage:
         at = PairTraces.of(pairs, w, f)
         F, previous = self.predicted(at), self.previous
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
+        lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
             answer = pairs.force(F[t], previous)
-            force[t], status[t] = answer.force, answer.status
-            previous = jump[t] = self.jump(F[t], answer.force)
+            lawful[t], status[t] = answer.force, answer.status
+            force[t] = pairs.stabilised(answer.force, F[t], previous)
+            previous = jump[t] = self.jump(F[t], force[t])
         first = 0.5 * (at.w1 + at.w2 - jump) - pairs.points.compliance(at.f1 + at.f2) / 4
 
         # of ghosts, what the laws give is left out
@@ -99,7 +102,7 @@ class LawStage:
         s = f_hat + k_hat
         if len(alone):
             s[:, alone] = exchanged
-        return LocalState(s, (w_hat, f_hat, k_hat), force, jump, status)
+        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status)
 
     @property
     def at_rest(self) -> np.ndarray:

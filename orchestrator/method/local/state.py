@@ -17,6 +17,7 @@ class LocalState:
     s : (T, D) next state f̂ + k⁻ŵ
     hats : ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
     force : (T, 3, P) f̂ on side 1 of each pair that is not perfect
+    lawful : (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
     jump : (T, 3, P) its jump d
     status : (T, P) int, what its law says it does
     """
@@ -24,6 +25,7 @@ class LocalState:
     s: np.ndarray
     hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
     force: np.ndarray | None = None
+    lawful: np.ndarray | None = None
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
 
@@ -31,4 +33,4 @@ class LocalState:
     def joined(cls, batches: Sequence[LocalState]) -> LocalState:
         """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""
         return cls(np.vstack([b.s for b in batches]), tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
-                   *(np.concatenate(parts) for parts in zip(*((b.force, b.jump, b.status) for b in batches))))
+                   *(np.concatenate(parts) for parts in zip(*((b.force, b.lawful, b.jump, b.status) for b in batches))))

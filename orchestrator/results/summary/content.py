@@ -9,6 +9,7 @@ from orchestrator.method.acceleration.choice import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
+from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.spent import Spent, total
@@ -42,8 +43,9 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                       ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (delivered.laws.named if delivered.laws else {}),
         **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
-        "warnings": cautions(scene, delivered.sides or delivered.parts, delivered.interfaces,
-                             contact.get("detached", ()), estimated and estimated.relative),
+        "warnings": stabilisation_cautions(config.method)
+        + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
+                   estimated and estimated.relative),
         **total(ranks, scene), "config": config.complete(),
     }
     note_time(summary, watch)

@@ -236,13 +236,14 @@ def _end(d: Decomposition, config: Config, scene: Scene, iterated: Iterated, con
         "tolerance": config.method.tolerance.model_dump(exclude_none=True), "max_iterations": continued}}).method
     stage = copy(d.stage)
     stage.macro = None  # at a solution its multiplier is zero
-    view = replace(d, stage=stage, coarse=d.coarse or _coarse(d, scene))
+    view = replace(d, stage=stage, coarse=d.coarse or _coarse(d, scene, config.method))
     end = iterate(view, plain, (), Stopwatch(), Start(iterated.fields.s))
     return end if end.last.law_residual < iterated.last.law_residual else iterated
 
 
-def _coarse(d: Decomposition, scene: Scene):
+def _coarse(d: Decomposition, scene: Scene, method):
     from orchestrator.method.coarse.correction import CoarseCorrection
     from orchestrator.method.interface.pairs import make_pairs
+    from orchestrator.method.interface.stabilisation import stabilisation
 
-    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k))
+    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, stabilisation(scene, method)))

@@ -115,7 +115,7 @@ def paper_contact(strategy: str = "equilibrium", *, kind: str = "layer", ratio: 
     """
     return {
         "sole": {"contact": kind, "contact_ratio": ratio, "allow_extreme": True},
-        "macro": {"strategy": strategy, "on": "all"}, "coarse": "none",
+        "macro": {"strategy": strategy, "on": "all"}, "coarse": "none", "contact": {"stabilisation": 0},
         "acceleration": "none", "relaxation": relaxation, "tolerance": {"error": 1e-9}, "max_iterations": iterations,
     }
 

@@ -1,0 +1,63 @@
+"""Contact stabilisation: how much of what holds bodies that nothing else holds is added to which interface.
+
+Where contact alone holds a body it may have no position: nothing balances a wedge that is squeezed out between its
+neighbours. Laws that do not join their sides are blended with "stay where you were at the end of the load step before",
+
+    f̂ = (1 − ε) law(F) + ε (F − keq d_before),    ∂f̂/∂F = (1 − ε) A + ε 1
+
+which is a weak viscous spring of the rate ε keq between facing nodes, open ones included. Every body then has one
+position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far, so that
+``auto`` takes a share of what the tolerance allows.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.model import Scene
+
+SHARE = 0.25  # of the law residual that the tolerance allows: the blend itself leaves about half of the latter
+FLOOR = 2.0  # what is left of the law residual, over ε
+NOTICED = 0.1  # ε over the law residual allowed, from which its floor is worth a warning
+FINE = 1e-2  # discretisation error of a mesh finer than most: what ``error: auto`` may come to ask for a fraction of
+
+
+def allowed_residual(tolerance) -> float:
+    """The law residual that ``method.tolerance`` stands for; the paper's indicator is a squared ratio."""
+    if tolerance.error == "auto":
+        return tolerance.fraction * FINE
+    return math.sqrt(tolerance.indicator) if tolerance.error is None else tolerance.error
+
+
+def stabilisation(scene: Scene, method) -> np.ndarray:
+    """(interfaces,) ε; zero where the law joins its sides.
+
+    Parameters
+    ----------
+    method : ``method`` of the configuration. With ``contact: {stabilisation: auto}`` interfaces alone that touch a loose
+        body have one, so that a scene that holds together is left as it is; a number is that of all
+    """
+    opens = np.array([not i.law.joins for i in scene.interfaces], dtype=bool)
+    asked = method.contact.stabilisation
+    if not opens.any():
+        return np.zeros(len(opens))
+    if asked != "auto":
+        return float(asked) * opens
+    loose = loose_bodies(scene)
+    touching = np.array([loose[list(i.subdomains)].any() for i in scene.interfaces], dtype=bool)
+    return SHARE * allowed_residual(method.tolerance) * (opens & touching)
+
+
+def cautions(method) -> list[str]:
+    """What a number costs that is not far below the tolerance."""
+    asked, allowed = method.contact.stabilisation, allowed_residual(method.tolerance)
+    if asked == "auto" or asked <= NOTICED * allowed:
+        return []
+    floor = FLOOR * asked
+    says = f"method.contact.stabilisation {asked:g} leaves a law residual of about {floor:.0e}, more where bodies go far: "
+    if floor >= allowed:
+        return [says + f"the tolerance, {allowed:.0e}, is probably out of reach; take auto, or at most {allowed * NOTICED:.0e}"]
+    return [says + f"{floor / allowed:.0%} of the tolerance, {allowed:.0e}; {allowed * NOTICED:.0e} would hardly be felt"]

@@ -1,0 +1,129 @@
+"""Contacts that are stabilised: bodies that nothing else holds have a place, and those that are held do not notice."""
+
+import numpy as np
+import pytest
+from contact_case import BOTTOM, CASES, TOP, contact, converged
+from method_case import box_of, prepared
+
+from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.method.interface.pairs import PairTraces
+from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
+from orchestrator.method.load_cases import load_cases
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.loose import loose_bodies
+
+SLID = [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [1e-3, 0.0, None]]}, {"on": TOP, "pressure": 100.0}]
+
+
+def method(**keys):
+    return {"tolerance": {"error": 1e-6}, "max_iterations": 300, **keys}
+
+
+def with_stabilisation(value, **changes):
+    return contact(0.2, method=method(contact={"stabilisation": value}), **changes)
+
+
+# --- which, and how much ----------------------------------------------------------------------------------
+
+
+def test_bodies_are_loose_that_supports_and_joints_leave_a_motion():
+    assert not loose_bodies(build_scene(contact())).any()
+    assert loose_bodies(build_scene(contact(boundary=SLID))).tolist() == [False, True]  # free to rise and to tilt
+    hung = [{"law": "contact"}, {"between": ["block 0-0-1", "block 0-0-2"], "law": "perfect"}]
+    three = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 6]}}, "subdomains": {"grid": [1, 1, 3]}}
+    assert not loose_bodies(build_scene(contact(law=hung, **three))).any()
+    assert loose_bodies(build_scene(contact(**three))).tolist() == [False, True, False]
+
+
+def test_auto_takes_a_share_of_the_tolerance_where_a_body_is_loose():
+    made = contact(0.2, error=1e-4, mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 8]}}, subdomains={"grid": [1, 1, 4]},
+                   law=[{"law": "contact"}, {"between": ["block 0-0-0", "block 0-0-1"], "law": "perfect"}])
+    scene = build_scene(made)
+    epsilon = {i.subdomains: e for i, e in zip(scene.interfaces, stabilisation(scene, made.method))}
+    assert epsilon == {(0, 1): 0.0, (1, 2): SHARE * 1e-4, (2, 3): SHARE * 1e-4}
+    assert not stabilisation(build_scene(contact()), contact().method).any()
+    asked = with_stabilisation(1e-5)
+    assert stabilisation(build_scene(asked), asked.method).tolist() == [1e-5]  # loose or not
+
+
+def test_a_number_that_is_felt_is_warned_about():
+    assert not cautions(with_stabilisation("auto").method) and not cautions(with_stabilisation(1e-7).method)
+    (felt,), (too_much,) = (cautions(with_stabilisation(value).method) for value in (2e-7, 1e-3))
+    assert "4e-07" in felt and "40%" in felt and "2e-03" in too_much and "out of reach" in too_much
+
+
+def test_stabilised_steps_remember_the_one_before():
+    """Two equal loads of contact without friction: one solution, unless springs anchor each to the step before."""
+    scene = build_scene(contact(boundary=[BOTTOM, {"on": TOP, "displacement": [[0, 0, -0.01]] * 2}]))
+    skip = contact().method.skip
+    assert load_cases(scene, skip).left_out == 1 and load_cases(scene, skip, anchored=True).left_out == 0
+
+
+# --- the blend --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def decomposed():
+    made = contact(1.5, method=method(contact={"stabilisation": 0.05}))
+    with box_of(made) as blackbox:
+        yield prepared(made, build_scene(made), blackbox)
+
+
+def test_the_local_stage_blends_the_laws_with_the_step_before(decomposed):
+    """Each formula from the other's result: the jump, and what the springs add to the true laws."""
+    d, rng = decomposed, np.random.default_rng(3)
+    fields = d.stage(1e3 * rng.normal(size=(d.steps, d.space.size)))
+    local, pairs = d.local(fields), d.local.pairs
+    F = d.local.predicted(PairTraces.of(pairs, *fields.extended))
+    before = np.concatenate([np.zeros_like(local.jump[:1]), local.jump[:-1]])
+    keq = pairs.points.stiffness
+    assert len(set(local.status.ravel())) == 3
+    for t in range(d.steps):
+        law = pairs.force(F[t], before[t]).force
+        assert local.force[t] == pytest.approx(0.95 * law + 0.05 * (F[t] - keq(before[t])), abs=1e-9 * np.abs(F).max())
+        assert keq(local.jump[t]) == pytest.approx(F[t] - local.force[t], abs=1e-9 * np.abs(F).max())
+        assert local.lawful[t] == pytest.approx(law)
+
+
+def test_the_coarse_problem_blends_them_alike(decomposed):
+    """ρ written out at every pair, and the matrix against differences of ρ."""
+    coarse, rng = decomposed.coarse, np.random.default_rng(4)
+    problem, pairs = coarse.problem, coarse.pairs
+    at = problem.fields
+    F0 = 100 * rng.normal(size=(3, len(pairs)))
+    previous, resultant = 1e-4 * rng.normal(size=F0.shape), rng.normal(size=(2, 12))
+    y = 1e-2 * rng.normal(size=(2, 12))
+    step = LoadStep(problem.bodies, F0, resultant, previous, np.full(1, np.inf))
+    T, F = at.at_pairs(), F0 + at.spread(y)
+    force = 0.95 * pairs.force(F, previous).force + 0.05 * (F - pairs.points.stiffness(previous))
+    carried = np.einsum("pif,ip->f", T, force).reshape(2, 12)
+    rho = resultant + np.einsum("bij,bj->bi", problem.bodies.K0, y) - carried
+    assert step.residual(y) == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
+    matrix = problem.bodies.pattern.matrix(step.matrix(), 0.0).toarray()
+    change = 1e-7 * rng.normal(size=(2, 12))
+    found = (step.residual(y + change) - step.residual(y - change)) / 2
+    assert (matrix @ change.ravel()) == pytest.approx(found.ravel(), abs=1e-5 * np.abs(found).max())
+
+
+# --- what comes of it -------------------------------------------------------------------------------------
+
+
+def test_what_holds_together_is_left_alone():
+    """To the last bit."""
+    one, other = (solve(with_stabilisation(value)) for value in ("auto", 0))
+    assert one.iterated.iterations == other.iterated.iterations
+    assert all(np.array_equal(a, b) for a, b in zip(one.parts, other.parts))
+
+
+@pytest.mark.parametrize("case", ["eight cubes", "ten grains", "sliding block"])
+def test_half_a_tolerance_moves_solutions_by_less_than_two(case):
+    """Forces on the supports, and displacements where all bodies are held by more than springs."""
+    tolerance, changes = 1e-6, CASES.get(case) or {"boundary": SLID}
+    held, free = (converged(with_stabilisation(value, **changes)) for value in (0.5 * tolerance, 0))
+    assert not np.array_equal(held.parts[0], free.parts[0])
+    force, other = (np.array(s.summary["reactions"]) for s in (held, free))
+    assert np.abs(force - other).max() <= 2 * tolerance * np.abs(other).max()
+    if case != "ten grains":
+        largest = max(np.abs(u).max() for u in free.parts)
+        assert max(np.abs(a - b).max() for a, b in zip(held.parts, free.parts)) <= 2 * tolerance * largest
