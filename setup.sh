@@ -16,36 +16,44 @@ packages=(
 if [[ ${1:-} == tests ]]; then
     packages+=(calculix-ccx)                   # another black box
 fi
+# What CHOLMOD's binding is built with. A run does without it, many subdomains take longer then.
+faster=(libsuitesparse-dev gcc libc6-dev python3-dev)
 
 missing_packages() {
     local package
-    for package in "${packages[@]}"; do
+    for package in "$@"; do
         [[ $(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null) == installed ]] || echo "$package"
     done
+}
+
+missing_python() {
     command -v "$python" >/dev/null || echo python3
     "$python" -c 'import venv, ensurepip' 2>/dev/null || echo python3-venv
 }
 
+may_install() {
+    # sudo may ask for a password only where someone can type it.
+    [[ $(id -u) -eq 0 ]] || { command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; }
+}
+
 install_packages() {
     local as_root=()
-    if [[ $(id -u) -ne 0 ]]; then
-        # sudo may ask for a password only where someone can type it.
-        if command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; then
-            as_root=(sudo)
-        else
-            echo "Missing Debian packages: $*" >&2
-            echo "Neither root nor sudo here. Ask an administrator to run:" >&2
-            echo "    apt-get update && apt-get install --no-install-recommends $*" >&2
-            exit 2
-        fi
+    if ! may_install; then
+        echo "Missing Debian packages: $*" >&2
+        echo "Neither root nor sudo here. Ask an administrator to run:" >&2
+        echo "    apt-get update && apt-get install --no-install-recommends $*" >&2
+        exit 2
     fi
+    [[ $(id -u) -eq 0 ]] || as_root=(sudo)
     echo "Installing Debian packages: $*"
     "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get update -qq
     "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@" >/dev/null
 }
 
 if command -v dpkg-query >/dev/null; then
-    mapfile -t missing < <(missing_packages)
+    mapfile -t missing < <(missing_packages "${packages[@]}"; missing_python)
+    mapfile -t wanted < <(missing_packages "${faster[@]}")
+    if may_install || [[ ${#missing[@]} -gt 0 ]]; then missing+=("${wanted[@]}"); fi
     [[ ${#missing[@]} -eq 0 ]] || install_packages "${missing[@]}"
 elif ! command -v FreeFem++ >/dev/null; then
     echo "Not a Debian system: install the equivalents of ${packages[*]}, then call this again." >&2
@@ -64,6 +72,9 @@ if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
     "$python" -m venv --clear .venv
     .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
         --constraint constraints.txt --editable '.[test,mpi]'
+    .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
+        --constraint constraints.txt --editable '.[cholmod]' >.venv/cholmod.log 2>&1 ||
+        echo "CHOLMOD's binding could not be built (.venv/cholmod.log): SuperLU takes its place"
     echo "$wanted" > .venv/stamp
 fi
 # Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.

@@ -16,6 +16,7 @@ import scipy.sparse.linalg as sla
 from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
@@ -60,24 +61,6 @@ class SearchDirection:
     def other(self) -> sp.csr_array:
         """(D, D) the neighbour's k⁻, seen from this side."""
         return self.space.transfer.seen_across(self.whole)
-
-
-class Factor:
-    """Solves with a symmetric positive definite sparse matrix, factorised once.
-
-    Attributes
-    ----------
-    entries : numbers that the factors hold
-    """
-
-    def __init__(self, matrix: sp.csr_array):
-        lu = sla.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                      options={"SymmetricMode": True}) if matrix.shape[0] else None
-        self._lu, self.entries = lu, lu.nnz if lu else 0
-
-    def __call__(self, rows: np.ndarray) -> np.ndarray:
-        """Solutions (T, n) for rows (T, n) of right-hand sides."""
-        return np.ascontiguousarray(self._lu.solve(rows.T).T) if self._lu else np.array(rows)
 
 
 def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: BlackBox, workers: int,

@@ -19,8 +19,9 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
-from orchestrator.method.interface.search_direction import Factor, SearchDirection
+from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.parallel.team import Team
 

@@ -19,8 +19,9 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import times
-from orchestrator.method.interface.search_direction import Factor, SearchDirection, conditioning
+from orchestrator.method.interface.search_direction import SearchDirection, conditioning
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.search_direction import Factor
+from orchestrator.method.interface.factor import Factor
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube

@@ -1,0 +1,89 @@
+"""Factorisations of symmetric matrices: whichever solver is there, the solutions are the same."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+from orchestrator.errors import InputError
+from orchestrator.method.interface import factor
+from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection
+from orchestrator.method.linear.macro import _positive_definite_solver
+from orchestrator.method.stopping.semidefinite import semidefinite_solver
+from orchestrator.studies.performance.prediction import macro_pattern
+
+SIDE = 5  # cubes along it: 2,700 unknowns, beyond ``factor.ORDERED``
+
+
+@pytest.fixture(scope="module")
+def macro():
+    matrix = macro_pattern(SIDE)
+    assert matrix.shape[0] > factor.ORDERED
+    return matrix
+
+
+@pytest.fixture(params=["CHOLMOD", "SuperLU"])
+def solver(request, monkeypatch):
+    """What ``Factor`` takes."""
+    if request.param == "SuperLU":
+        monkeypatch.setattr(factor, "cholmod", None)
+    elif factor.cholmod is None:
+        pytest.skip("CHOLMOD's binding is not installed")
+    return request.param
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_solutions_do_not_depend_on_the_solver(macro, solver, steps):
+    wanted = np.random.default_rng(1).standard_normal((steps, macro.shape[0]))
+    right = (macro @ wanted.T).T
+    assert np.abs(Factor(macro)(right) - wanted).max() <= 1e-12
+    assert np.abs(Factor(macro[:50][:, :50])(right[:, :50]) - np.linalg.solve(macro[:50][:, :50].toarray(),
+                                                                             right[:, :50].T).T).max() <= 1e-12
+
+
+def test_cholesky_holds_half_of_what_lu_does(macro):
+    if factor.cholmod is None:
+        pytest.skip("CHOLMOD's binding is not installed")
+    assert by_cholesky(macro).count() < 0.7 * by_superlu(macro).count()
+
+
+def test_the_order_is_one_of_all_unknowns_and_saves_fill(macro):
+    order = dissection(macro)
+    assert np.array_equal(np.sort(order), np.arange(macro.shape[0]))
+    natural = sla.splu(sp.csc_array(macro), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    assert by_superlu(macro).count() < 0.7 * natural.nnz
+    assert np.array_equal(dissection(sp.csr_array(sp.eye_array(4))), np.arange(4))
+
+
+def test_a_singular_macro_matrix_is_reported(solver):
+    independent = sp.csr_array(np.diag([1.0, 2.0, 0.0]))
+    with pytest.raises(InputError, match="singular"):
+        _positive_definite_solver(independent)
+
+
+def test_a_matrix_that_rounding_has_made_indefinite_is_solved_all_the_same(solver):
+    rotation = np.linalg.qr(np.random.default_rng(2).standard_normal((6, 6)))[0]
+    matrix = rotation @ np.diag([1.0, 2.0, 3.0, 4.0, 5.0, -1e-13]) @ rotation.T
+    right = matrix @ np.ones(6)
+    assert np.abs(matrix @ Factor(sp.csr_array(matrix))(right[None])[0] - right).max() <= 1e-12
+
+
+@pytest.mark.parametrize("size", [40, factor.ORDERED + 1])
+def test_singular_systems_that_have_a_solution_are_solved(solver, size):
+    """A chain of springs that nothing holds, loaded in balance."""
+    springs = sp.diags_array([np.ones(size - 1), -np.ones(size - 1)], offsets=[0, 1], shape=(size - 1, size))
+    chain = sp.csr_array(springs.T @ springs)
+    right = np.zeros((1, size))
+    right[0, 0], right[0, -1] = 1.0, -1.0
+    found = semidefinite_solver(chain)(right)
+    assert np.abs(np.diff(found[0]) + 1.0).max() <= 1e-6
+
+
+def test_a_solver_that_gets_it_wrong_is_not_trusted(macro, monkeypatch):
+    if factor.cholmod is None:
+        pytest.skip("CHOLMOD's binding is not installed")
+    monkeypatch.setattr(factor, "sound", lambda matrix, solve: False)
+    assert by_cholesky(macro) is None
+    monkeypatch.undo()
+    assert factor.sound(macro, by_superlu(macro).solve)
+    assert not factor.sound(macro, lambda right: by_superlu(macro).solve(right) * (1 + 1e-6))
