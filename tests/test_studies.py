@@ -503,7 +503,11 @@ def grains_study(folder, **settings):
     return study
 
 
-def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
+def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
+    from orchestrator.studies.performance import grains
+
+    undrawn = {"output": {"figures": False}}  # each takes a second
+    monkeypatch.setattr(grains, "problem", lambda *asked, of=grains.problem: {**of(*asked), **undrawn})
     first = grains_study(tmp_path, counts=[5])
     (row,), folder = first.rows, tmp_path / "grains-5-seed-1-0.0001"
     summary = json.loads((folder / "summary.json").read_text())
