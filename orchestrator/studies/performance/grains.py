@@ -34,7 +34,7 @@ USUAL, TIGHTER = 1e-4, 2.5  # the tolerance that this is about; iterations of ti
 SHARES = ((343, 0.25), (1000, 0.40))  # up to so many grains: share of the coarse problem in the iterations' wall time
 LARGE, DOFS, SECONDS, MEMORY = 1000, 500_000, 600, 16  # grains; their decomposed dofs at least; limits, GB
 COLUMNS = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
-           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "others", "GB", "loose")
+           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "others", "GB", "detached")
 _LARGE_FILES = ("fields/*", "fields.npz", "checkpoint/*")
 
 
@@ -131,7 +131,7 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         "coarse_per_grain": coarse / count, "code_seconds": codes, "code_per_grain": codes / count,
         "per_grain": seconds / count, "iterating": period["seconds"], "seconds": seconds,
         **{stage: timing[stage] for stage in STAGES if stage in timing}, "GB": summary["memory_peak_mb"] / 1000,
-        "loose": len({name for step in summary["detached"] for name in step}),
+        "detached": len({name for step in summary["detached"] for name in step}),
     }
 
 
