@@ -1,15 +1,16 @@
 """Sparse matrices of dense blocks whose places never change: bodies, and the interfaces between them.
 
-The places are sorted once; what remains of an assembly is one product with a matrix of ones.
+Places and the order of elimination are found once; what remains of an assembly is one product with a matrix of ones.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
-PIVOTING = 0.01  # a diagonal entry this large relative to its column's largest is taken as pivot
+from orchestrator.method.coarse.elimination import Elimination, Factors
 
 
 class BlockPattern:
@@ -23,36 +24,38 @@ class BlockPattern:
     """
 
     def __init__(self, ends: np.ndarray, bodies: int, size: int):
-        self.bodies, self.size, n = bodies, size, size * bodies
-        field = np.arange(size)
-        both = (size * ends[:, :, None] + field).reshape(len(ends), -1)
-        own = size * np.arange(bodies)[:, None] + field
-        place = np.concatenate([(n * dofs[:, None, :] + dofs[:, :, None]).ravel() for dofs in (both, own)])
+        self.bodies, self.size = bodies, size
+        rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
+        own = np.arange(bodies)
+        place = np.concatenate([bodies * rows + columns, bodies * own + own])
         places, where = np.unique(place, return_inverse=True)
-        columns, rows = np.divmod(places, n)  # column after column
+        rows, columns = np.divmod(places, bodies)  # block row after block row
         self.diagonal = np.flatnonzero(columns == rows)
-        self.indices, self.indptr = rows.astype(np.int32), np.searchsorted(columns, np.arange(n + 1)).astype(np.int32)
-        self.sum = sp.csr_array((np.ones(len(place)), (where, np.arange(len(place)))),
-                                shape=(len(places), len(place)))
+        self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
+        self.sum = sp.csr_array((np.ones(len(place)), (where, np.arange(len(place)))), shape=(len(places), len(place)))
 
     def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """Entries of the matrix, column after column.
+        """(n, size, size) blocks of the matrix, block row after block row.
 
         Parameters
         ----------
         pairs : (I, 2 size, 2 size) blocks of the interfaces, first body first
         own : (bodies, size, size) blocks of the bodies
         """
-        return self.sum @ np.concatenate([pairs.ravel(), own.ravel()], dtype=float)
+        size = self.size
+        pairs = pairs.reshape(-1, 2, size, 2, size).swapaxes(2, 3).reshape(-1, size**2)
+        return (self.sum @ np.concatenate([pairs, own.reshape(-1, size**2)], dtype=float)).reshape(-1, size, size)
 
-    def matrix(self, values: np.ndarray, shift: float) -> sp.csc_array:
+    def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
-        n = self.size * self.bodies
-        shifted = values.copy()
-        shifted[self.diagonal] += shift
-        return sp.csc_array((shifted, self.indices, self.indptr), shape=(n, n))
+        n, shifted = self.size * self.bodies, values.copy()
+        shifted[self.diagonal] += shift * np.eye(self.size)
+        return sp.bsr_array((shifted, self.indices, self.indptr), shape=(n, n))
 
-    @staticmethod
-    def factorise(matrix: sp.csc_array) -> sla.SuperLU:
-        """LU of a matrix of this kind: symmetric pattern, strong diagonal."""
-        return sla.splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=PIVOTING, options={"SymmetricMode": True})
+    def factorise(self, matrix: sp.bsr_array) -> Factors:
+        """LU of a matrix of this kind: symmetric pattern, strong diagonal blocks."""
+        return self._elimination.factors(matrix.data)
+
+    @cached_property
+    def _elimination(self) -> Elimination:
+        return Elimination(self.indptr, self.indices, self.size)

@@ -108,7 +108,7 @@ class LoadStep:
         if (size > self.reach).any():
             self.reach = np.maximum(self.reach, REACH * self.seen)
             self._choose()
-        self.F = self.F0_near + self.fields.spread(y)
+        self.F = self.fields.predicted(self.F0_near, y)
         sums = self._lawful(self.fields.pairs.force(self.F, self.before).force)
         if bodies.springs is not None:
             sums = sums + self.resisted + np.einsum("ifg,ig->if", bodies.springs, bodies.fields.both(y))
@@ -140,7 +140,7 @@ class LoadStep:
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""
-        return self.F0 + self.bodies.fields.spread(y)
+        return self.bodies.fields.predicted(self.F0, y)
 
     @property
     def reach_next(self) -> np.ndarray:

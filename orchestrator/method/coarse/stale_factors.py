@@ -13,6 +13,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.method.coarse.block_pattern import BlockPattern
+from orchestrator.method.coarse.elimination import Factors
 
 ACCURACY = 1e-3  # relative residual: less costs Newton steps, and iterations where bodies are loose
 MOST = 12  # GMRES steps, which cost about as much as half a factorisation
@@ -33,7 +34,7 @@ class StaleFactors:
 
     def __init__(self, pattern: BlockPattern):
         self.pattern = pattern
-        self.factors: dict[Hashable, sla.SuperLU] = {}
+        self.factors: dict[Hashable, Factors] = {}
         self.factorised: dict[Hashable, tuple[np.ndarray, float]] = {}
         self.renewed: set[Hashable] = set()
 
@@ -52,7 +53,7 @@ class StaleFactors:
                 return factor.solve(z).reshape(self.pattern.bodies, -1)
         return self._keep(key, values, shift, matrix).solve(right).reshape(self.pattern.bodies, -1)
 
-    def _keep(self, key: Hashable, values: np.ndarray, shift: float, matrix: sp.csc_array) -> sla.SuperLU:
+    def _keep(self, key: Hashable, values: np.ndarray, shift: float, matrix: sp.bsr_array) -> Factors:
         self.factorised[key] = values, shift
         self.renewed.add(key)
         factor = self.factors[key] = self.pattern.factorise(matrix)

@@ -1,0 +1,119 @@
+"""Loops of the coarse contact problem over node pairs and blocks, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.method.compiled import compiled
+
+
+@compiled
+def spread(L, chosen, bounds, both, F):
+    """F (3, Q) += L y at some of the pairs.
+
+    Parameters
+    ----------
+    L : (P, 3, 24); chosen : (Q,) int, among these, interface after interface
+    bounds : (I + 1,) int, where those of each interface start
+    both : (I, 24) fields of the two bodies
+    """
+    for i in range(len(both)):
+        y = both[i]
+        for q in range(bounds[i], bounds[i + 1]):
+            row = L[chosen[q]]
+            for c in range(3):
+                total = 0.0
+                for f in range(len(y)):
+                    total += row[c, f] * y[f]
+                F[c, q] += total
+
+
+@compiled
+def carried(phi, chosen, bounds, A, force, result):
+    """result (I, 24) = Aᵀ Σ f̂ ⊗ φ of forces (3, Q); A (I, 3m, 24), phi (P, m), others as for ``spread``."""
+    m = phi.shape[1]
+    moments = np.empty(3 * m)
+    for i in range(len(result)):
+        result[i] = 0.0
+        if bounds[i] == bounds[i + 1]:
+            continue
+        moments[:] = 0.0
+        for q in range(bounds[i], bounds[i + 1]):
+            for c in range(3):
+                if force[c, q] != 0.0:
+                    for j in range(m):
+                        moments[c * m + j] += force[c, q] * phi[chosen[q], j]
+        for a in range(3 * m):
+            for f in range(A.shape[2]):
+                result[i, f] += A[i, a, f] * moments[a]
+
+
+@compiled
+def slopes(phi, L, chosen, A, active, first, derivative, result):
+    """result (I, 24, 24) = Aᵀ Σ (∂f̂/∂F ⊗ φ) L.
+
+    Parameters
+    ----------
+    active : (R,) int, ascending, among the chosen pairs; first : (I + 1,) int, where those of each interface start
+    derivative : (3, 3, R)
+    others : as for ``carried``
+    """
+    m, size = phi.shape[1], L.shape[2]
+    sums, turned = np.empty((3 * m, size)), np.empty((3, size))
+    for i in range(len(result)):
+        result[i] = 0.0
+        if first[i] == first[i + 1]:
+            continue
+        sums[:] = 0.0
+        for r in range(first[i], first[i + 1]):
+            p = chosen[active[r]]
+            for c in range(3):
+                a, b, d = derivative[c, 0, r], derivative[c, 1, r], derivative[c, 2, r]
+                for f in range(size):
+                    turned[c, f] = a * L[p, 0, f] + b * L[p, 1, f] + d * L[p, 2, f]
+            for c in range(3):
+                for j in range(m):
+                    weight = phi[p, j]
+                    for f in range(size):
+                        sums[c * m + j, f] += weight * turned[c, f]
+        for a in range(3 * m):
+            for f in range(size):
+                weight = A[i, a, f]
+                for g in range(size):
+                    result[i, f, g] += weight * sums[a, g]
+
+
+@compiled
+def add_blocks(blocks, chosen, rows, columns, own, A, B, C, D):
+    """Add blocks (n, s, s) to a matrix [[A, B], [C, D]] whose first ``own`` block rows and columns are A's.
+
+    Parameters
+    ----------
+    chosen : (k,) int, which; rows, columns : (k,) int, their place
+    """
+    s = blocks.shape[1]
+    for k in range(len(chosen)):
+        block, row, column = blocks[chosen[k]], rows[k], columns[k]
+        upper, left = row < own, column < own
+        target = (A if left else B) if upper else (C if left else D)
+        i0, j0 = s * (row if upper else row - own), s * (column if left else column - own)
+        for j in range(s):
+            for i in range(s):
+                target[i0 + i, j0 + j] += block[i, j]
+
+
+@compiled
+def add_matrix(left, within, size, own, A, B, C, D):
+    """Add a matrix of blocks to [[A, B], [C, D]]; within : (m,) int, the place of its block rows and columns."""
+    for v in range(len(within)):
+        column = within[v]
+        is_left = column < own
+        j0 = size * (column if is_left else column - own)
+        for u in range(len(within)):
+            row = within[u]
+            upper = row < own
+            target = (A if is_left else B) if upper else (C if is_left else D)
+            i0 = size * (row if upper else row - own)
+            for j in range(size):
+                for i in range(size):
+                    target[i0 + i, j0 + j] += left[size * u + i, size * v + j]

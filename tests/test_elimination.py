@@ -1,0 +1,93 @@
+"""Linear algebra of the coarse contact problem: elimination front after front, and what is compiled."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from orchestrator.method.coarse import elimination
+from orchestrator.method.coarse.block_pattern import BlockPattern
+from orchestrator.method.coarse.elimination import Elimination
+from orchestrator.method.compiled import compiled
+
+SIZE = 3
+
+
+def lattice(n):
+    """(I, 2) neighbours in a cube of n³ bodies, and two chains beside it that touch nothing."""
+    number = np.arange(n**3).reshape(n, n, n)
+    ends = [np.column_stack([number.take(range(n - 1), axis).ravel(), number.take(range(1, n), axis).ravel()])
+            for axis in range(3)]
+    return np.vstack([*ends, n**3 + np.array([[0, 1], [1, 2], [2, 3], [5, 4]])]), n**3 + 7  # the last meets nobody
+
+
+@pytest.mark.parametrize("calls", [0.0, elimination.OWN_CALLS / 100, np.inf], ids=["many fronts", "some", "one each"])
+def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
+    """Whatever fronts are made of."""
+    monkeypatch.setattr(elimination, "OWN_CALLS", calls)
+    ends, bodies = lattice(4)
+    rng = np.random.default_rng(2)
+    pattern = BlockPattern(ends, bodies, SIZE)
+    # neither symmetric nor definite
+    pairs, own = rng.normal(size=(len(ends), 2 * SIZE, 2 * SIZE)), 9 * rng.normal(size=(bodies, SIZE, SIZE))
+    values = pattern.values(pairs, own)
+    dense = pattern.matrix(values, 0.25).toarray()
+    expected = 0.25 * np.eye(SIZE * bodies)
+    for e, block in enumerate(own):
+        expected[SIZE * e: SIZE * (e + 1), SIZE * e: SIZE * (e + 1)] += block
+    for (a, b), block in zip(ends, pairs):
+        rows = np.r_[SIZE * a: SIZE * (a + 1), SIZE * b: SIZE * (b + 1)]
+        expected[np.ix_(rows, rows)] += block
+    assert dense == pytest.approx(expected)
+    factors = pattern.factorise(pattern.matrix(values, 0.25))
+    fronts = len(factors.fronts)
+    assert fronts == 4 if calls == np.inf else fronts > (10 if calls else 30)
+    right = rng.normal(size=SIZE * bodies)
+    assert factors.solve(right) == pytest.approx(np.linalg.solve(dense, right), rel=1e-8)
+    again = pattern.factorise(pattern.matrix(values, 0.25)).solve(right)
+    assert np.array_equal(again, factors.solve(right))
+
+
+def test_few_operations_beside_a_dense_matrix():
+    ends, bodies = lattice(8)
+    pattern = BlockPattern(ends, bodies, SIZE)
+    fronts = Elimination(pattern.indptr, pattern.indices, SIZE).fronts
+    done = sum(elimination._operations(f.stop - f.start, len(f.rest), SIZE) for f in fronts)
+    assert done < 0.05 * 2 / 3 * (SIZE * bodies) ** 3
+
+
+def test_a_pivot_that_vanishes_is_told():
+    pattern = BlockPattern(np.array([[0, 1]]), 2, SIZE)
+    with pytest.raises(ZeroDivisionError, match="pivot"):
+        pattern.factorise(pattern.matrix(np.zeros((4, SIZE, SIZE)), 0.0))
+
+
+WRITE_NOTHING = """
+import resource, sys
+import numpy as np
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))    # as on a full disk
+from orchestrator.method.coarse.kernels import carried
+result = np.empty((1, 2))
+carried(np.ones((1, 1)), np.array([0]), np.array([0, 1]), np.ones((1, 3, 2)), np.ones((3, 1)), result)
+sys.exit(not (result == 3).all())
+"""
+
+
+def test_machine_code_that_cannot_be_kept_serves_its_process(tmp_path):
+    """No room in the cache; and no cache for a function that no file holds."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", WRITE_NOTHING], capture_output=True, text=True, env=environment, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert not [name for _, _, names in os.walk(tmp_path) for name in names if name.endswith(".nbc")]
+    names = {}
+    exec("def twice(x):\n    return 2 * x", names)
+    assert compiled(names["twice"])(21) == 42
+
+
+def test_where_nothing_opens_nothing_is_compiled():
+    """Neither where a configuration is checked, nor where the method's modules are imported."""
+    code = ("import sys, orchestrator.run, orchestrator.cli, orchestrator.method.coarse.kernels; "
+            "sys.exit('numba' in sys.modules)")
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
