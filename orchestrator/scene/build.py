@@ -87,6 +87,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         links = [i.cells for i in interfaces]
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
+    problems.warnings += mesh.remarks
     problems.warnings += [f"history '{name}' has no use: no entry of boundary or loads names it"
                           for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads)}]
     subdomains = _subdomains(partition, numbering, cell_material, held_by, split_prescribed, split)

@@ -28,6 +28,7 @@ class Mesh:
     volumes : names of the volumes (parts, solids, physical volumes); at least one
     surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
     source : what it was made from, for messages
+    remarks : sentences on how it differs from what was asked for
     """
 
     nodes: np.ndarray
@@ -36,6 +37,7 @@ class Mesh:
     volumes: list[str]
     surfaces: dict[str, np.ndarray] = field(default_factory=dict)
     source: str = ""
+    remarks: list[str] = field(default_factory=list)
 
     def __repr__(self) -> str:
         return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "

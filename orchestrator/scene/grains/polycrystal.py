@@ -13,8 +13,9 @@ from orchestrator.scene.grains.grains import Grains, tidied
 from orchestrator.scene.grains.voronoi import SIDES, area_vector, scattered
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.mesh.mending import mend
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
-from orchestrator.scene.mesh.tets import dihedral_range, roundness
+from orchestrator.scene.mesh.tets import dihedral_angles, dihedral_range, roundness
 from orchestrator.scene.model import Mesh
 
 PATH = ("mesh", "polycrystal")
@@ -22,6 +23,8 @@ PATH = ("mesh", "polycrystal")
 TRIES = 10
 # The worst tet accepted: its roundness (1 for the regular one), its dihedral angles in degrees.
 ROUND, ANGLE = 0.05, 4.0
+# Bad tets are mended one by one while they are few, a few per grain; when this share of all is bad, h suits no grain.
+FEW = 0.02
 # Faces whose corners leave their plane by more than this share of the box's longest side are cut into triangles.
 FLAT = 1e-7
 
@@ -29,9 +32,9 @@ FLAT = 1e-7
 def polycrystal(mesh: Any) -> Mesh:
     """Grains from ``mesh.polycrystal`` with ``grains`` (count), ``size`` (a length or three), ``h``, ``seed``, ``lloyd``.
 
-    Volumes are named grain_1, grain_2, …, the sides of the box xmin, xmax, ymin, …. When the grains of a seed
-    cannot be meshed well, the next seed is taken, and ``source`` says so. The same entry always gives the same
-    mesh; size and h times ten give that mesh times ten.
+    Volumes are named grain_1, grain_2, …, the sides of the box xmin, xmax, ymin, …. Where tets are bad, they are
+    mended; when the grains of a seed cannot be meshed at all, the next seed is taken; ``remarks`` tell of both.
+    The same entry always gives the same mesh; size and h times ten give that mesh times ten.
 
     Raises
     ------
@@ -46,11 +49,12 @@ def polycrystal(mesh: Any) -> Mesh:
     relative, fine = np.round(size / unit, 12), round(h / unit, 12)
     complaints = []
     for current in range(seed, seed + TRIES):
-        made = _attempt(count, relative, fine, current, int(entry.lloyd))
+        made = _attempt(count, relative, fine, current, int(entry.lloyd), unit)
         if isinstance(made, Mesh):
             made.nodes = made.nodes / relative * size
-            made.source = f"polycrystal of {count} grains, seed {current}" + (
-                f" (passed over: {'; '.join(complaints)})" if complaints else "")
+            made.source = f"polycrystal of {count} grains, seed {current}"
+            made.remarks = [f"{made.source}: {remark}" for remark in (
+                *(f"passed over {complaint}" for complaint in complaints), *made.remarks)]
             return made
         complaints.append(f"seed {current}: {made}")
     raise InputError(Problem(PATH, f"no good mesh with seeds {seed} to {current}; {complaints[-1]}",
@@ -66,8 +70,8 @@ def _check_size(count: int, size: np.ndarray, h: float) -> None:
     check_size(DENSITY * np.prod(size / h), (*PATH, "h"), f"h = {h:g}", coarser(h))
 
 
-def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int) -> Mesh | str:
-    """The mesh of one seed, or what is wrong with it."""
+def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int, unit: float) -> Mesh | str:
+    """The mesh of one seed, mended if need be, or what is wrong with it; lengths in ``unit``."""
     try:
         grains = tidied(scattered(count, size, seed, lloyd), h)
     except QhullError:
@@ -79,10 +83,23 @@ def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int) -> M
             made = _meshed(grains, count, h)
         except Exception as error:
             return f"gmsh: {last_complaint(error)}"
+    bad = np.mean(_fitness(made.nodes, made.cells) < 1)
+    if 0 < bad < FEW:
+        made, done = mend(made, _fitness)
+        done.by *= unit
+        made.remarks.append(f"mended where tets were bad: {done}")
+        bad = np.mean(_fitness(made.nodes, made.cells) < 1)
+    if bad == 0:
+        return made
     round_, (sharp, blunt) = roundness(made.nodes, made.cells).min(), dihedral_range(made.nodes, made.cells)
-    if round_ < ROUND or sharp < ANGLE or blunt > 180 - ANGLE:
-        return f"a tet of roundness {round_:.2g}, dihedral angles {sharp:.2g} to {blunt:.4g} degrees"
-    return made
+    return f"a tet of roundness {round_:.2g}, dihedral angles {sharp:.2g} to {blunt:.4g} degrees"
+
+
+def _fitness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) how good tets are, below 1 where they are not accepted; -1 without volume."""
+    sharp, blunt = dihedral_angles(nodes, cells)
+    found = np.minimum(roundness(nodes, cells) / ROUND, np.minimum(sharp, 180 - blunt) / ANGLE)
+    return np.where(np.isfinite(found), found, -1.0)
 
 
 def _meshed(grains: Grains, count: int, h: float) -> Mesh:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems
@@ -60,7 +62,7 @@ def _oriented(mesh: Mesh, problems: Problems) -> Mesh:
     inverted = (volumes < 0) & ~flat
     if inverted.any() and not (volumes[~flat] > 0).any():
         cells = mesh.cells[:, [0, 2, 1, 3]]
-        mesh = Mesh(mesh.nodes, cells, mesh.volume, mesh.volumes, mesh.surfaces, mesh.source)
+        mesh = replace(mesh, cells=cells)
         inverted[:] = False
     for what, bad, cure in (
             ("inverted", inverted, "swap two nodes of these tets, or mesh again: elements overlap here"),

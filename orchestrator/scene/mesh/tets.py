@@ -21,11 +21,18 @@ def roundness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return 108 * volume * np.abs(volume) / (area * np.linalg.norm(centre, axis=1))
 
 
-def dihedral_range(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float]:
-    """Smallest and largest angle in degrees between two faces of a tet."""
+def dihedral_angles(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) smallest and (m,) largest angle in degrees between two faces of each tet; nan where a face has no area."""
     normals = [area_vectors(nodes, cells[:, face]) for face in LOCAL_FACES]
-    normals = [normal / np.linalg.norm(normal, axis=1)[:, None] for normal in normals]
+    with np.errstate(invalid="ignore"):
+        normals = [normal / np.linalg.norm(normal, axis=1)[:, None] for normal in normals]
     cosines = np.array([np.einsum("ij,ij->i", normals[i], normals[j]) for i, j in PAIRS])
     # Outward normals make the angle's supplement.
-    sharp, blunt = np.degrees(np.arccos(np.clip([-cosines.min(), -cosines.max()], -1, 1)))
-    return float(sharp), float(blunt)
+    sharp, blunt = np.degrees(np.arccos(np.clip([-cosines.min(axis=0), -cosines.max(axis=0)], -1, 1)))
+    return sharp, blunt
+
+
+def dihedral_range(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float]:
+    """Smallest and largest angle in degrees between two faces of a tet."""
+    sharp, blunt = dihedral_angles(nodes, cells)
+    return float(sharp.min()), float(blunt.max())
