@@ -34,7 +34,8 @@ class Sole(Part):
         "which pointwise laws converge best with"))
     contact_ratio: Positive = Field(1.2, description=(
         "on interfaces that are not perfect: modulus over thickness of the sole, over E/√(h L) with h the local "
-        "element size and L the size of the smaller body; 0.6-2.5 is a flat optimum"))
+        "element size, L the size of the smaller body and E between the two moduli, one to four times the smaller "
+        "(the larger under laws that impose the jump); 0.6-2.5 is a flat optimum"))
     thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
     poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong direction")
     allow_extreme: bool = Field(False, description=(

@@ -85,6 +85,7 @@ class Law:
     Parameters : model of its entry in the YAML
     formula, meaning : in the report
     perfect : the sides move as one: its local stage is an exchange, the error bound holds where all laws are so
+    as_one : the jump is given, whatever the force: the sides deform as one
     joins : a body hangs on the interface whatever the load
     has_history : the answer depends on earlier load steps, so that none may be left out
     homogeneous : λ times the load has λ times the solution, λ ≥ 0
@@ -128,6 +129,7 @@ class Law:
     formula: ClassVar[str] = ""
     meaning: ClassVar[str] = ""
     perfect: ClassVar[bool] = False
+    as_one: ClassVar[bool] = False
     joins: bool = False
     has_history: bool = True
     homogeneous: bool = False

@@ -34,7 +34,7 @@ class Jump(Law):
     name = "jump"
     Parameters = Parameters
     formula, meaning = "d = given", "imposed jump of displacement"
-    joins, has_history = True, False
+    as_one, joins, has_history = True, True, False
 
     @property
     def homogeneous(self) -> bool:

@@ -16,7 +16,7 @@ class Perfect(Law):
     name = "perfect"
     Parameters = Entry
     formula, meaning = "d = 0", "bonded"
-    perfect = True
+    perfect = as_one = True
     joins, has_history, homogeneous = True, False, True
 
     @classmethod

@@ -71,8 +71,9 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
 
     Notes
     -----
-    E_S = ratio × the larger modulus E of the two sides: with a contrast across the interface it is
-    the one simple choice that converges well from both sides. Under other laws than the perfect one
+    E_S = ratio × E. Where the law makes the sides deform as one, E is the larger modulus of the two: with a
+    contrast across the interface it is the one simple choice that converges well from both sides. Elsewhere it is
+    ``between`` them, near the softer. Under other laws than the perfect one
     the coarse contact problem moves whole bodies only, and the sole has to serve all waves between the mesh
     size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
     Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
@@ -98,6 +99,18 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
         reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())
         ratio = settings.contact_ratio * (thickness / reach)[interface.triangles].mean(axis=1)
     thin = THIN if kind == "springs" else 1.0
+    E = young.max(axis=1) if interface.law.as_one else between(*young.T)
     stiffen, stretch = (STIFFEN, STRETCH) if quadratic else (1.0, 1.0)
-    return Facets(points, interface.triangles, thin * stiffen * ratio * young.max(axis=1), nu,
-                  thin * stretch * thickness)
+    return Facets(points, interface.triangles, thin * stiffen * ratio * E, nu, thin * stretch * thickness)
+
+
+def between(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """The modulus that counts where sides of moduli (k,) press on each other: the harmonic mean of √E, squared.
+
+    The softer side does nearly all the yielding, so that the stiffer one's modulus must drop out: beside a rigid
+    body this is four times the softer modulus. Two springs in series, the mean behind Hertz's contact modulus, would
+    give twice, which took 1.3 times the iterations of equal moduli; beside a nearly rigid body four to ten times takes
+    as many as those.
+    """
+    low, high = np.minimum(one, two), np.maximum(one, two)
+    return low * (2 / (1 + np.sqrt(low / high))) ** 2
