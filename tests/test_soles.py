@@ -11,7 +11,7 @@ from orchestrator.blackbox.models.extended import extended_model, rim_model, sid
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
-from orchestrator.scene.soles.facets import Facets, facets_of
+from orchestrator.scene.soles.facets import Facets, between, facets_of
 from orchestrator.scene.soles.make import make_soles, soles_of
 from orchestrator.scene.soles.prisms import prisms
 from orchestrator.scene.soles.sole import merge
@@ -209,6 +209,12 @@ def test_modulus_is_the_ratio_times_the_larger_side(tmp_path):
     facets = facets_of(scene, scene.interfaces[0], settings(modulus_ratio=0.5), "layer")
     assert np.all(facets.young == 500) and np.all(facets.poisson == 0.25)
     assert np.all(facets_of(scene, scene.interfaces[0], settings(poisson=0.1), "layer").poisson == 0.1)
+
+
+def test_modulus_beside_contact_is_near_the_softer_side():
+    """√E is the harmonic mean of √E₁ and √E₂: equal moduli bit for bit, four times the softer beside a rigid body."""
+    assert np.array_equal(between(np.array([0.1, 70e3, 1 / 3]), np.array([0.1, 70e3, 1 / 3])), [0.1, 70e3, 1 / 3])
+    assert np.allclose(between(np.array([100.0, 1.0]), np.array([1.0, 1e16])), [(2 / 1.1) ** 2, 4.0])
 
 
 @pytest.mark.parametrize("kind", KINDS)

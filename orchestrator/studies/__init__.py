@@ -35,6 +35,7 @@ _LISTED = {
     "contact_grains": ("convergence.contact:polycrystals",
                        "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
     "contact_soles": ("convergence.contact:soles", "soles ten times softer to stiffer, with contact"),
+    "moduli": ("convergence.moduli:run", "a punch on a block a thousand times softer or stiffer, in contact"),
     "ten_grains": ("performance.ten_grains:run",
                    "a contact problem of 8,235 dofs from the command line, with wall time"),
     "polycrystal": ("paper.polycrystal:full",
