@@ -2,36 +2,65 @@
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import combinations
+
 import numpy as np
 
 from orchestrator.scene.grains.voronoi import area_vector
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors, cross
 
 # From some point of a body all planes of its surface are this far at least, per cube root of its volume; and
 # for how long to look for the point.
 SEEN, LOOKS = 0.02, 50
+NEXT, LAST = [1, 2, 0], [2, 0, 1]
 
 
-def cut(points: np.ndarray, loop: list[int]) -> list[tuple[int, int, int]] | None:
-    """Cuts a polygon, not necessarily plane, into triangles whose smallest angle is as large as possible.
+Triangles = list[tuple[int, int, int]]
+
+
+def cut(points: np.ndarray, loops: list[list[int]]) -> list[Triangles | None]:
+    """Cuts polygons, not necessarily plane, into triangles whose smallest angle is as large as possible.
 
     Parameters
     ----------
     points : (v, 3) coordinates
-    loop : indices of the corners, in order
+    loops : per polygon the indices of its corners, in order
 
     Returns
     -------
-    triangles turning like the loop, or None when the polygon is so bent that there are none
+    per polygon triangles turning like the loop, or None when it is so bent that there are none
     """
-    k, corners = len(loop), points[loop]
-    table = _smallest_angles(corners)
+    chosen = [_triples(len(loop)) for loop in loops]
+    corners = np.concatenate([np.array(loop)[triples] for loop, triples in zip(loops, chosen)])
+    # Negative where a triangle turns the other way.
+    turns = np.repeat([area_vector(points[loop]) for loop in loops], [len(triples) for triples in chosen], axis=0)
+    angle = corner_angles(points[corners]).min(axis=1)
+    angle = np.where(np.einsum("ij,ij->i", area_vectors(points, corners), turns) > 0, angle, -1.0).tolist()
+    ends = np.cumsum([len(triples) for triples in chosen]).tolist()
+    return [_best(loop, angle[end - len(triples):end]) for loop, triples, end in zip(loops, chosen, ends)]
+
+
+@cache
+def _triples(k: int) -> np.ndarray:
+    """(t, 3) all i < m < j below k."""
+    return np.array(list(combinations(range(k), 3)))
+
+
+@cache
+def _places(k: int) -> dict[tuple[int, ...], int]:
+    return {triple: place for place, triple in enumerate(combinations(range(k), 3))}
+
+
+def _best(loop: list[int], angle: list[float]) -> Triangles | None:
+    """The triangles of a polygon, given the smallest angle of each that there may be (``_triples``)."""
+    k, place = len(loop), _places(len(loop))
     # best[i, j]: the largest smallest angle over all ways to cut the corners i … j; split: their third corner.
     best, split = {(i, i + 1): np.inf for i in range(k - 1)}, {}
     for span in range(2, k):
         for i in range(k - span):
             j = i + span
-            choices = [(min(best[i, m], best[m, j], table[i][m][j]), m) for m in range(i + 1, j)]
+            choices = [(min(best[i, m], best[m, j], angle[place[i, m, j]]), m) for m in range(i + 1, j)]
             best[i, j], split[i, j] = max(choices, key=lambda choice: choice[0])
     if best[0, k - 1] <= 0:
         return None
@@ -45,25 +74,16 @@ def cut(points: np.ndarray, loop: list[int]) -> list[tuple[int, int, int]] | Non
     return triangles
 
 
-def _smallest_angles(corners: np.ndarray) -> list:
-    """Nested lists [i][m][j] of each triangle's smallest angle (radians); negative when it turns the other way."""
-    k = len(corners)
-    i, m, j = (a.reshape(-1) for a in np.meshgrid(*[np.arange(k)] * 3, indexing="ij"))
-    chosen = np.stack([i, m, j], axis=1)
-    angle = corner_angles(corners[chosen]).min(axis=1)
-    return np.where(area_vectors(corners, chosen) @ area_vector(corners) > 0, angle, -1.0).reshape(k, k, k).tolist()
-
-
 def corner_angles(triangles: np.ndarray) -> np.ndarray:
     """(k, 3) angles in radians of triangles (k, 3, 3); zero in triangles without area."""
-    to_next = np.roll(triangles, -1, axis=1) - triangles
-    to_last = np.roll(triangles, 1, axis=1) - triangles
-    sine = np.linalg.norm(np.cross(to_next, to_last), axis=-1)
-    return np.arctan2(sine, np.einsum("kij,kij->ki", to_next, to_last))
+    to_next = (triangles[:, NEXT] - triangles).reshape(-1, 3)
+    to_last = (triangles[:, LAST] - triangles).reshape(-1, 3)
+    sine = np.linalg.norm(cross(to_next, to_last), axis=-1)
+    return np.arctan2(sine, np.einsum("ij,ij->i", to_next, to_last)).reshape(-1, 3)
 
 
-def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> float:
-    """How good the worst of some bodies is, from the triangles that bound them.
+def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np.ndarray | None:
+    """How good some bodies are, from the triangles that bound them.
 
     Parameters
     ----------
@@ -73,31 +93,32 @@ def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> fl
 
     Returns
     -------
-    the smallest angle in radians, in a triangle or between two neighbours through the body; or -1 when a
-    body is no ball or cannot be seen as a whole from a point inside. Bodies that can, share faces and fill a
-    space cannot overlap.
+    of each body the smallest angle in radians, in a triangle or between two neighbours through the body; or None
+    when one of them is no ball or cannot be seen as a whole from a point inside. Bodies that can, share faces and
+    fill a space cannot overlap.
     """
     body = np.unique(body, return_inverse=True)[1]
     mate = _mates(triangles, body, len(points))
     if mate is None:
-        return -1.0
+        return None
     shape = points[triangles]
     p, q, r = np.moveaxis(shape, 1, 0)
     normal = area_vectors(points, triangles)
     volume = np.einsum("ij,ij->i", normal, p) / 3
     total = np.bincount(body, volume)
     if np.any(total <= 0):
-        return -1.0
+        return None
     moment = volume[:, None] * (p + q + r) / 4
     centre = np.stack([np.bincount(body, m) for m in moment.T], axis=1) / total[:, None]
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     if not _seen_whole(normal, np.einsum("ij,ij->i", normal, p), body, centre, SEEN * np.cbrt(total)):
-        return -1.0
-    along = (np.roll(shape, -1, axis=1) - shape).reshape(-1, 3)
+        return None
+    along = (shape[:, NEXT] - shape).reshape(-1, 3)
     along /= np.linalg.norm(along, axis=1)[:, None]
     one, other = np.repeat(normal, 3, axis=0), normal[mate // 3]
-    turn = np.arctan2(np.einsum("ij,ij->i", np.cross(one, other), along), np.einsum("ij,ij->i", one, other))
-    return float(min((np.pi - turn).min(), corner_angles(shape).min()))
+    turn = np.arctan2(np.einsum("ij,ij->i", cross(one, other), along), np.einsum("ij,ij->i", one, other))
+    least = np.minimum((np.pi - turn).reshape(-1, 3), corner_angles(shape)).min(axis=1)
+    return np.minimum.reduceat(least, np.flatnonzero(np.diff(body, prepend=-1)))
 
 
 def _mates(triangles: np.ndarray, body: np.ndarray, points: int) -> np.ndarray | None:

@@ -39,7 +39,7 @@ class Grains:
         self.size, self.points, self.sides = cells.size, cells.vertices.copy(), cells.sides.copy()
         self.loops = dict(enumerate(cells.loops))
         self.cells = {face: (int(a), int(b)) for face, (a, b) in enumerate(cells.cells)}
-        self.triangles = {face: cut(self.points, loop) for face, loop in self.loops.items()}
+        self.triangles = dict(zip(self.loops, cut(self.points, list(self.loops.values()))))
         self.faces_at: dict[int, set[int]] = {}
         self.faces_of: dict[int, set[int]] = {}
         for face, loop in self.loops.items():
@@ -47,11 +47,8 @@ class Grains:
                 self.faces_at.setdefault(vertex, set()).add(face)
             for cell in self.cells[face]:
                 self.faces_of.setdefault(cell, set()).add(face)
-        self.worst = self._narrowest(set(self.faces_of), {})
-
-    @property
-    def sound(self) -> bool:
-        return self.worst >= 0
+        self._narrow = self._narrowest({cell for cell in self.faces_of if cell >= 0}, {}) or {}
+        self.sound = bool(self._narrow)
 
     def edges(self, face: int) -> list[tuple[float, int, int]]:
         """(length, lower vertex, higher vertex) of a face's edges."""
@@ -67,7 +64,13 @@ class Grains:
         -------
         whether they are one now
         """
-        return any(self._merge_at(a, b, place, narrow) for place in self._places(a, b))
+        around = self.faces_at[a] | self.faces_at[b]
+        loops = {face: without_repeats([a if v == b else v for v in self.loops[face]]) for face in sorted(around)}
+        if any(loop.count(a) > 1 for loop in loops.values()):
+            return False
+        grains = {cell for face in around for cell in self.cells[face] if cell >= 0}
+        narrow = min(narrow, *(self._narrow[grain] for grain in grains))
+        return any(self._merge_at(a, b, place, loops, grains, narrow) for place in self._places(a, b))
 
     def _places(self, a: int, b: int) -> list[np.ndarray]:
         """Where the merged vertex may go, so that what lies on sides of the box stays there."""
@@ -76,26 +79,19 @@ class Grains:
             return [(self.points[a] + self.points[b]) / 2, self.points[a], self.points[b]]
         return [self.points[a]] if more else [self.points[b]] if less else []
 
-    def _merge_at(self, a: int, b: int, place: np.ndarray, narrow: float) -> bool:
+    def _merge_at(self, a: int, b: int, place: np.ndarray, loops: dict[int, list[int]], grains: set[int],
+                  narrow: float) -> bool:
         before = self.points[a].copy()
-        around = self.faces_at[a] | self.faces_at[b]
-        grains = {cell for face in around for cell in self.cells[face] if cell >= 0}
-        was = self._narrowest(grains, {})
         self.points[a] = place
-        loops, triangles = {}, {}
-        for face in sorted(around):
-            loop = without_repeats([a if v == b else v for v in self.loops[face]])
-            if loop.count(a) > 1:
-                break
-            loops[face] = loop
-            if len(loop) > 2 and (parts := cut(self.points, loop)) is None:
-                break
-            triangles[face] = parts if len(loop) > 2 else []
-        if len(triangles) < len(around) or self._narrowest(grains, triangles) < min(narrow, was):
+        whole = {face: loop for face, loop in loops.items() if len(loop) > 2}
+        triangles = {face: [] for face in loops} | dict(zip(whole, cut(self.points, list(whole.values()))))
+        found = self._narrowest(grains, triangles)
+        if found is None or min(found.values()) < narrow:
             self.points[a] = before
             return False
+        self._narrow |= found
         self.sides[a] |= self.sides[b]
-        for face in around:
+        for face in loops:
             if triangles[face]:
                 self.loops[face], self.triangles[face] = loops[face], triangles[face]
                 continue
@@ -104,21 +100,22 @@ class Grains:
                 self.faces_at[vertex].discard(face)
             for cell in self.cells.pop(face):
                 self.faces_of[cell].discard(face)
-        self.faces_at[a] = {face for face in around if face in self.loops}
+        self.faces_at[a] = {face for face in loops if face in self.loops}
         del self.faces_at[b]
         return True
 
-    def _narrowest(self, grains: set[int], changed: dict[int, list]) -> float:
+    def _narrowest(self, grains: set[int], changed: dict[int, list | None]) -> dict[int, float] | None:
         """See ``facets.narrowest``; ``changed`` takes the place of some faces' triangles."""
         triangles, body = [], []
         for grain in sorted(grains):
-            for face in sorted(self.faces_of[grain]) if grain >= 0 else ():
+            for face in sorted(self.faces_of[grain]):
                 parts = changed.get(face, self.triangles[face])
                 if parts is None:
-                    return -1.0
+                    return None
                 triangles += parts if self.cells[face][0] == grain else [part[::-1] for part in parts]
                 body += [grain] * len(parts)
-        return narrowest(self.points, np.array(triangles), np.array(body))
+        found = narrowest(self.points, np.array(triangles), np.array(body))
+        return None if found is None else dict(zip(sorted(grains), found.tolist()))
 
 
 def tidied(cells: Tessellation, h: float) -> Grains:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import Voronoi, cKDTree
 
 from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.geometry import cross
 
 # Sides of the box in the order of their numbers; as second cell of a face, side s is written -1 - s.
 SIDES = ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")
@@ -120,4 +121,4 @@ def without_repeats(loop: list[int]) -> list[int]:
 
 def area_vector(points: np.ndarray) -> np.ndarray:
     """(3,) normal of a closed polygon (k, 3), as long as its area."""
-    return np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0) / 2
+    return np.ascontiguousarray(cross(points, points[[*range(1, len(points)), 0]])).sum(axis=0) / 2
