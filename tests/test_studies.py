@@ -515,6 +515,7 @@ def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == "converged" and row["iterations"] == summary["iterations"]
     assert row["newton_steps"] == summary["newton_steps"] >= 4  # one per load step at least
     assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 5
+    assert row["cpu_per_grain"] > row["code_per_grain"] > 0  # those of FreeFEM, and of more
     assert not (folder / "fields.npz").exists()
 
     # what is kept is not run again, what is asked otherwise is
@@ -532,13 +533,13 @@ def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
 
 def test_targets_of_grains(tmp_path):
     """What each target asks for, on rows of every kind."""
-    from orchestrator.studies.performance import grains
+    from orchestrator.studies.performance.grains_targets import judge
 
     def judged(*rows):
         study = Study("grains", "rows", tmp_path)
         finished = {"stop_reason": "converged", "coarse_share": 0.2, "dofs_decomposed": 600_000, "seconds": 500.0, "GB": 9.0}
         study.rows += [{"seed": 1, "tolerance": 1e-4, **(finished if "iterations" in row else {}), **row} for row in rows]
-        grains.judge(study)
+        judge(study)
         return [target.met for target in study.targets]
 
     small, large = {"grains": 64, "iterations": 26}, {"grains": 1000, "iterations": 33}

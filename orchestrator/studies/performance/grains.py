@@ -24,17 +24,14 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds
 from orchestrator.studies.kit.commands import whole_command
 from orchestrator.studies.kit.framework import Study
+from orchestrator.studies.performance.grains_targets import MOST, USUAL, judge
 from orchestrator.studies.problems.cases import STEEL, with_method
 
 FRICTION = 0.1
 TOP = [[0, 0, -0.0005], [0.0005, 0, -0.001], [0.001, 0, -0.001], [0.001, 0, -0.0005]]  # of a cube of side 1
-FIRST, MOST, GROWTH = 64, 50, 1.3  # iterations: at most, and as a multiple of those of so many grains
 CUT = 2 * MOST  # iterations, after which a run has failed
-USUAL, TIGHTER = 1e-4, 2.5  # the tolerance that this is about; iterations of tighter ones over its own
-SHARES = ((343, 0.25), (1000, 0.40))  # up to so many grains: share of the coarse problem in the iterations' wall time
-LARGE, DOFS, SECONDS, MEMORY = 1000, 500_000, 600, 16  # grains; their decomposed dofs at least; limits, GB
 COLUMNS = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
-           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "others", "GB", "detached")
+           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "detached")
 _LARGE_FILES = ("fields/*", "fields.npz", "checkpoint/*")
 
 
@@ -100,17 +97,24 @@ def _measured(study: Study, config: dict[str, Any], tolerance: float, ranks: int
         if known["asked"] == asked:
             return known["row"]
     study.folder.remove(kept.name)
-    others = os.getloadavg()[0]
+    others, begin = os.getloadavg()[0], _cpu_of_children()
     try:
         with study.console.status(name):
             summary, seconds = whole_command(study, name, config, ranks)
     except BlackBoxError as error:  # of whatever kind: the command has ended
         return {"stop_reason": f"failed: {' '.join(str(error).split())}"}
-    row = {**columns(summary, seconds), "others": round(others, 1)}
+    row = {**columns(summary, seconds), "cpu_per_grain": (_cpu_of_children() - begin) / summary["subdomains"],
+           "others": round(others, 1)}
     study.folder.write(kept.name, json.dumps({"asked": asked, "row": row}, indent=1))
     if summary["converged"]:
         ResultsFolder(study.folder / name).remove(*_LARGE_FILES)
     return row
+
+
+def _cpu_of_children() -> float:
+    """CPU seconds of all processes that have ended: what a busy machine does not change."""
+    used = os.times()
+    return used.children_user + used.children_system
 
 
 def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
@@ -142,73 +146,6 @@ def _told(row: Mapping[str, Any]) -> str:
         return what + row["stop_reason"]
     return (f"{what}{row['iterations']} iterations, {row['stop_reason']}, {row['newton_steps']} Newton steps, coarse problem "
             f"{100 * row['coarse_share']:.0f} %, {row['seconds']:.1f} s, {row['GB']:.1f} GB")
-
-
-def judge(study: Study) -> None:
-    """The targets, of what has been run."""
-    rows = [row for row in study.rows if row["tolerance"] == USUAL]
-    if rows:
-        _judge_usual(study, rows)
-    for tolerance in sorted({row["tolerance"] for row in study.rows} - {USUAL}):
-        _judge_other(study, [row for row in study.rows if row["tolerance"] == tolerance], rows)
-    large = [row for row in rows if row["grains"] >= LARGE]
-    if large:
-        finished = [row for row in large if "iterations" in row]
-        shown = "; ".join(f"{row['dofs_decomposed']:,} dofs, {row['seconds']:.0f} s, {row['GB']:.1f} GB" for row in finished)
-        study.target(f"{LARGE} grains, at least {DOFS:,} decomposed dofs, everything included",
-                     f"at most {SECONDS} s and {MEMORY} GB", shown or None, len(finished) == len(large) and all(
-                         row["dofs_decomposed"] >= DOFS and row["seconds"] <= SECONDS and row["GB"] <= MEMORY
-                         and row["stop_reason"] == "converged" for row in large))
-
-
-def _judge_usual(study: Study, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Convergence, iterations, and the share of the coarse problem."""
-    good = [row for row in rows if row["stop_reason"] == "converged"]
-    study.target(f"law residual {USUAL:g}: runs that converge", f"all {len(rows)}", len(good), len(good) == len(rows))
-    if good:
-        most = max(good, key=lambda row: row["iterations"])
-        study.target("the most iterations", f"at most {MOST}", f"{most['iterations']}: {most['grains']} grains, seed "
-                     f"{most['seed']}", len(good) == len(rows) and most["iterations"] <= MOST)
-    mean = {count: _mean([row for row in rows if row["grains"] == count]) for count in sorted({r["grains"] for r in rows})}
-    larger = [count for count in mean if count > FIRST]
-    if FIRST in mean and larger:
-        known = mean[FIRST] is not None and all(mean[count] is not None for count in larger)
-        growth = max(mean[count] for count in larger) / mean[FIRST] if known else None
-        study.target(f"mean iterations, {_range([row for row in rows if row['grains'] > FIRST])} over {FIRST}",
-                     f"at most {GROWTH:g}", growth and f"{growth:.2f}", known and growth <= GROWTH)
-    least = 0
-    for most, limit in SHARES:
-        those = [row for row in rows if least < row["grains"] <= most and "coarse_share" in row]
-        if those:
-            share = max(row["coarse_share"] for row in those)
-            study.target(f"share of the coarse problem in the iterations' wall time, {_range(those)}",
-                         f"at most {100 * limit:.0f} %", f"{100 * share:.0f} %", share <= limit)
-        least = most
-
-
-def _judge_other(study: Study, rows: Sequence[Mapping[str, Any]], usual: Sequence[Mapping[str, Any]]) -> None:
-    """Convergence to another tolerance, and how many more iterations it takes on the same grains."""
-    tolerance = rows[0]["tolerance"]
-    good = [row for row in rows if row["stop_reason"] == "converged"]
-    study.target(f"law residual {tolerance:g}: runs that converge", f"all {len(rows)}", len(good), len(good) == len(rows))
-    before = {(row["grains"], row["seed"]): row["iterations"] for row in usual if row["stop_reason"] == "converged"}
-    ratios = [row["iterations"] / before[key] for row in good if (key := (row["grains"], row["seed"])) in before]
-    if tolerance < USUAL and ratios:
-        study.target(f"the same: iterations over those to {USUAL:g}", f"at most {TIGHTER:g}", f"{max(ratios):.2f}",
-                     max(ratios) <= TIGHTER)
-
-
-def _range(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The numbers of grains of rows that are in their order."""
-    first, last = rows[0]["grains"], rows[-1]["grains"]
-    return f"{first} grains" if first == last else f"{first} … {last} grains"
-
-
-def _mean(rows: Sequence[Mapping[str, Any]]) -> float | None:
-    """Mean iterations of runs; None if one of them did not converge."""
-    if any(row["stop_reason"] != "converged" for row in rows):
-        return None
-    return sum(row["iterations"] for row in rows) / len(rows)
 
 
 def picture(rows: Sequence[Mapping[str, Any]]) -> bytes:
