@@ -7,8 +7,6 @@ from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.method.interface.pairs import PairTraces
-from orchestrator.method.coarse.block_pattern import BlockPattern
-from orchestrator.method.coarse.stale_factors import ACCURACY, StaleFactors
 from orchestrator.scene.build import build_scene
 
 
@@ -62,34 +60,10 @@ def test_pairs_left_out_come_back_when_they_matter(coarse, steps, reach):
     """However small the fields were believed to be, the solution is that with all pairs."""
     problem, previous = coarse.problem, np.zeros((3, len(coarse.pairs)))
     for step, (F0, resultant) in enumerate(steps):
-        problem._reach, problem.factors.factors = {}, {}
+        problem._reach = {}
         exact, force = problem.solve(step, F0, resultant, previous, 1.0)
-        problem._reach, problem.factors.factors = {step: np.full(1, reach)}, {}
+        problem._reach = {step: np.full(1, reach)}
         found, same = problem.solve(step, F0, resultant, previous, 1.0)
         assert np.abs(exact).max() > 0
         assert found == pytest.approx(exact, abs=1e-6 * np.abs(exact).max())
         assert same == pytest.approx(force, abs=1e-6 * np.abs(force).max())
-
-
-def test_old_factors_serve_as_long_as_they_are_good():
-    random = np.random.default_rng(5)
-    ends, size = np.array([[0, 1], [1, 2], [0, 2], [2, 3]]), 12
-    pattern = BlockPattern(ends, 4, size)
-    blocks = random.normal(size=(4, 2 * size, 2 * size))
-    own, right = 30 * np.tile(np.eye(size), (4, 1, 1)), random.normal(size=(4, size))
-    solver = StaleFactors(pattern)
-
-    def missed(scale):
-        values = pattern.values(scale * blocks, own)
-        x = solver.solve("step", values, right, 0.5)
-        dense = np.zeros((4 * size, 4 * size))
-        for (a, b), block in zip(ends, scale * blocks):
-            rows = np.r_[size * a : size * (a + 1), size * b : size * (b + 1)]
-            dense[np.ix_(rows, rows)] += block
-        dense += np.diag(np.full(4 * size, 30.5))
-        return np.linalg.norm(dense @ x.ravel() - right.ravel()) / np.linalg.norm(right)
-
-    assert missed(1.0) < 1e-12
-    first = solver.factors["step"]
-    assert 1e-12 < missed(1.01) <= ACCURACY and solver.factors["step"] is first
-    assert missed(-20.0) < 1e-12 and solver.factors["step"] is not first

@@ -64,8 +64,7 @@ class Batch:
         with self.watch("acceleration"):
             self.acceleration.recall(latest)
         if self.d.coarse is not None:
-            with self.watch("coarse"):
-                self.d.coarse.recall([m for m in latest if m.iteration >= notes["whole_at"]])
+            self.d.coarse.recall(last)
         self.criterion.recall(last.notes["criterion"])
         self.ending.recall(last.notes["ending"])
         self.begin(np.empty(0), last.iteration, notes["sweeps"])
@@ -149,7 +148,7 @@ class Batch:
                  "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at},
                  "last": self.place[0] == self.place[1] - 1, "steps": self.place[2], "seconds": event.seconds}
         if self.d.coarse is not None:
-            more, notes["coarse"] = self.d.coarse.told(whole)
+            more, notes["coarse"] = self.d.coarse.told()
             arrays |= more
         if self.criterion.done.any():
             arrays["trace/asked"] = evaluated.s

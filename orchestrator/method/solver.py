@@ -63,7 +63,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
         elif ended:
             batch.begin(state[steps], max(ended[-1].iterations, start.iteration), max(ended[-1].sweeps, start.sweeps))
             if number == len(start.ended) and d.coarse is not None:
-                batch.d.coarse.problem.recall([start.ended[-1]])
+                batch.d.coarse.problem.recall(start.ended[-1])
         else:
             batch.begin(state[steps], start.iteration, start.sweeps)
         if begun is None:

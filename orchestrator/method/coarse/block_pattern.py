@@ -48,13 +48,17 @@ class BlockPattern:
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
-        n, shifted = self.size * self.bodies, values.copy()
-        shifted[self.diagonal] += shift * np.eye(self.size)
-        return sp.bsr_array((shifted, self.indices, self.indptr), shape=(n, n))
+        n = self.size * self.bodies
+        return sp.bsr_array((self._shifted(values, shift), self.indices, self.indptr), shape=(n, n))
 
-    def factorise(self, matrix: sp.bsr_array) -> Factors:
-        """LU of a matrix of this kind: symmetric pattern, strong diagonal blocks."""
-        return self._elimination.factors(matrix.data)
+    def factors(self, values: np.ndarray, shift: float) -> Factors:
+        """Of the same matrix: symmetric pattern, strong diagonal blocks."""
+        return self._elimination.factors(self._shifted(values, shift))
+
+    def _shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
+        result = values.copy()
+        result[self.diagonal] += shift * np.eye(self.size)
+        return result
 
     @cached_property
     def _elimination(self) -> Elimination:

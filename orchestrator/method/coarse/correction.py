@@ -16,7 +16,6 @@ which ``problem`` solves. U is made orthonormal in k. It costs no back-substitut
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -141,15 +140,15 @@ class CoarseCorrection:
         """(I,) int, the numbers of the interfaces that this rank touches."""
         return np.array([i.index for i in self.pairs.interfaces], dtype=int)
 
-    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, object]]:
-        """Arrays and notes for the ``Memory`` of an iteration; as a whole, or what has changed since the last time."""
-        arrays, notes = self.problem.told(whole)
+    def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+        """Arrays and notes for the ``Memory`` of an iteration."""
+        arrays, notes = self.problem.told()
         return arrays, {"radius": self.radius, **notes}
 
-    def recall(self, memories: Sequence[Memory]) -> None:
-        """Take back what was told of some iterations, the first of them as a whole."""
-        self.problem.recall(memories)
-        self.radius = memories[-1].notes["coarse"]["radius"]
+    def recall(self, memory: Memory) -> None:
+        """Take back what was told of an iteration."""
+        self.problem.recall(memory)
+        self.radius = memory.notes["coarse"]["radius"]
 
     @cached_property
     def everyone(self) -> list[tuple[int, slice | np.ndarray]]:

@@ -132,8 +132,8 @@ class Factors:
     fronts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
 
     def solve(self, right: np.ndarray) -> np.ndarray:
-        """(bodies · size,) solution for a right-hand side of that shape."""
-        of, x = self.of, right.reshape(len(self.of.order), -1)[self.of.order]
+        """(bodies, size) solution for a right-hand side of that shape."""
+        of, x = self.of, right[self.of.order]
         for front, (A, pivots, C, _) in zip(of.fronts, self.fronts):
             own = x[front.start:front.stop].reshape(-1)
             own[:] = dgetrs(A, pivots, own)[0]
@@ -145,7 +145,7 @@ class Factors:
                 own -= G @ x[front.rest].ravel()
         result = np.empty_like(x)
         result[of.order] = x
-        return result.ravel()
+        return result
 
 
 def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tuple[list[int], set[int], list]]:

@@ -12,7 +12,6 @@ right for some thousands of bodies.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -21,7 +20,6 @@ from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import LEVENBERG, STABLE, Newton, Stall
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
 from orchestrator.method.coarse.settling import Body
-from orchestrator.method.coarse.stale_factors import StaleFactors
 from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import Team
 
@@ -52,7 +50,6 @@ class CoarseProblem:
                  W: list[np.ndarray]):
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
         self.bodies = Bodies.of(team, bodies, self.own, fields, K0)
-        self.factors = StaleFactors(self.bodies.pattern) if team.rank == 0 else None
         self.farthest = np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W])
         self.newton_steps = 0
         self._reach: dict[int, np.ndarray] = {}
@@ -72,7 +69,7 @@ class CoarseProblem:
         """
         at = LoadStep(self.bodies, F0, resultant, previous,
                       self._reach.get(step, np.full(len(self.fields.bodies), np.inf)))
-        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, step, radius),
+        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius),
                         LEVENBERG if self.bodies.springs is None else STABLE)
         stall, settled, start = Stall(), [], newton.size
         for _ in range(MAX_STEPS):
@@ -93,45 +90,26 @@ class CoarseProblem:
         self._reach[step] = at.reach_next
         return newton.y, at.forces(newton.y)
 
-    def _direction(self, step: int, radius: float, matrix: np.ndarray | bool, rho: np.ndarray,
-                   shift: float) -> np.ndarray:
+    def _direction(self, radius: float, matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
         """(bodies, 12) Newton step; a body that nothing touches has no stiffness to stop it: none moves further than
         the radius."""
-        dy = self.team.share(-self.factors.solve(step, matrix, rho, shift) if self.factors else None)
+        pattern = self.bodies.pattern
+        dy = self.team.share(-pattern.factors(matrix, shift).solve(rho) if pattern else None)
         move = self.farthest * np.linalg.norm(dy[self.own], axis=1)
         for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
         return dy * (radius / np.maximum(self._of_all(move), radius))[:, None]
 
-    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, object]]:
-        """What is remembered from one iteration to the next: the reach of the pairs, and which matrices are factorised.
-
-        Parameters
-        ----------
-        whole : all matrices, not only those that have been factorised since the last time
-        """
+    def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+        """What is remembered from one iteration to the next: the reach of the pairs."""
         steps = sorted(self._reach)
-        arrays = {"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)}
-        notes = {"newton_steps": self.newton_steps}
-        if self.factors is None:
-            return arrays, notes
-        keys = sorted(self.factors.factorised if whole else self.factors.renewed)
-        self.factors.renewed.clear()
-        shifts = {}
-        for key in keys:
-            arrays[f"common/factorised.{key}"], shifts[str(key)] = self.factors.factorised[key]
-        return arrays, {"shifts": shifts, **notes}
+        return ({"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)},
+                {"newton_steps": self.newton_steps})
 
-    def recall(self, memories: Sequence[Memory]) -> None:
-        """Take back what was told of some iterations, the first of them as a whole."""
-        self._reach = dict(enumerate(memories[-1].arrays["interface/reach"]))
-        self.newton_steps = memories[-1].notes["coarse"]["newton_steps"]
-        if self.factors is not None:
-            factorised = {}
-            for memory in memories:
-                for key, shift in memory.notes["coarse"]["shifts"].items():
-                    factorised[int(key)] = memory.arrays[f"common/factorised.{key}"], shift
-            self.factors.recall(factorised)
+    def recall(self, memory: Memory) -> None:
+        """Take back what was told of an iteration."""
+        self._reach = dict(enumerate(memory.arrays["interface/reach"]))
+        self.newton_steps = memory.notes["coarse"]["newton_steps"]
 
     @staticmethod
     def _dominating(newton: Newton) -> int | None:
