@@ -293,6 +293,28 @@ def test_polycrystal_in_small(tmp_path, monkeypatch, saved_figures):
     assert not (tmp_path / "run/scratch").exists()
 
 
+def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
+    from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.robustness import polycrystals
+
+    study = Study("polycrystals", "few grains", tmp_path)
+    polycrystals.run(study, polycrystals.Settings(counts=[6, 3], seeds=[3, 14], elements=[2.2]))
+    study.close()
+    rows = rows_of(tmp_path / "table.csv")
+    assert [(row["grains"], row["seed"]) for row in rows] == [("3", "3"), ("3", "14"), ("6", "3"), ("6", "14")]
+    assert all(row["wrong"] == "" and float(row["roundness"]) >= 0.05 and int(row["tets"]) > 100 for row in rows)
+    assert rows[3]["remarks"].startswith("mended") and is_drawn(tmp_path / "polycrystals.png", saved_figures[-1])
+    assert rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
+
+    # what is refused, and what is unsound, is a row like the others, and misses the aim
+    monkeypatch.setattr(polycrystals, "unsound", lambda *_: ["gaps"])
+    study = Study("polycrystals", "none", tmp_path)
+    polycrystals.run(study, polycrystals.Settings(counts=[2], seeds=[3], elements=[0.5, 2.5]))
+    study.close()
+    assert [row["wrong"][:12] for row in rows_of(tmp_path / "table.csv")] == ["refused: h =", "gaps"]
+    assert [row["met"] for row in rows_of(tmp_path / "targets.csv")] == ["no"]
+
+
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     """The whole study on cubes of two elements a side, macro problems of a few."""
     from orchestrator.studies.kit.framework import Study

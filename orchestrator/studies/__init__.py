@@ -51,6 +51,8 @@ _LISTED = {
     "time_vs_error": ("performance.time_vs_error:run",
                       "wall time against true error: four problems, P1 and P2, four methods"),
     "large": ("performance.large:run", "200,000 and a million dofs beside FreeFEM's direct solution in one piece"),
+    "polycrystals": ("robustness.polycrystals:run",
+                     "meshes of 27 and 125 grains (343 and 1,000 if set), twenty seeds each: sound, round, in which time"),
     "stability": ("robustness.stability:run",
                   "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
     "faults": ("robustness.faults:run",
