@@ -50,9 +50,10 @@ def test_moments_do_the_work_of_the_fields(coarse, steps):
     answer = pairs.force(steps[0][0], np.zeros((3, len(pairs))), derivative=True)
     assert len(answer.active)
     carried = np.einsum("pif,ip->f", T, answer.force)
-    assert at.carried(answer.force)[0] == pytest.approx(carried, abs=1e-12 * np.abs(carried).max())
+    weight = np.ones(len(pairs))
+    assert at.carried(answer.force, weight, 2).ravel() == pytest.approx(carried, abs=1e-12 * np.abs(carried).max())
     slopes = np.einsum("pif,ijp,pjg->fg", T[answer.active], answer.derivative, at.L[answer.active])
-    assert np.abs(at.slopes(answer)[0] - slopes).max() < 1e-5 * np.abs(slopes).max()
+    assert np.abs(at.slopes(answer, weight)[0].swapaxes(1, 2).reshape(24, 24) - slopes).max() < 1e-5 * np.abs(slopes).max()
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-3, 1.0])

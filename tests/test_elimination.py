@@ -10,7 +10,7 @@ import pytest
 from orchestrator.method.coarse import elimination
 from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.elimination import Elimination
-from orchestrator.method.compiled import compiled
+from orchestrator.compiled import compiled
 
 SIZE = 3
 
@@ -32,7 +32,7 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     pattern = BlockPattern(ends, bodies, SIZE)
     # neither symmetric nor definite
     pairs, own = rng.normal(size=(len(ends), 2 * SIZE, 2 * SIZE)), 9 * rng.normal(size=(bodies, SIZE, SIZE))
-    values = pattern.values(pairs, own)
+    values = pattern.values(pairs.reshape(-1, 2, SIZE, 2, SIZE).swapaxes(2, 3), own)
     dense = pattern.matrix(values, 0.25).toarray()
     expected = 0.25 * np.eye(SIZE * bodies)
     for e, block in enumerate(own):
@@ -68,10 +68,10 @@ WRITE_NOTHING = """
 import resource, sys
 import numpy as np
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))    # as on a full disk
-from orchestrator.method.coarse.kernels import carried
-result = np.empty((1, 2))
-carried(np.ones((1, 1)), np.array([0]), np.array([0, 1]), np.ones((1, 3, 2)), np.ones((3, 1)), result)
-sys.exit(not (result == 3).all())
+from orchestrator.method.coarse.kernels import spread
+F = np.zeros((3, 1))
+spread(np.ones((1, 3, 2)), np.array([0]), np.array([0, 1]), np.ones((1, 2)), F)
+sys.exit(not (F == 2).all())
 """
 
 

@@ -21,30 +21,38 @@ class BlockPattern:
     ends : (I, 2) int, the two bodies of every interface
     bodies : number of bodies
     size : rows of a body's block
+    order : (I,) int, the interfaces in the order in which they are added up; default: as they are
     """
 
-    def __init__(self, ends: np.ndarray, bodies: int, size: int):
+    def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None):
         self.bodies, self.size = bodies, size
         rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
         own = np.arange(bodies)
-        place = np.concatenate([bodies * rows + columns, bodies * own + own])
-        places, where = np.unique(place, return_inverse=True)
+        places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
+        where = where[:len(rows)]
         rows, columns = np.divmod(places, bodies)  # block row after block row
         self.diagonal = np.flatnonzero(columns == rows)
         self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
-        self.sum = sp.csr_array((np.ones(len(place)), (where, np.arange(len(place)))), shape=(len(places), len(place)))
+        turn = np.arange(len(ends)) if order is None else np.argsort(order)
+        sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
+        starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
+        self.sum = sp.csr_array((np.ones(len(where)), sequence, starts), shape=(len(places), len(where)))
 
     def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
         """(n, size, size) blocks of the matrix, block row after block row.
 
         Parameters
         ----------
-        pairs : (I, 2 size, 2 size) blocks of the interfaces, first body first
+        pairs : (I, 2, 2, size, size) blocks of the interfaces, first body first
         own : (bodies, size, size) blocks of the bodies
         """
-        size = self.size
-        pairs = pairs.reshape(-1, 2, size, 2, size).swapaxes(2, 3).reshape(-1, size**2)
-        return (self.sum @ np.concatenate([pairs, own.reshape(-1, size**2)], dtype=float)).reshape(-1, size, size)
+        result = self.summed(pairs)
+        result[self.diagonal] += own
+        return result
+
+    def summed(self, pairs: np.ndarray) -> np.ndarray:
+        """The same without bodies' own blocks."""
+        return (self.sum @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.compiled import compiled
+from orchestrator.compiled import compiled
 
 
 @compiled
@@ -29,28 +29,37 @@ def spread(L, chosen, bounds, both, F):
 
 
 @compiled
-def carried(phi, chosen, bounds, A, force, result):
-    """result (I, 24) = Aᵀ Σ f̂ ⊗ φ of forces (3, Q); A (I, 3m, 24), phi (P, m), others as for ``spread``."""
-    m = phi.shape[1]
+def carried(phi, chosen, bounds, A, ends, force, weight, result):
+    """result (bodies, 12) += Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
+
+    Parameters
+    ----------
+    phi : (P, m); A : (I, 3m, 24); weight : (P,) ω
+    ends : (I, 2) int, the two bodies
+    others : as for ``spread``
+    """
+    m, half = phi.shape[1], A.shape[2] // 2
     moments = np.empty(3 * m)
-    for i in range(len(result)):
-        result[i] = 0.0
+    for i in range(len(ends)):
         if bounds[i] == bounds[i + 1]:
             continue
         moments[:] = 0.0
         for q in range(bounds[i], bounds[i + 1]):
+            p = chosen[q]
             for c in range(3):
                 if force[c, q] != 0.0:
+                    share = weight[p] * force[c, q]
                     for j in range(m):
-                        moments[c * m + j] += force[c, q] * phi[chosen[q], j]
+                        moments[c * m + j] += share * phi[p, j]
         for a in range(3 * m):
-            for f in range(A.shape[2]):
-                result[i, f] += A[i, a, f] * moments[a]
+            for f in range(half):
+                result[ends[i, 0], f] += A[i, a, f] * moments[a]
+                result[ends[i, 1], f] += A[i, a, half + f] * moments[a]
 
 
 @compiled
-def slopes(phi, L, chosen, A, active, first, derivative, result):
-    """result (I, 24, 24) = Aᵀ Σ (∂f̂/∂F ⊗ φ) L.
+def slopes(phi, L, chosen, A, active, first, derivative, weight, result):
+    """result (I, 2, 2, 12, 12) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L, blocks of the two bodies.
 
     Parameters
     ----------
@@ -59,6 +68,7 @@ def slopes(phi, L, chosen, A, active, first, derivative, result):
     others : as for ``carried``
     """
     m, size = phi.shape[1], L.shape[2]
+    half = size // 2
     sums, turned = np.empty((3 * m, size)), np.empty((3, size))
     for i in range(len(result)):
         result[i] = 0.0
@@ -70,17 +80,18 @@ def slopes(phi, L, chosen, A, active, first, derivative, result):
             for c in range(3):
                 a, b, d = derivative[c, 0, r], derivative[c, 1, r], derivative[c, 2, r]
                 for f in range(size):
-                    turned[c, f] = a * L[p, 0, f] + b * L[p, 1, f] + d * L[p, 2, f]
+                    turned[c, f] = weight[p] * (a * L[p, 0, f] + b * L[p, 1, f] + d * L[p, 2, f])
             for c in range(3):
                 for j in range(m):
-                    weight = phi[p, j]
                     for f in range(size):
-                        sums[c * m + j, f] += weight * turned[c, f]
-        for a in range(3 * m):
-            for f in range(size):
-                weight = A[i, a, f]
-                for g in range(size):
-                    result[i, f, g] += weight * sums[a, g]
+                        sums[c * m + j, f] += phi[p, j] * turned[c, f]
+        for row in range(2):
+            for column in range(2):
+                block = result[i, row, column]
+                for a in range(3 * m):
+                    for f in range(half):
+                        for g in range(half):
+                            block[f, g] += A[i, a, row * half + f] * sums[a, column * half + g]
 
 
 @compiled

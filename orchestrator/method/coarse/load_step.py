@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
@@ -35,10 +36,11 @@ class Bodies:
     count : number of bodies, of all ranks
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, 12, 12) stiffness of the fields
-    counted : int, interfaces that this rank adds up
-    order : int, the order of all ranks' interfaces, which must not depend on the ranks
+    counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
     pattern : of the Newton matrices, on rank 0
-    springs : (I, 24, 24) ΣTᵀε L, what stabilisation adds; None without
+    weight : (P,) 1 − ε, the laws' share
+    springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
+    affine : (n, 12, 12) K₀ − ΣTᵀε L of all ranks, for the pattern
     """
 
     team: Team
@@ -46,24 +48,34 @@ class Bodies:
     fields: PairFields
     K0: np.ndarray
     counted: np.ndarray
-    order: np.ndarray
+    theirs: np.ndarray
     pattern: BlockPattern | None
-    springs: np.ndarray | None
+    weight: np.ndarray
+    springs: sp.sparray | None
+    affine: np.ndarray | None
 
     @classmethod
     def of(cls, team: Team, count: int, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
-        """Agree on the order of the interfaces; ``own`` are the bodies of this rank."""
-        counted = np.flatnonzero(np.isin(fields.bodies[:, 0], own))
+        """Agree on the order of the interfaces, which must not depend on the ranks; ``own`` are the bodies of this rank."""
+        counts = np.isin(fields.bodies[:, 0], own)
+        counted, theirs = np.flatnonzero(counts), np.repeat(counts, np.diff(fields.pairs.bounds))
         mine = [fields.pairs.interfaces[i] for i in counted]
         everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in mine]), [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
-        ends = np.array([everyones[i][1:] for i in order], dtype=int).reshape(-1, 2)
-        pattern = BlockPattern(ends, count, FIELDS) if team.rank == 0 else None
-        weight, springs = fields.pairs.stabilisation, None
-        if weight is not None:
-            every = np.arange(len(weight))
-            springs = fields.slopes(Answer(np.zeros((3, 0)), every, every, weight * np.eye(3)[:, :, None]))
-        return cls(team, count, fields, K0, counted, order, pattern, springs)
+        ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
+        pattern = BlockPattern(ends, count, FIELDS, order) if team.rank == 0 else None
+        weight, springs, affine = np.ones(len(theirs)), None, None
+        slopes = np.zeros((len(counted), 2, 2, FIELDS, FIELDS))
+        if fields.pairs.stabilisation is not None:
+            weight, every = 1 - fields.pairs.stabilisation, np.arange(len(theirs))
+            slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
+                                   fields.pairs.stabilisation)[counted]
+            here = BlockPattern(fields.bodies[counted], count, FIELDS)
+            springs = here.matrix(here.summed(slopes), 0.0)
+        gathered = team.gather(slopes)
+        if pattern is not None:
+            affine = pattern.values(-np.concatenate(gathered), K0)
+        return cls(team, count, fields, K0, counted, theirs, pattern, weight, springs, affine)
 
 
 class LoadStep:
@@ -87,18 +99,21 @@ class LoadStep:
         self.seen = np.zeros_like(reach)
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
-            self.resisted = bodies.fields.carried(pairs.stabilisation * pairs.resisted(F0, previous))
+            resisted = np.where(bodies.theirs, pairs.resisted(F0, previous), 0.0)
+            self.resisted = bodies.fields.carried(resisted, pairs.stabilisation, bodies.count)
         self._choose()
 
     def _choose(self) -> None:
-        fields = self.bodies.fields
+        fields, near = self.bodies.fields, self.bodies.theirs
         if np.isfinite(self.reach).all():
             change = fields.normal_size * np.repeat(self.reach, np.diff(fields.pairs.bounds))
-            near = np.flatnonzero(~fields.pairs.idle(self.F0, change))
-            self.fields = fields.some(near)
-            self.F0_near, self.before = self.F0.take(near, axis=1), self.previous.take(near, axis=1)
-        else:
+            near = near & ~fields.pairs.idle(self.F0, change)
+        if near.all():
             self.fields, self.F0_near, self.before = fields, self.F0, self.previous
+        else:
+            chosen = np.flatnonzero(near)
+            self.fields = fields.some(chosen)
+            self.F0_near, self.before = self.F0.take(chosen, axis=1), self.previous.take(chosen, axis=1)
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, 12) ρ; the forces that it was formed with are kept for ``matrix``."""
@@ -109,34 +124,21 @@ class LoadStep:
             self.reach = np.maximum(self.reach, REACH * self.seen)
             self._choose()
         self.F = self.fields.predicted(self.F0_near, y)
-        sums = self._lawful(self.fields.pairs.force(self.F, self.before).force)
+        force = self.fields.pairs.force(self.F, self.before).force
+        carried = self.fields.carried(force, bodies.weight, bodies.count)
         if bodies.springs is not None:
-            sums = sums + self.resisted + np.einsum("ifg,ig->if", bodies.springs, bodies.fields.both(y))
-        sums = sums[bodies.counted]
-        firsts, seconds = bodies.fields.bodies[bodies.counted].T
-        carried = np.zeros((bodies.count, FIELDS))
-        np.add.at(carried, firsts, sums[:, :FIELDS])
-        np.add.at(carried, seconds, sums[:, FIELDS:])
+            carried += self.resisted + (bodies.springs @ y.ravel()).reshape(y.shape)
         carried, = bodies.team.sum(carried)
-        return self.resultant + np.einsum("bij,bj->bi", bodies.K0, y) - carried
+        return self.resultant + (bodies.K0 @ y[:, :, None])[:, :, 0] - carried
 
     def matrix(self) -> np.ndarray | bool:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
         bodies = self.bodies
-        answer = self.fields.pairs.force(self.F, self.before, derivative=True)
-        if bodies.springs is not None:
-            answer.derivative = (1 - self.fields.pairs.stabilisation[answer.active]) * answer.derivative
-        slopes = self.fields.slopes(answer)
-        if bodies.springs is not None:
-            slopes = slopes + bodies.springs
-        everyone = bodies.team.gather(slopes[bodies.counted])
-        return bodies.pattern.values(-np.concatenate(everyone)[bodies.order], bodies.K0) if everyone else False
-
-    def _lawful(self, force: np.ndarray) -> np.ndarray:
-        """(I, 24) the laws' share of the moments."""
-        if self.bodies.springs is not None:
-            force = (1 - self.fields.pairs.stabilisation) * force
-        return self.fields.carried(force)
+        slopes = self.fields.slopes(self.fields.pairs.force(self.F, self.before, derivative=True), bodies.weight)
+        everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
+        if not everyone:
+            return False
+        return bodies.affine - bodies.pattern.summed(everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""

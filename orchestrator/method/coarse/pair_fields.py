@@ -65,18 +65,23 @@ class PairFields:
         """(I, 24) fields of the two bodies of every interface."""
         return y[self.bodies].reshape(-1, 2 * FIELDS)
 
-    def carried(self, force: np.ndarray) -> np.ndarray:
-        """(I, 24) Tᵀf̂ of forces (3, Q)."""
-        result = np.empty((len(self.A), 2 * FIELDS))
-        carried(self.phi, self.chosen, self.pairs.bounds, self.A, np.ascontiguousarray(force), result)
+    def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
+        """(bodies, 12) ΣTᵀ ω f̂ of forces (3, Q).
+
+        Parameters
+        ----------
+        weight : (P,) ω of all node pairs
+        """
+        result = np.zeros((bodies, FIELDS))
+        carried(self.phi, self.chosen, self.pairs.bounds, self.A, self.bodies, np.ascontiguousarray(force), weight, result)
         return result
 
-    def slopes(self, answer: Answer) -> np.ndarray:
-        """(I, 24, 24) ΣTᵀ (∂f̂/∂F) L."""
-        result = np.empty((len(self.A), 2 * FIELDS, 2 * FIELDS))
+    def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
+        """(I, 2, 2, 12, 12) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies; ω as for ``carried``."""
+        result = np.empty((len(self.A), 2, 2, FIELDS, FIELDS))
         first = np.searchsorted(answer.active, self.pairs.bounds)
         slopes(self.phi, self.all_L, self.chosen, self.A, answer.active, first, np.ascontiguousarray(answer.derivative),
-               result)
+               weight, result)
         return result
 
     def at_pairs(self) -> np.ndarray:
