@@ -31,6 +31,19 @@ class Layer:
         """As the protocol says."""
         return self.inner.traces(forces)
 
+    def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+        """Answers (rows, B) to trace forces (rows, B) of all subdomains at once, side by side; zero for other columns.
+
+        Parameters
+        ----------
+        parts : per subdomain, its columns
+        """
+        asked = {e: np.ascontiguousarray(forces[:, part]) for e, part in enumerate(parts) if part.stop > part.start}
+        result = np.zeros(forces.shape)
+        for e, answer in self.traces(asked).items():
+            result[:, parts[e]] = answer
+        return result
+
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
         return self.inner.fields(forces)

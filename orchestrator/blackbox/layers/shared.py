@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,8 +18,6 @@ from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.models.congruence import representatives
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.savings import Savings
-
-SAMPLE = 16  # entries of a right-hand side that are looked at before all of them
 
 
 class SharedModels(Layer):
@@ -41,11 +40,13 @@ class SharedModels(Layer):
         self.congruent, self.repeated, self.explicit = congruent, repeated, explicit
         self.workers, self.steps, self.savings = workers, steps, savings
         self.model_of = np.empty(0, int)
-        self._last: dict[int, _Remembered] = {}
+        self._last: dict[int, tuple[_Rows, np.ndarray]] = {}
+        self._parts: Sequence[slice] | None = None
+        self._columns: dict[int, np.ndarray] = {}
 
     def load(self, models: Sequence[Model]) -> None:
         """Load one of each kind; of a kind with much to solve, one per worker that shares the work."""
-        self._last = {}
+        self._last, self._parts = {}, None
         first = representatives(models, self.traits) if self.congruent else np.arange(len(models))
         self.model_of = np.empty(len(models), int)
         loaded: list[Model] = []
@@ -66,88 +67,130 @@ class SharedModels(Layer):
         """As the protocol says."""
         return self._merged(forces, self.inner.fields, remember=False)
 
-    def _merged(self, forces: Mapping[int, np.ndarray], solve, remember: bool) -> dict[int, np.ndarray]:
-        groups: dict[int, list[int]] = {}
-        for index in forces:
-            groups.setdefault(int(self.model_of[index]), []).append(index)
-        rows = {model: np.vstack([forces[i] for i in members]) for model, members in groups.items()}
-        answers = self._unrepeated(rows, solve, remember) if self.repeated else solve(rows)
-        result = {}
-        for model, members in groups.items():
-            ends = np.cumsum([0] + [len(forces[i]) for i in members])
-            result |= {i: answers[model][a:b] for i, a, b in zip(members, ends[:-1], ends[1:])}
-        return {index: result[index] for index in forces}
+    def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+        """As ``Layer`` says: one index array per model gathers the rows of all that it stands for."""
+        if parts is not self._parts:
+            self._parts, self._columns = parts, self._columns_of(parts)
+        count, rows = len(forces), {}
+        for model, columns in self._columns.items():
+            rows[model] = forces[:, columns].transpose(1, 0, 2).reshape(-1, columns.shape[1])
+        answers, result = self._answered(rows, self.inner.traces, remember=True), np.zeros(forces.shape)
+        for model, columns in self._columns.items():
+            result[:, columns] = answers[model].reshape(len(columns), count, -1).transpose(1, 0, 2)
+        return result
 
-    def _unrepeated(self, rows: dict[int, np.ndarray], solve, remember: bool) -> dict[int, np.ndarray]:
+    def _columns_of(self, parts: Sequence[slice]) -> dict[int, np.ndarray]:
+        """Per model that has any: (subdomains, t) the columns of those that it stands for."""
+        starts, ends = np.array([(part.start, part.stop) for part in parts], dtype=int).reshape(-1, 2).T
+        order = np.argsort(self.model_of, kind="stable")
+        models, first = np.unique(self.model_of[order], return_index=True)
+        found = {}
+        for model, members in zip(models.tolist(), np.split(order, first[1:])):
+            size = ends[members[0]] - starts[members[0]]
+            if size:
+                found[model] = starts[members][:, None] + np.arange(size)
+        return found
+
+    def _merged(self, forces: Mapping[int, np.ndarray], solve, remember: bool) -> dict[int, np.ndarray]:
+        """Right-hand sides that are one and the same array are looked at once for each model, and share their answer."""
+        groups: dict[int, dict[int, int]] = {}  # model → array → a subdomain that has it
+        key = {index: id(f) if self.repeated else index for index, f in forces.items()}
+        for index in forces:
+            groups.setdefault(int(self.model_of[index]), {}).setdefault(key[index], index)
+        rows = {model: np.vstack([forces[i] for i in different.values()]) for model, different in groups.items()}
+        again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
+        answers, parts = self._answered(rows, solve, remember, again), {}
+        for model, different in groups.items():
+            ends = np.cumsum([0] + [len(forces[i]) for i in different.values()]).tolist()
+            parts[model] = {array: answers[model][a:b] for array, a, b in zip(different, ends[:-1], ends[1:])}
+        return {index: parts[int(self.model_of[index])][key[index]] for index in forces}
+
+    def _answered(self, rows: dict[int, np.ndarray], solve, remember: bool, again: int = 0) -> dict[int, np.ndarray]:
+        """Answers per model to rows per model, of which ``again`` more have been asked for."""
+        if not self.repeated:
+            return solve(rows)
         plans = {model: _Plan(r, self._last.get(model) if remember else None) for model, r in rows.items()}
         asked = {model: rows[model][plan.solved] for model, plan in plans.items() if len(plan.solved)}
         new = solve(asked) if asked else {}
         answers = {model: plan.answers(new.get(model)) for model, plan in plans.items()}
         if remember:
-            self._last |= {model: _Remembered(rows[model], answers[model]) for model in rows}
+            self._last |= {model: (plans[model].asked, answers[model]) for model in rows}
         self.savings.add("repeated", "back-substitutions",
-                         sum(len(r) for r in rows.values()) - sum(len(a) for a in asked.values()))
+                         again + sum(len(r) for r in rows.values()) - sum(len(a) for a in asked.values()))
         return answers
 
 
-class _Remembered:
-    """Right-hand sides (n, size), as they were asked, and their answers (n, size)."""
+class _Rows:
+    """Right-hand sides (n, size), found by their keys."""
 
-    def __init__(self, rows: np.ndarray, answers: np.ndarray):
-        self.rows, self.answers = rows, answers
-        self.index: dict[bytes, list[int]] = {}
-        for number, key in enumerate(_samples(rows)):
-            self.index.setdefault(key, []).append(number)
+    def __init__(self, rows: np.ndarray):
+        self.rows = rows
 
-    def find(self, key: bytes, row: np.ndarray) -> int | None:
-        return next((n for n in self.index.get(key, ()) if np.array_equal(self.rows[n], row)), None)
+    @cached_property
+    def keys(self) -> np.ndarray:
+        """(n,) a sum of each row's bits with weights, modulo 2⁶⁴: the same for equal rows wherever they are."""
+        size = self.rows.shape[1]
+        weights = np.random.default_rng(0).integers(0, 2**63, size, dtype=np.uint64) * np.uint64(2) + np.uint64(1)
+        return np.ascontiguousarray(self.rows + 0.0).view(np.uint64) @ weights  # + 0.0: minus zero is zero
+
+    @cached_property
+    def _index(self) -> tuple[np.ndarray, np.ndarray]:
+        """Keys in order, and the first place of each."""
+        return np.unique(self.keys, return_index=True)
+
+    def find(self, other: _Rows, chosen: np.ndarray) -> np.ndarray:
+        """(m,) int, where the chosen rows (m,) of others are; −1 where they are not."""
+        if len(self.rows) == 1:
+            return np.where((other.rows[chosen] == self.rows).all(axis=1), 0, -1)
+        keys, place = self._index
+        at = np.minimum(np.searchsorted(keys, other.keys[chosen]), len(keys) - 1)
+        found = np.where(keys[at] == other.keys[chosen], place[at], -1)
+        known = np.flatnonzero(found >= 0)
+        found[known[(self.rows[found[known]] != other.rows[chosen[known]]).any(axis=1)]] = -1
+        return found
+
+    def firsts(self, chosen: np.ndarray) -> np.ndarray:
+        """(m,) int, for each of the chosen rows (m,) the first of them that is equal."""
+        if len(chosen) <= 1:
+            return chosen
+        _, first, group = np.unique(self.keys[chosen], return_index=True, return_inverse=True)
+        twin = chosen[first[group]]
+        again = np.flatnonzero(twin != chosen)
+        different = again[(self.rows[twin[again]] != self.rows[chosen[again]]).any(axis=1)]  # by chance of equal keys
+        twin[different] = chosen[different]
+        return twin
 
 
 class _Plan:
     """Which of the rows (n, size) are solved, and where the others' answers come from.
 
+    Parameters
+    ----------
+    last : rows asked before, and their answers
+
     Attributes
     ----------
-    solved : (m,) int, rows that are new and occur for the first time
+    solved : (m,) int, ascending, rows that are new and occur for the first time
+    source : (n,) int, of each row the place of its answer among the solved; −1 where it is zero or recalled
+    recalled : (n,) int, of each row the place of its answer among those remembered; −1 where it is not
     """
 
-    def __init__(self, rows: np.ndarray, last: _Remembered | None):
-        self.size, self.last = rows.shape, last
-        self.source = np.full(len(rows), -1)  # of each row, the place of its answer among the solved
-        self.recalled: dict[int, int] = {}
-        solved: list[int] = []
-        seen: dict[bytes, list[int]] = {}
-        nonzero = rows.any(axis=1)
-        for number, key in enumerate(_samples(rows)):
-            if not nonzero[number]:
-                continue
-            known = last.find(key, rows[number]) if last else None
-            if known is not None:
-                self.recalled[number] = known
-                continue
-            twins = seen.setdefault(key, [])
-            twin = next((t for t in twins if np.array_equal(rows[solved[t]], rows[number])), None)
-            if twin is None:
-                twin = len(solved)
-                solved.append(number)
-                twins.append(twin)
-            self.source[number] = twin
-        self.solved = np.array(solved, dtype=int)
+    def __init__(self, rows: np.ndarray, last: tuple[_Rows, np.ndarray] | None):
+        self.asked, self.last = _Rows(rows), last
+        self.source, self.recalled = np.full((2, len(rows)), -1)
+        new = np.flatnonzero(rows.any(axis=1))
+        if last is not None and len(last[1]) and len(new):
+            self.recalled[new] = last[0].find(self.asked, new)
+            new = new[self.recalled[new] < 0]
+        self.solved, self.source[new] = np.unique(self.asked.firsts(new), return_inverse=True)
 
     def answers(self, new: np.ndarray | None) -> np.ndarray:
         """(n, size) the answers to all rows, given those (m, size) to the solved ones."""
-        if new is not None and len(new) == self.size[0]:
+        if new is not None and len(new) == len(self.source):
             return new
-        result = np.zeros(self.size)
+        result, asked, known = np.zeros(self.asked.rows.shape), self.source >= 0, self.recalled >= 0
         if new is not None:
-            asked = self.source >= 0
             result[asked] = new[self.source[asked]]
-        for number, known in self.recalled.items():
-            result[number] = self.last.answers[known]
+        if known.any():
+            result[known] = self.last[1][self.recalled[known]]
         return result
-
-
-def _samples(rows: np.ndarray) -> list[bytes]:
-    """A few entries of each row, as something to look up."""
-    stride = max(1, rows.shape[1] // SAMPLE)
-    return [row.tobytes() for row in np.ascontiguousarray(rows[:, ::stride])]

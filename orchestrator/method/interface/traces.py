@@ -261,17 +261,6 @@ class TraceSpace:
                 total[:, self.shared[r]] += arrived[r]
         return total
 
-    def split(self, boundary: np.ndarray) -> dict[int, np.ndarray]:
-        """(rows, B) → per subdomain with interfaces (rows, t), as the black box wants it."""
-        return {e: np.ascontiguousarray(boundary[:, s]) for e, s in enumerate(self.boundary) if s.stop > s.start}
-
-    def join(self, parts: dict[int, np.ndarray], rows: int) -> np.ndarray:
-        """Inverse of ``split``: (rows, B)."""
-        result = np.zeros((rows, len(self.global_dof)))
-        for e, part in parts.items():
-            result[:, self.boundary[e]] = part
-        return result
-
 
 def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
     """(B,) int, number of the class of each boundary dof."""

@@ -8,7 +8,7 @@ For boundary loads f and answers u = C f of one subdomain, C = N M⁻¹ Nᵀ = (
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +16,9 @@ import scipy.sparse as sp
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.segments import Segments
 
 # Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below 1e-5.
 CONSISTENT = 1e-3
@@ -35,10 +37,12 @@ class GuardedTraces(Layer):
 
     def __init__(self, inner: BlackBox, direction: SearchDirection, names: list[str]):
         super().__init__(inner)
-        self.names = names
-        self.robin, self.parts = direction.robin, direction.space.boundary
+        self.names, self.robin, self.parts = names, direction.robin, direction.space.boundary
+        size = max((part.stop for part in self.parts), default=0)
+        self.earlier = np.zeros((2, size))  # a load of each subdomain and its answer
+        self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
+        self.all = Segments(self.parts)
         self.own: dict[int, sp.csr_array] = {}
-        self.earlier: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.
@@ -47,35 +51,69 @@ class GuardedTraces(Layer):
         ------
         BlackBoxError : also for an answer that no elastic body gives, naming the subdomain
         """
-        answers = self.inner.traces(forces)
+        answers, judged = self.inner.traces(forces), {}
         for e, u in answers.items():
-            f = np.asarray(forces[e])
-            if f.any():
-                self._judge(e, f, u)
+            f, part = np.asarray(forces[e]), self.parts[e]
+            which = id(f), id(u)
+            if which in judged:  # one and the same array: nothing new to be seen
+                self.earlier[:, part] = self.earlier[:, self.parts[judged[which]]]
+                self.known[e] = self.known[judged[which]]
+            elif f.size:
+                judged[which] = e
+                if e not in self.own:
+                    self.own[e] = sp.csr_array(self.robin[part, part])
+                self._judge(f, u, Segments([slice(0, f.shape[1])]), [e], part, self.own[e])
         return answers
 
-    def _judge(self, e: int, f: np.ndarray, u: np.ndarray) -> None:
-        """Loads and answers (columns, t) of one subdomain."""
-        if e not in self.own:
-            self.own[e] = sp.csr_array(self.robin[self.parts[e], self.parts[e]])
+    def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+        """As ``Layer`` says, and as ``traces`` does, all subdomains at once."""
+        inner = self.inner if isinstance(self.inner, Layer) else Layer(self.inner)
+        answers = inner.all_traces(forces, parts)
+        if len(forces):
+            self._judge(forces, answers, self.all, self.all.subdomains, slice(None), self.robin)
+        return answers
+
+    def _judge(self, f: np.ndarray, u: np.ndarray, of: Segments, subdomains: Sequence[int], part: slice,
+               robin: sp.csr_array) -> None:
+        """Loads and answers (rows, columns).
+
+        Parameters
+        ----------
+        of : whose the columns are, one after the other
+        subdomains : which these are
+        part : the boundary dofs that the columns are
+        robin : NᵀkN on them
+        """
         # per unit of the load: products of small ones would underflow, and denormal numbers have no digits to compare
-        unit, size = (np.abs(x).max(axis=1, initial=0.0) for x in (f, u))
+        unit, size = of.largest(f), of.largest(u)
         sound = (unit > DIGITLESS) & (size > DIGITLESS)
         if not sound.any():
             return
-        f, u = f[sound] / unit[sound, None], u[sound] / unit[sound, None]
-        work, size = np.einsum("ij,ij->i", f, u), np.einsum("ij,ij->i", np.abs(f), np.abs(u))
-        stored = work - np.einsum("ij,ij->i", u, (self.own[e] @ u.T).T)
-        least = np.minimum(work, stored)
-        t = int(np.argmin(least + CONSISTENT * size))
-        if least[t] < -CONSISTENT * size[t]:
-            raise BlackBoxError(f"guard: a negative strain energy: {least[t]:.1e} where a load of at most 1 on a node does "
-                                f"work of up to {size[t]:.1e}", self.names[e])
-        old_f, old_u = self.earlier.get(e, (f[0], u[0]))
-        one, other = old_f @ u[-1], f[-1] @ old_u
-        norm = np.linalg.norm  # loads of other symmetry do no work on each other: the sums are mere rounding then
-        exchanged = norm(old_f) * norm(u[-1]) + norm(f[-1]) * norm(old_u)
-        if abs(one - other) > CONSISTENT * exchanged:
-            raise BlackBoxError(f"guard: answers to two loads that are not reciprocal: {one:.4g} and {other:.4g} for loads "
-                                "of at most 1 on a node", self.names[e])
-        self.earlier[e] = f[-1].copy(), u[-1].copy()
+        inverse = of.spread(np.where(sound, 1 / np.where(sound, unit, 1.0), 0.0))
+        f, u = f * inverse, u * inverse
+        work, size = of.sums(f * u), of.sums(np.abs(f * u))
+        least = np.minimum(work, work - of.sums(u * times(robin, u)))
+        wrong = sound & (least < -CONSISTENT * size)
+        if wrong.any():
+            t, e = np.argwhere(wrong)[0]
+            raise BlackBoxError(f"guard: a negative strain energy: {least[t, e]:.1e} where a load of at most 1 on a node does "
+                                f"work of up to {size[t, e]:.1e}", self.names[subdomains[e]])
+        first, last = sound.argmax(axis=0), len(sound) - 1 - sound[::-1].argmax(axis=0)
+        any_sound, known = sound.any(axis=0), of.spread(self.known[subdomains])
+        old_f, old_u = (np.where(known, old, of.rows(x, first)) for old, x in zip(self.earlier[:, part], (f, u)))
+        new_f, new_u = (of.rows(x, last) for x in (f, u))
+        one, other = of.sums(old_f * new_u), of.sums(new_f * old_u)
+
+        def norm(x: np.ndarray) -> np.ndarray:
+            return np.sqrt(of.sums(x * x))
+
+        # loads of other symmetry do no work on each other: the sums are mere rounding then
+        exchanged = norm(old_f) * norm(new_u) + norm(new_f) * norm(old_u)
+        wrong = any_sound & (np.abs(one - other) > CONSISTENT * exchanged)
+        if wrong.any():
+            e = int(np.argmax(wrong))
+            raise BlackBoxError(f"guard: answers to two loads that are not reciprocal: {one[e]:.4g} and {other[e]:.4g} for loads "
+                                "of at most 1 on a node", self.names[subdomains[e]])
+        for old, new in zip(self.earlier[:, part], (new_f, new_u)):
+            np.copyto(old, new, where=of.spread(any_sound))
+        self.known[subdomains] |= any_sound

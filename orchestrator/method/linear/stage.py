@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
@@ -82,11 +82,11 @@ class LinearStage:
     macro : the macro problem, or None (mono-scale)
     loaded : (T, B) boundary values of M⁻¹f_d, computed once
     known : (T, D) prescribed traces, None where there are none
-    blackbox : the solver
+    blackbox : the solver, in a layer
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, macro: Macro | None,
-                 loaded: np.ndarray, known: np.ndarray | None, blackbox: BlackBox):
+                 loaded: np.ndarray, known: np.ndarray | None, blackbox: Layer):
         self.space, self.direction, self.macro = space, direction, macro
         self.loaded, self.known, self.blackbox = loaded, known, blackbox
 
@@ -121,4 +121,4 @@ class LinearStage:
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary dofs."""
-        return self.space.join(self.blackbox.traces(self.space.split(forces)), len(forces))
+        return self.blackbox.all_traces(forces, self.space.boundary)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.segments import Segments
 from orchestrator.method.linear.stage import LinearStage
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square
@@ -33,28 +34,22 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     space, robin = stage.space, stage.direction.robin
     if not space.team.max(h.any())[0]:
         return np.zeros(len(h)), 0
-    parts = [s for s in space.boundary if s.stop > s.start]
-    starts = [s.start for s in parts]
-    member = np.repeat(np.arange(len(parts)), [s.stop - s.start for s in parts])
-
-    def dot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """(T, subdomains) products, subdomain by subdomain."""
-        return np.add.reduceat(x * y, starts, axis=1) if starts else np.zeros((len(x), 0))
+    of = Segments(space.boundary)
 
     r, total, p, q, rz_old, steps = h.copy(), 0.0, None, None, None, []
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
-        rz = np.maximum(dot(r, z), 0.0)
+        rz = np.maximum(of.sums(r * z), 0.0)
         if p is None:
             p, q = z, r.copy()
         else:
-            beta = _safe_ratio(rz, rz_old)[:, member]
+            beta = of.spread(_safe_ratio(rz, rz_old))
             p, q = z + beta * p, r + beta * q
         s_p = q - times(robin, p)
-        alpha = _safe_ratio(rz, dot(p, s_p))
+        alpha = _safe_ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
         total = total + gained
-        r = r - alpha[:, member] * s_p
+        r = r - of.spread(alpha) * s_p
         rz_old = rz
         steps.append(float(gained.sum()))
         tail = _tail(steps)

@@ -1,0 +1,42 @@
+"""Sums and maxima over the boundary dofs of each subdomain, for all of them at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+class Segments:
+    """Columns that belong to subdomains, one after the other.
+
+    Parameters
+    ----------
+    parts : columns of each subdomain, without gaps; those that have none are left out
+
+    Attributes
+    ----------
+    subdomains : (S,) int, the others
+    member : (columns,) int, place of each column's subdomain among these
+    """
+
+    def __init__(self, parts: Sequence[slice]):
+        self.subdomains = np.array([e for e, part in enumerate(parts) if part.stop > part.start], dtype=int)
+        self.starts = np.array([parts[e].start for e in self.subdomains], dtype=int)
+        self.member = np.repeat(np.arange(len(self.starts)), [parts[e].stop - parts[e].start for e in self.subdomains])
+
+    def sums(self, x: np.ndarray) -> np.ndarray:
+        """(…, S) of values (…, columns)."""
+        return np.add.reduceat(x, self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+
+    def largest(self, x: np.ndarray) -> np.ndarray:
+        """(…, S) largest magnitude of values (…, columns)."""
+        return np.maximum.reduceat(np.abs(x), self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """(…, columns) to each column what its subdomain has of (…, S)."""
+        return values.take(self.member, axis=-1)
+
+    def rows(self, x: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """(columns,) of values (rows, columns) another row for each subdomain, which (S,)."""
+        return x[0] if len(x) == 1 else x[self.spread(which), np.arange(x.shape[1])]
