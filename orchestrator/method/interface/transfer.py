@@ -105,19 +105,20 @@ class Matching:
 
         Interfaces without points here keep their columns.
         """
-        rows, columns, values, start = [], [], [], 0
-        for a, b, basis in zip(self.bounds[:-1], self.bounds[1:], bases):
-            number = np.arange(start, start + basis.shape[1])
-            for side, sign in zip((self.one[a:b], self.two[a:b]), signs):
-                mine = np.flatnonzero(side < self.size)
-                rows.append(np.repeat(side[mine], len(number)))
-                columns.append(np.tile(number, len(mine)))
-                values.append(sign * basis[mine].ravel())
-            start += len(number)
-        if not rows:
-            return sp.csr_array((self.size, 0))
-        return sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-                            shape=(self.size, start))
+        widths, counts = np.array([b.shape[1] for b in bases], dtype=int), np.diff(self.bounds)
+        flat = np.concatenate([b.ravel() for b in bases] or [np.empty(0)])
+        width = np.repeat(widths, counts)  # of each point's row of its basis
+        where, number = np.cumsum(width) - width, np.repeat(np.cumsum(widths) - widths, counts)
+        filled, source, column = np.zeros((3, self.size), dtype=int)  # of each trace dof: it has one point at most
+        sign_of = np.zeros(self.size)
+        for side, sign in zip((self.one, self.two), signs):
+            mine = np.flatnonzero(side < self.size)
+            dofs = side[mine]
+            filled[dofs], source[dofs], column[dofs], sign_of[dofs] = width[mine], where[mine], number[mine], sign
+        ends = np.concatenate([[0], np.cumsum(filled)])
+        within = np.arange(ends[-1]) - np.repeat(ends[:-1], filled)
+        return sp.csr_array((np.repeat(sign_of, filled) * flat[np.repeat(source, filled) + within],
+                             np.repeat(column, filled) + within, ends), shape=(self.size, int(widths.sum())))
 
     # ---- parts ---------------------------------------------------------------------------------
 

@@ -23,6 +23,7 @@ from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
 from orchestrator.parallel.team import Team
 
 
@@ -40,8 +41,7 @@ class Macro:
     Attributes
     ----------
     G : (D, size) sparse, macro forces; NᵀG is U of eq. 27
-    V : per subdomain (macro unknowns it sees, boundary dofs), dense: rows, as the black box answers
-    sees : per subdomain, indices of these macro unknowns
+    blocks : V, subdomain by subdomain
     sweeps : back-substitutions per subdomain spent on V (the mean)
 
     Raises
@@ -61,21 +61,13 @@ class Macro:
         self.C = C
         self.size = self.G.shape[1]
 
-        boundary_forces = sp.csr_array(space.scatter @ self.G)  # NᵀG
-        self.sees, requests, blocks = [], {}, []
-        for e, part in enumerate(space.boundary):
-            block = sp.csc_array(boundary_forces[part])
-            seen = np.flatnonzero(np.diff(block.indptr))
-            self.sees.append(seen)
-            blocks.append(np.ascontiguousarray(block[:, seen].toarray().T))
-            if len(seen):
-                requests[e] = blocks[-1]
-        answers = blackbox.traces(requests)
-        self.V = [answers[e] if e in answers else np.zeros((0, b.shape[1])) for e, b in enumerate(blocks)]
-        solved, count = space.team.sum(sum(len(s) for s in self.sees), len(self.sees))
+        sees, forces = force_blocks(sp.csr_array(space.scatter @ self.G), space.boundary)
+        answers = blackbox.traces({e: block for e, block in enumerate(forces) if len(block)})
+        self.blocks = joined(sees, space.boundary, forces, answers)
+        solved, count = space.team.sum(sum(len(s) for s in sees), len(sees))
         self.sweeps = float(solved / count) if count else 0.0
 
-        compliance = _assembled([(s, b @ v.T) for s, b, v in zip(self.sees, blocks, self.V)], self.size)
+        compliance = assembled(self.blocks, self.size)
         matrix = compliance if strategy == "continuity" else sp.csr_array(C.T @ self.G) - compliance
         matrix = sum(space.team.all_gather(sp.csr_array(matrix)), sp.csr_array(matrix.shape))
         self.matrix = sp.csr_array((matrix + matrix.T) / 2)
@@ -88,9 +80,9 @@ class Macro:
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
         """(T, B) boundary values of V α = −u₂, eq. 31."""
-        result = np.empty((len(alpha), len(self.space.global_dof)))
-        for part, seen, v in zip(self.space.boundary, self.sees, self.V):
-            np.matmul(alpha[:, seen], v, out=result[:, part])
+        result = np.zeros((len(alpha), len(self.space.global_dof)))
+        for block in self.blocks:
+            block.displace(alpha, result)
         return result
 
 
@@ -106,14 +98,6 @@ def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
         return bases
     widths = team.max(*(b.shape[1] for b in bases))
     return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]
-
-
-def _assembled(blocks: list[tuple[np.ndarray, np.ndarray]], size: int) -> sp.csr_array:
-    """Sum of small dense matrices on subsets of the unknowns."""
-    rows = np.concatenate([np.repeat(i, len(i)) for i, _ in blocks] or [np.empty(0, int)])
-    columns = np.concatenate([np.tile(i, len(i)) for i, _ in blocks] or [np.empty(0, int)])
-    values = np.concatenate([b.ravel() for _, b in blocks] or [np.empty(0)])
-    return sp.csr_array((values, (rows, columns)), shape=(size, size))
 
 
 def _positive_definite_solver(matrix: sp.csr_array):

@@ -1,0 +1,106 @@
+"""Dense blocks of the macro problem, one per subdomain, kept once where subdomains are alike.
+
+A subdomain answers to the macro forces of its own interfaces alone: NᵀG and V = M⁻¹NᵀG are rows of its boundary dofs and
+columns of the macro unknowns that it sees. Where congruent subdomains have congruent interfaces all around, their
+blocks are one and the same; blocks of one shape are multiplied together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+
+import numpy as np
+import scipy.sparse as sp
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Blocks of m subdomains that have the same shape, s macro unknowns and t boundary dofs.
+
+    Parameters
+    ----------
+    sees : (m, s) int, macro unknowns of each
+    columns : (m, t) int, boundary dofs of each
+    forces, answers : (k, s, t) rows of NᵀG and of V; k is m, or 1 where all subdomains share theirs
+    """
+
+    sees: np.ndarray
+    columns: np.ndarray
+    forces: np.ndarray
+    answers: np.ndarray
+
+    def displace(self, alpha: np.ndarray, result: np.ndarray) -> None:
+        """Write V α (T, B) of macro unknowns (T, size) into these subdomains' boundary dofs."""
+        seen = alpha[:, self.sees]
+        if len(self.answers) == 1:
+            result[:, self.columns] = seen @ self.answers[0]
+        else:
+            result[:, self.columns] = (seen.transpose(1, 0, 2) @ self.answers).transpose(1, 0, 2)
+
+    def work(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Values, rows and columns of GᵀNV, each (m, s, s)."""
+        shape = (len(self.sees), *(self.sees.shape[1],) * 2)
+        each = self.forces @ self.answers.transpose(0, 2, 1)
+        return (np.broadcast_to(each, shape), np.broadcast_to(self.sees[:, :, None], shape),
+                np.broadcast_to(self.sees[:, None], shape))
+
+
+def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Macro unknowns (s,) that each subdomain sees, and its macro forces (s, t): equal ones are the same array.
+
+    Parameters
+    ----------
+    forces : (B, size) NᵀG
+    parts : boundary dofs of each subdomain
+    """
+    forces.sort_indices()
+    ends, place = forces.indptr, np.zeros(forces.shape[1], dtype=np.int32)
+    sees, blocks, known = [], [], {}
+    for part in parts:
+        entries = slice(ends[part.start], ends[part.stop])
+        column, values, count = forces.indices[entries], forces.data[entries], np.diff(ends[part.start : part.stop + 1])
+        seen = np.unique(column)
+        place[seen] = np.arange(len(seen))
+        local = place[column]
+        key = blake2b(count.tobytes(), digest_size=16)
+        key.update(local.tobytes())
+        key.update(values.tobytes())
+        if key.digest() not in known:
+            block = np.zeros((len(seen), len(count)))
+            block[local, np.repeat(np.arange(len(count)), count)] = values
+            known[key.digest()] = block
+        sees.append(seen)
+        blocks.append(known[key.digest()])
+    return sees, blocks
+
+
+def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[np.ndarray],
+           answers: Mapping[int, np.ndarray]) -> list[Blocks]:
+    """Blocks of all subdomains that have any: where arrays are the same, once; the others by their shapes."""
+    alike: dict[tuple[int, int], list[int]] = {}
+    for e, answer in answers.items():
+        alike.setdefault((id(forces[e]), id(answer)), []).append(e)
+    groups: list[list[int]] = [members for members in alike.values() if len(members) > 1]
+    shapes: dict[tuple[int, int], list[int]] = {}
+    for members in alike.values():
+        if len(members) == 1:
+            shapes.setdefault(forces[members[0]].shape, []).extend(members)
+    starts, result = np.array([part.start for part in parts], dtype=int), []
+    for members, shared in [(g, True) for g in groups] + [(g, False) for g in shapes.values()]:
+        different = members[:1] if shared else members
+        result.append(Blocks(np.stack([sees[e] for e in members]),
+                             starts[members][:, None] + np.arange(forces[members[0]].shape[1]),
+                             np.stack([forces[e] for e in different]), np.stack([answers[e] for e in different])))
+    return result
+
+
+def assembled(blocks: Sequence[Blocks], size: int) -> sp.csr_array:
+    """(size, size) GᵀNV, the sum over all subdomains."""
+    parts = [[x.ravel() for x in b.work()] for b in blocks]
+    if not parts:
+        return sp.csr_array((size, size))
+    values, rows, columns = (np.concatenate(same) for same in zip(*parts))
+    kind = np.int32 if len(values) < np.iinfo(np.int32).max else np.int64
+    return sp.csr_array((values, (rows.astype(kind), columns.astype(kind))), shape=(size, size))
