@@ -29,9 +29,8 @@ def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
     """
     result: list[int] = []
     alike: dict[Hashable, tuple[list[float], list[int]]] = {}  # per key the sizes of the first ones, ascending, and who
-    for index, key in enumerate(keys):
+    for index, (key, size) in enumerate(zip(keys, _sizes(points))):
         sizes, firsts = alike.setdefault(key, ([], []))
-        size = float(np.linalg.norm(points[index] - points[index][:1]))
         near = slice(bisect_left(sizes, size * (1 - NEAR)), bisect_right(sizes, size * (1 + NEAR)))
         first = next((other for other in sorted(firsts[near])
                       if same_shape(points[other], points[index]) and same(other, index)), index)
@@ -41,6 +40,18 @@ def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
             firsts.insert(at, index)
         result.append(first)
     return np.array(result, dtype=int)
+
+
+def _sizes(points: Sequence[np.ndarray]) -> list[float]:
+    """Root of the squared distances of each cloud's points from its first one, summed."""
+    counts = np.array([len(cloud) for cloud in points], dtype=int)
+    filled = np.flatnonzero(counts)
+    sizes = np.zeros(len(points))
+    if len(filled):
+        starts, joined = (np.cumsum(counts) - counts)[filled], np.concatenate(points)
+        apart = joined - np.repeat(joined[starts], counts[filled], axis=0)
+        sizes[filled] = np.sqrt(np.add.reduceat(np.einsum("ij,ij->i", apart, apart), starts))
+    return sizes.tolist()
 
 
 def same_shape(one: np.ndarray, other: np.ndarray) -> bool:

@@ -116,6 +116,8 @@ def whole_model(scene: Scene) -> Model:
 
 def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Region of each cell and the table of different (E, ν) they refer to."""
+    if len(matter) and (matter == matter[0]).all():
+        return np.zeros(len(matter), dtype=int), matter[:1].copy()
     # as complex numbers: sorting rows is ten times slower
     materials, region = np.unique(np.ascontiguousarray(matter).view(complex).ravel(), return_inverse=True)
     return region, materials.view(float).reshape(-1, 2)

@@ -95,13 +95,16 @@ class ResidualMinimisation:
             dr = r - self.r
             dp = [a - b for a, b in zip(point, self.point)]
             scale, size = self.r, dr.copy()
+            steps = np.zeros((len(self.directions), len(dr)))
             for _ in range(2):  # twice is enough
                 # all products at once: one message among the ranks
                 coefficients = self.team.sum(*(dots(q, dr) for q, _ in self.directions))
-                for (q, p), c in zip(self.directions, coefficients):
+                for (q, _), c in zip(self.directions, coefficients):
                     dr -= q * c[:, None]
-                    for a, b in zip(dp, p):
-                        a -= b * c[:, None]
+                steps += np.reshape(coefficients, steps.shape)
+            for (_, p), c in zip(self.directions, steps):
+                for a, b in zip(dp, p):
+                    a -= b * c[:, None]
             norm, size, scale, along = self.team.sum(dots(dr, dr), dots(size, size), dots(scale, scale),
                                                      dots(dr, self.r))
             norm, size = np.sqrt(norm), np.sqrt(size)

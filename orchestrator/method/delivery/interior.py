@@ -62,15 +62,16 @@ def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> I
     forces = d.space.loads(iterated.fields.f)
     moduli = np.array([[m.young, m.poisson] for m in scene.materials])
     ends = np.cumsum([0] + [modes.shape[1] for modes in d.modes])
-    judged = [e for e, s in enumerate(d.own) if not d.blackbox.traits(s.code).own_matter]
+    own = d.own
+    judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
     for kind, members in _alike(d, judged).items():
-        one = d.own[kind]
+        one = own[kind]
         matter = Matter(scene.mesh.nodes[one.nodes], one.connectivity, *moduli[one.material].T)
         root = np.sqrt(np.repeat(matter.stiff, 3))
-        together = np.vstack([parts[d.own[e].index].reshape(steps, -1) for e in members])
+        together = np.vstack([parts[own[e].index].reshape(steps, -1) for e in members])
         resisting = np.split(matter.forces(together), len(members))
         for e, u, held in zip(members, np.split(together, len(members)), resisting):
-            s, part, trace = d.own[e], d.space.boundary[e], d.traces[e]
+            s, part, trace = own[e], d.space.boundary[e], d.traces[e]
             rigid = iterated.bound.repositioned[:, ends[e] : ends[e + 1]] @ d.modes[e][trace].T
             load = s.loads.reshape(steps, -1).copy()
             load[:, trace] += forces[:, part]
@@ -80,14 +81,15 @@ def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> I
             energy[:, s.index] = np.sum(u * held, axis=1)
             unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
             repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
-    foreign = len(d.own) - len(judged)
+    foreign = len(own) - len(judged)
     energy, unbalanced, repeated, foreign = d.space.team.sum(energy, unbalanced, repeated, np.array(foreign))
     return Interior(energy, unbalanced, repeated, not foreign)
 
 
 def _alike(d: Decomposition, judged: list[int]) -> dict[int, list[int]]:
     """Of these subdomains, those that differ by a translation alone: the first → all of them."""
-    own = [d.own[e] for e in judged]
+    everything = d.own
+    own = [everything[e] for e in judged]
     keys = ((s.connectivity.tobytes(), s.material.tobytes()) for s in own)
     found: dict[int, list[int]] = {}
     for e, first in zip(judged, first_congruent(keys, [d.scene.mesh.nodes[s.nodes] for s in own])):

@@ -17,6 +17,7 @@ from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.interface.placed import placed
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
@@ -58,6 +59,11 @@ class SearchDirection:
         return sp.csr_array(scatter @ self.k @ scatter.T)
 
     @cached_property
+    def other_diagonal(self) -> np.ndarray:
+        """(D,) the diagonal of the neighbour's k⁻, seen from this side."""
+        return self.space.transfer.across(self.whole.diagonal())
+
+    @cached_property
     def other(self) -> sp.csr_array:
         """(D, D) the neighbour's k⁻, seen from this side."""
         return self.space.transfer.seen_across(self.whole)
@@ -76,24 +82,19 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     BlackBoxError : from the code
     """
     requests = sole_models(scene, soles)
-    rows, columns, values = [], [], []
+    blocks, slots, known = [], [], {}
     for stiffness, (_, (index, side)) in zip(
             assembled([model for model, _ in requests], blackbox, workers, share, savings), requests):
-        free = np.zeros(stiffness.shape[0], dtype=bool)  # the outer nodes are clamped
-        free[: scene.interfaces[index].free.size] = scene.interfaces[index].free.ravel()
-        place = np.cumsum(free) - 1
-        row, column = np.repeat(np.arange(len(free)), np.diff(stiffness.indptr)), stiffness.indices
-        kept = free[row] & free[column]
-        row, column, value = place[row[kept]], place[column[kept]], stiffness.data[kept]
+        free = scene.interfaces[index].free.ravel()
+        key = id(stiffness), free.tobytes()  # congruent soles share their stiffness
+        if key not in known:
+            chosen = np.flatnonzero(free)  # the outer nodes are clamped
+            known[key] = stiffness, sp.csr_array(stiffness[chosen][:, chosen])
         both = soles[index][0] is soles[index][1]
         for slot in space.sides[index] if both else (space.sides[index][side],):
-            rows.append(slot[row])
-            columns.append(slot[column])
-            values.append(value)
-    d = len(space.owner)
-    if not rows:
-        return SearchDirection(sp.csr_array((d, d)), space)
-    k = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(d, d))
+            blocks.append(known[key][1])
+            slots.append(slot)
+    k = placed(blocks, slots, len(space.owner))
     if space.ties is not None:
         k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)
     return SearchDirection(k, space)

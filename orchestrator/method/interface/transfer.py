@@ -106,7 +106,7 @@ class Matching:
         Interfaces without points here keep their columns.
         """
         widths, counts = np.array([b.shape[1] for b in bases], dtype=int), np.diff(self.bounds)
-        flat = np.concatenate([b.ravel() for b in bases] or [np.empty(0)])
+        flat = np.concatenate([np.empty(0), *(b.ravel() for b, count in zip(bases, counts) if count)])  # what is met here
         width = np.repeat(widths, counts)  # of each point's row of its basis
         where, number = np.cumsum(width) - width, np.repeat(np.cumsum(widths) - widths, counts)
         filled, source, column = np.zeros((3, self.size), dtype=int)  # of each trace dof: it has one point at most

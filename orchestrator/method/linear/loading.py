@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.assembly import assembled
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.method.interface.placed import placed
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -62,9 +63,9 @@ def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[R
         position = np.searchsorted(rim.dofs, trace)
         key = id(rim.stiffness), position.tobytes()
         if key not in known:
-            known[key] = rim.stiffness[position][:, position]
+            known[key] = sp.csr_array(rim.stiffness[position][:, position])
         blocks.append(known[key])
-    return sp.csr_array(sp.block_diag(blocks, format="csr")) if blocks else sp.csr_array((0, 0))
+    return placed(blocks, [np.arange(part.start, part.stop) for part in space.boundary], len(space.global_dof))
 
 
 @dataclass

@@ -14,6 +14,8 @@ C = AᵀW repeats the basis of an interface on both its sides; F = (A k Aᵀ) W,
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -72,6 +74,11 @@ class Macro:
         matrix = sum(space.team.all_gather(sp.csr_array(matrix)), sp.csr_array(matrix.shape))
         self.matrix = sp.csr_array((matrix + matrix.T) / 2)
         self._solve = _positive_definite_solver(self.matrix)
+
+    @cached_property
+    def sizes(self) -> sp.csr_array:
+        """(D, size) magnitudes of the macro fields C."""
+        return abs(self.C)
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β, eq. 42)."""

@@ -62,7 +62,7 @@ class Exchange:
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
-        k, theirs = self.direction.diagonal, self.direction.other.diagonal()
+        k, theirs = self.direction.diagonal, self.direction.other_diagonal
         kw = k * w - f
         w_hat = (kw + self.direction.space.across(kw)) / (k + theirs)
         return w_hat, f - k * (w - w_hat)

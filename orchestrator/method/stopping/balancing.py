@@ -15,7 +15,9 @@ from orchestrator.method.linear.macro import both_sides, known_widths
 from orchestrator.method.stopping.repositioning import RigidModes
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
 
-UNBALANCED = 1e-9  # resultants above this fraction of the forces need the coarse balance
+# Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
+# what rounding leaves of the interface forces shows; b² is known to 2 %, and smaller resultants change 1e-5 of it at most.
+UNBALANCED = 1e-7
 BALANCED = 1e-6  # of the resultants, what may be left after it
 DEPENDENT = 1e-10  # singular value of a force field, over the largest, that counts as zero
 

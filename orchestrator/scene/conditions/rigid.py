@@ -28,8 +28,9 @@ def motions_about(nodes: np.ndarray, centre: np.ndarray, size: float) -> np.ndar
     arm = (nodes - centre) / size
     columns = np.zeros((len(nodes), 3, 6))
     columns[:, range(3), range(3)] = 1.0
-    for axis in range(3):
-        columns[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm)
+    for axis in range(3):  # the axis' unit vector × arm
+        after, last = (axis + 1) % 3, (axis + 2) % 3
+        columns[:, after, 3 + axis], columns[:, last, 3 + axis] = -arm[:, last], arm[:, after]
     return columns
 
 
@@ -45,9 +46,9 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     ----------
     nodes : (n, 3); fixed : (n, 3) bool
     """
-    held = motions(nodes)[fixed.reshape(-1)]
-    if len(held) == 0:
+    if not fixed.any():
         return np.eye(6)
+    held = motions(nodes)[fixed.reshape(-1)]
     # The triangular factor has the singular values of the tall matrix.
     _, values, rows = np.linalg.svd(np.linalg.qr(held, mode="r") if len(held) > 6 else held, full_matrices=True)
     values = np.r_[values, np.zeros(6 - len(values))]

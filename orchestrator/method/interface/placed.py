@@ -1,0 +1,31 @@
+"""Large sparse matrices made of small ones, each placed on dofs of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.sparse as sp
+
+
+def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:
+    """(size, size) the blocks (n, n) on the dofs (n,) of each; no dof belongs to two blocks.
+
+    One and the same block on many places is put there in one go.
+    """
+    alike: dict[int, list[int]] = {}
+    for number, block in enumerate(blocks):
+        alike.setdefault(id(block), []).append(number)
+    groups = [(blocks[members[0]], np.stack([slots[i] for i in members])) for members in alike.values()]
+    counts = np.zeros(size, dtype=np.int64)
+    for block, at in groups:
+        counts[at] = np.diff(block.indptr)
+    total = int(counts.sum())
+    kind = np.int32 if max(total, size) < np.iinfo(np.int32).max else np.int64
+    ends = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
+    columns, values = np.empty(total, dtype=kind), np.empty(total)
+    for block, at in groups:
+        row = np.repeat(np.arange(block.shape[0]), np.diff(block.indptr))
+        entry = ends[at][:, row] + (np.arange(block.nnz) - block.indptr[row])
+        columns[entry], values[entry] = at[:, block.indices], block.data
+    return sp.csr_array((values, columns, ends), shape=(size, size))
