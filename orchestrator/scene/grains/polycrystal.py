@@ -49,7 +49,7 @@ def polycrystal(mesh: Any) -> Mesh:
     relative, fine = np.round(size / unit, 12), round(h / unit, 12)
     complaints = []
     for current in range(seed, seed + TRIES):
-        made = _attempt(count, relative, fine, current, int(entry.lloyd), unit)
+        made = _attempt(count, relative, fine, current, int(entry.lloyd))
         if isinstance(made, Mesh):
             made.nodes = made.nodes / relative * size
             made.source = f"polycrystal of {count} grains, seed {current}"
@@ -70,8 +70,8 @@ def _check_size(count: int, size: np.ndarray, h: float) -> None:
     check_size(DENSITY * np.prod(size / h), (*PATH, "h"), f"h = {h:g}", coarser(h))
 
 
-def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int, unit: float) -> Mesh | str:
-    """The mesh of one seed, mended if need be, or what is wrong with it; lengths in ``unit``."""
+def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int) -> Mesh | str:
+    """The mesh of one seed, mended if need be, or what is wrong with it."""
     try:
         grains = tidied(scattered(count, size, seed, lloyd), h)
     except QhullError:
@@ -86,8 +86,7 @@ def _attempt(count: int, size: np.ndarray, h: float, seed: int, lloyd: int, unit
     bad = np.mean(_fitness(made.nodes, made.cells) < 1)
     if 0 < bad < FEW:
         made, done = mend(made, _fitness)
-        done.by *= unit
-        made.remarks.append(f"mended where tets were bad: {done}")
+        made.remarks.append(f"mended where tets were bad: {done.told(h)}")
         bad = np.mean(_fitness(made.nodes, made.cells) < 1)
     if bad == 0:
         return made

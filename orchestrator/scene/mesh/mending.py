@@ -37,10 +37,11 @@ class Mended:
     bent: int = 0
     by: float = 0.0
 
-    def __str__(self) -> str:
+    def told(self, h: float) -> str:
+        """In words, for elements of size h."""
         def counted(count: int, what: str) -> str:
             return f"{count} {what}" + ("s" if count != 1 else "")
-        bent = f"; {self.bent} of these bend faces between grains, by {self.by:.2g} at most" if self.bent else ""
+        bent = f"; {self.bent} of these bend faces between bodies, by {self.by / h:.2g} of h at most" if self.bent else ""
         return f"{counted(self.moved, 'node')} moved, {counted(self.merged, 'short edge')} merged{bent}"
 
 
