@@ -160,8 +160,10 @@ def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
         assert one == pytest.approx(other, rel=1e-12)
 
 
-def test_mending_is_told_with_the_warnings():
-    assert any("mended" in warning for warning in build_scene(config(grains=6, h=0.25, seed=14)).warnings)
+def test_mending_is_told_with_the_warnings_and_repeats():
+    one, two = build_scene(config(grains=6, h=0.25, seed=14)), made(grains=6, size=1e3, h=250.0, seed=14)[0]
+    assert [warning for warning in one.warnings if "mended" in warning] == one.mesh.remarks == two.remarks != []
+    assert np.array_equal(one.mesh.cells, two.cells) and np.abs(two.nodes - 1e3 * one.mesh.nodes).max() < 1e-11
 
 
 def bodies(counts, volume):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.scene.mesh.faces import LOCAL_FACES
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import area_vectors, cross, tet_volumes
 
 # Two faces at each of the six edges.
 PAIRS = [(i, j) for i in range(4) for j in range(i)]
@@ -17,7 +17,7 @@ def roundness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     volume = tet_volumes(nodes, cells)
     a, b, c = (nodes[cells[:, i]] - nodes[cells[:, 0]] for i in (1, 2, 3))
     # From the first corner to the ball's centre, times twelve volumes.
-    centre = sum(np.einsum("ij,ij->i", p, p)[:, None] * np.cross(q, r) for p, q, r in ((a, b, c), (b, c, a), (c, a, b)))
+    centre = sum(np.einsum("ij,ij->i", p, p)[:, None] * cross(q, r) for p, q, r in ((a, b, c), (b, c, a), (c, a, b)))
     return 108 * volume * np.abs(volume) / (area * np.linalg.norm(centre, axis=1))
 
 
