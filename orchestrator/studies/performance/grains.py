@@ -31,7 +31,8 @@ FRICTION = 0.1
 TOP = [[0, 0, -0.0005], [0.0005, 0, -0.001], [0.001, 0, -0.001], [0.001, 0, -0.0005]]  # of a cube of side 1
 CUT = 2 * MOST  # iterations, after which a run has failed
 COLUMNS = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
-           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "detached")
+           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
+           "spring_force", "live_by_springs", "detached")
 _LARGE_FILES = ("fields/*", "fields.npz", "checkpoint/*")
 
 
@@ -123,11 +124,17 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     Parameters
     ----------
     summary : of the run; seconds : wall time of its command
+
+    Returns
+    -------
+    among them ``unsolved``, how many solves of the coarse problem ended before their tolerance; what stabilisation
+    carried, over the largest contact force and the largest energy; bodies that live by it, and that nothing presses on
     """
     timing, period, count = summary["timing"], summary["workload"]["iterations"], summary["subdomains"]
     # rank 0 solves the coarse problem for all, who wait for it
     coarse = max((row["seconds"] for row in period["stages"] if row["stage"] == "coarse"), default=0.0)
     codes = blackbox_seconds(timing)
+    springs, ends = summary.get("stabilisation") or {}, summary.get("coarse_ends") or {}
     return {
         **{key: summary[key] for key in ("dofs", "dofs_decomposed", "interfaces", "interface_nodes", "stop_reason",
                                          "iterations", "newton_steps")},
@@ -135,6 +142,9 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         "coarse_per_grain": coarse / count, "code_seconds": codes, "code_per_grain": codes / count,
         "per_grain": seconds / count, "iterating": period["seconds"], "seconds": seconds,
         **{stage: timing[stage] for stage in STAGES if stage in timing}, "GB": summary["memory_peak_mb"] / 1000,
+        "unsolved": sum(ends.values()) - ends.get("tolerance", 0) if ends else None,
+        **{f"spring_{key}": springs.get(key) for key in ("epsilon", "force", "work")},
+        "live_by_springs": len({name for step in springs.get("bodies", ()) for name in step}),
         "detached": len({name for step in summary["detached"] for name in step}),
     }
 
