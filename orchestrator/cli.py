@@ -35,6 +35,9 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
     """Solve a problem and write its results."""
     def action() -> int:
+        from orchestrator.imports import put_off
+
+        put_off()
         from orchestrator.parallel.join import join
 
         team = join()
@@ -170,7 +173,6 @@ def doctor() -> None:
 def main() -> None:
     """Runs the command line: what it has to say is lost rather than what it computes, and interrupts end it with 130."""
     guard_streams()
-    gc.set_threshold(50_000)  # modules, arrays: hardly any cycles among them
     atexit.register(gc.freeze)  # what is left goes with the process: to look through it first takes a quarter of a second
     code = None
     try:

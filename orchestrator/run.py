@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from orchestrator.blackbox.layers.stack import with_layers
-from orchestrator.blackbox.start import make_blackbox
+from orchestrator.blackbox.start import Ahead, make_blackbox
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
 from orchestrator.method.decomposition import prepare
@@ -45,7 +45,7 @@ from orchestrator.timing import Stopwatch
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *,
           reference: bool = False, start: Start | None = None, watch: Stopwatch | None = None,
-          team: Team = ALONE) -> Solution | None:
+          team: Team = ALONE, ahead: Ahead | None = None) -> Solution | None:
     """Solve a problem; nothing is written.
 
     Parameters
@@ -57,6 +57,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     watch : where seconds are counted
     team : the ranks that solve it together; each calls this with the same scene, only rank 0 gets the solution,
         and only its subscribers see whole states
+    ahead : where the codes' processes may have been started already
 
     Returns
     -------
@@ -90,14 +91,14 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
             told.stage("meshing")
             with watch("mesh"):
                 scene = build_scene(config)
-        return _solve(config, scene, told, reference, start, watch, team)
+        return _solve(config, scene, told, reference, start, watch, team, ahead)
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
         told.failed(team.cause(error))
         raise
 
 
 def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, start: Start | None,
-           watch: Stopwatch, team: Team) -> Solution | None:
+           watch: Stopwatch, team: Team, ahead: Ahead | None) -> Solution | None:
     """The stages of a solution: prepare, iterate, deliver, summarise."""
     method, savings, codes = config.method, Savings(), with_workers(config.codes, team)
     workers = max(code.workers for code in codes)
@@ -109,7 +110,7 @@ def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, sta
     cases = common_load_cases(scene, method.skip, savings, team, bool(stabilisation(scene, method).any()))
     check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method)
     with watch("start"):
-        blackbox = with_layers(make_blackbox(codes, placement.codes), method.skip, workers, len(cases.chosen), savings)
+        blackbox = with_layers(make_blackbox(codes, placement.codes, ahead), method.skip, workers, len(cases.chosen), savings)
     with blackbox:
         workload = Workload(blackbox.usage, watch, team)
         d = prepare(scene, soles, method, blackbox, workers, watch, savings, team, placement.rank_of)
@@ -163,7 +164,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
     drawing = Artist() if config.output.figures and artist is None else nullcontext(artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
-        with Progress(quiet) as progress:
+        with Progress(quiet) as progress, Ahead(with_workers(config.codes, team)) as ahead:
             progress.stage("meshing")
             if not resume:
                 begun(folder)
@@ -172,7 +173,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             with Record(folder, config, scene, watch, resume=resume) as record:
                 team.share((config, scene, reference, record.start))
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
-                                 start=record.start, watch=watch, team=team)
+                                 start=record.start, watch=watch, team=team, ahead=ahead)
                 progress.close()
                 record.finish(solution, config.output.fields, artist)
     if not quiet:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from orchestrator.blackbox.pool.exits import exit_meaning
@@ -102,6 +103,9 @@ class MessageCode(Code):
         from orchestrator.blackbox.transport.pipe import PipeWorker
 
         return PipeWorker
+
+    def heard(self, numbers: Sequence[float]) -> None:
+        """Told the numbers of its processes' first words; what they mean is between the code and its processes."""
 
     @abstractmethod
     def mesh(self, model: Model) -> bytes:

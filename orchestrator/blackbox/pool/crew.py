@@ -36,12 +36,13 @@ class Crew:
         self.asked = 0.0
         self._since = time.perf_counter()
         self._asked = 0.0  # since the last start
+        self._starting = 0  # workers that have been told to start, and not yet waited for
         self._done: queue.SimpleQueue = queue.SimpleQueue()
         self._queues: list[queue.SimpleQueue] = []
         self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
-        """New workers, all at once; raises what the first one to fail raises."""
+        """New workers, all at once; ``ready`` waits for them."""
         self._since, self._asked = time.perf_counter(), 0.0
         self.workers = [self._make(number) for number in range(self.count)]
         self._queues = [queue.SimpleQueue() for _ in self.workers]
@@ -51,7 +52,21 @@ class Crew:
         ]
         for thread in self._threads:
             thread.start()
-        self.run([(w, lambda worker, _: worker.open(), None) for w in range(self.count)])
+        self._starting = self.count
+        for tasks in self._queues:
+            tasks.put((lambda worker, _: worker.open(), None))
+
+    def ready(self) -> None:
+        """Wait until all workers have started; raises what the first one to fail raises. May be called twice."""
+        while self._starting:
+            self._starting -= 1
+            _, error = self._done.get()
+            if error is not None:
+                raise error
+            if not self._starting:
+                longest = max(worker.working for worker in self.workers)
+                self._asked += longest
+                self.asked += longest
 
     def stop(self) -> None:
         """End all processes and threads; may be called twice."""

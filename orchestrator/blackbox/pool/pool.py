@@ -42,9 +42,10 @@ class Pool:
     Parameters
     ----------
     code : what to run, and its settings: how many processes at once, by which transport
+    wait : until its processes are ready; else ``ready`` must be called before anything else
     """
 
-    def __init__(self, code: Code):
+    def __init__(self, code: Code, wait: bool = True):
         self._models: list[Model] = []
         self._home: dict[int, int] = {}  # model → worker
         self._broken, self._closed = "", False
@@ -54,8 +55,12 @@ class Pool:
         self._crew = Crew(lambda number: worker(code, self._folder, number),
                           default_workers() if workers == "auto" else workers)
         self._usage = PoolUsage(self._crew, code, self._folder)
+        self._start(wait)
+
+    def ready(self) -> None:
+        """Wait until all processes have started."""
         try:
-            self._crew.start()
+            self._crew.ready()
         except BaseException as error:
             self._fail(error)
 
@@ -67,10 +72,7 @@ class Pool:
         """
         if self._home:
             self._crew.stop()
-            try:
-                self._crew.start()
-            except BaseException as error:
-                self._fail(error)
+            self._start(wait=True)
         # Longest first to whoever is free would balance the factorisations alone: on 100 grains the busier of two
         # workers then has 4 % more back-substitutions than the mean, instead of 0.1 %. They stay where the factor is.
         dofs = [int((~model.fixed).sum()) for model in models]
@@ -145,6 +147,14 @@ class Pool:
 
     def __exit__(self, *exc) -> None:
         self.close()
+
+    def _start(self, wait: bool) -> None:
+        try:
+            self._crew.start()
+        except BaseException as error:
+            self._fail(error)
+        if wait:
+            self.ready()
 
     def _run(self, tasks: Sequence[Task]) -> list:
         """Run tasks at once; the first failure ends the pool and is raised."""

@@ -93,6 +93,7 @@ class FileWorker(StatelessWorker):
             replies = _Replies(answered)
             hello = replies.next()
             self.promised = messages.check_hello(hello)
+            self.code.heard(hello.reals)
             self.seconds["start"] += float(hello.seconds[0])
             return read(replies, index), seconds
         except (Ended, BadReply) as error:

@@ -27,6 +27,7 @@ class PipeWorker(Worker):
         try:
             reply = self._reply(self.deadline())
             self.promised = messages.check_hello(reply)
+            self.code.heard(reply.reals)
         except (Ended, BadReply) as error:
             failure = self.failure("it did not start", error, "")
             missing = self.code.missing_part(self.process.returncode, self.log_tail())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,7 @@ class FreeFem(MessageCode):
             raise InputError(problems)
         self.executable = installation.executable()
         self._environment = installation.environment()
+        self._said = ""
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a subdomain server that reads and writes these paths."""
@@ -60,13 +62,17 @@ class FreeFem(MessageCode):
         """With its folders of plugins and includes, and OpenBLAS."""
         return dict(self._environment)
 
+    def heard(self, numbers: Sequence[float]) -> None:
+        """Its version: to ask for it takes a process."""
+        self._said = f"{numbers[0]:g}" if len(numbers) else ""
+
     def version(self) -> str:
         """What FreeFEM says it is, and where it comes from a package that one's version: Debian's 4.11 says 4.9.
 
         E.g. "4.9 (package freefem++ 4.11+dfsg1-3)"; empty when it does not answer.
         """
         package = installation.package(self.executable)
-        return _version(self.executable) + (f" (package {package})" if package else "")
+        return (self._said or _version(self.executable)) + (f" (package {package})" if package else "")
 
     def mesh(self, model: Model) -> bytes:
         """Medit's binary format."""
