@@ -10,7 +10,7 @@ from in_process import IN_PROCESS, InProcess, InProcessWorker
 from quadratic_case import assemble_ten
 
 from orchestrator.blackbox.layers.guarded import PATCH, imbalance, patch_errors, wrong_stiffness
-from orchestrator.blackbox.models.matter import Matter, affine
+from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError
@@ -43,7 +43,8 @@ def test_matter_is_the_textbooks(name):
     held = (reference @ u.T).T
     assert difference(matter.forces(u), held) < 1e-13
     assert matter.energies(u) == pytest.approx(np.sum(u * held, axis=1), rel=1e-12)
-    assert difference(matter.affine_forces(), reference @ affine(model.nodes)) < 1e-12
+    strain = np.array([[1.0, 0.5, -2.0], [0.5, -3.0, 0.7], [-2.0, 0.7, 0.4]])
+    assert difference(matter.forces_of_strain(strain), reference @ (model.nodes @ strain).ravel()) < 1e-12
     assert (np.repeat(matter.stiff, 3) >= reference.diagonal() * (1 - 1e-12)).all()
 
 

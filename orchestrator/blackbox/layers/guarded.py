@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.layers.layer import Layer
-from orchestrator.blackbox.models.matter import Matter, affine
+from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 
@@ -104,7 +104,8 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
 def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -> tuple[float, float, float, int, float]:
     """How far a stiffness is from symmetry, from rest under rigid motions, from the forces of uniform strains.
 
-    Each is relative to the row's diagonal entry times the largest displacement; 12 columns and one more.
+    Each is relative to the row's diagonal entry times the largest displacement. Four columns tell: a random translation,
+    rotation and strain, with no component that is small, and displacements at random.
 
     Returns
     -------
@@ -112,25 +113,33 @@ def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -
     node : where the worst of the last two is
     allowed : ``PATCH``, or what coordinates of few digits leave of thin tets far from the origin
     """
-    fields = affine(model.nodes)
-    random = np.random.default_rng(3).uniform(0.5, 1.0, model.fixed.size) * np.resize([1.0, -1.0, 1.0], model.fixed.size)
-    found = matrix @ np.column_stack([fields, random])
+    random = np.random.default_rng(3)
+    place = model.nodes - (model.nodes.min(axis=0) + model.nodes.max(axis=0)) / 2
+    size = np.abs(place).max(initial=0.0) or 1.0
+    place /= size
+    ab, ac, bc = random.uniform(0.5, 1.0, 3)
+    turn, strain = np.array([[0, -ab, ac], [ab, 0, -bc], [-ac, bc, 0]]), random.uniform(0.5, 1.0, (3, 3))
+    strain = (strain + strain.T) / 2
+    fields = np.empty((model.fixed.size, 4))
+    fields[:, 0] = np.resize(random.uniform(0.5, 1.0, 3), len(fields))
+    fields[:, 1], fields[:, 2] = (place @ turn.T).ravel(), (place @ strain).ravel()
+    fields[:, 3] = _apart_from_zero(random, len(fields))
+    found, matter = matrix @ fields, Matter.of(model)
     scale = np.maximum(matrix.diagonal(), np.finfo(float).tiny)
-    symmetry = np.abs(found[:, 12] - matrix.T @ random) / scale
-    size = np.abs(fields).max(axis=0)
-    size[3:] = size[3:].max()
-    forces = found[:, :12] / (scale[:, None] * np.where(size > 0, size, 1.0))
-    by_column = forces.reshape(-1, 4, 3)
-    turned = by_column[:, 1:] - by_column[:, 1:].transpose(0, 2, 1)  # rotations
-    rigid = np.maximum(np.abs(by_column[:, 0]).max(axis=1), np.abs(turned).max(axis=(1, 2)))
-    strain, matter = np.zeros(len(rigid)), Matter.of(model)
-    allowed = max(PATCH, DIGITS * float(np.abs(model.nodes).max() * np.abs(matter.gradient.data).max()))
+    symmetry = np.abs(found[:, 3] - matrix.T @ fields[:, 3]) / scale
+    rigid = np.abs(found[:, :2]).max(axis=1) / scale
+    allowed = max(PATCH, DIGITS * float(np.abs(model.nodes).max() * np.abs(matter.slopes).max()))
+    strained = np.zeros(len(fields))
     if not own_matter:
-        exact = matter.affine_forces() / (scale[:, None] * np.where(size > 0, size, 1.0))
-        strain = np.abs(forces - exact).max(axis=1)
-    worst = rigid if rigid.max(initial=0.0) > allowed else strain
+        strained = np.abs(found[:, 2] - matter.forces_of_strain(strain) / size) / scale
+    worst = rigid if rigid.max(initial=0.0) > allowed else strained
     node = int(np.argmax(worst)) // 3 if len(worst) else 0
-    return *(float(x.max(initial=0.0)) for x in (symmetry, rigid, strain)), node, allowed
+    return *(float(x.max(initial=0.0)) for x in (symmetry, rigid, strained)), node, allowed
+
+
+def _apart_from_zero(random: np.random.Generator, count: int) -> np.ndarray:
+    """Random numbers of either sign between a half and one."""
+    return random.uniform(0.5, 1.0, count) * random.choice([-1.0, 1.0], count)
 
 
 def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, int]:
@@ -146,8 +155,7 @@ def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, i
     root = np.sqrt(np.repeat(matter.stiff, 3))
     size = (root * np.abs(u)).max(axis=1, initial=0.0)
     # all rows in one: what is wrong in any of them is wrong in a random combination
-    random = np.random.default_rng(len(u))
-    weight = random.uniform(0.5, 1.0, len(u)) * random.choice([-1.0, 1.0], len(u)) if len(u) > 1 else np.ones(1)
+    weight = _apart_from_zero(np.random.default_rng(len(u)), len(u)) if len(u) > 1 else np.ones(1)
     weight = (weight / np.where(size > 0, size, 1.0))[None]
     left = np.abs(matter.forces(weight @ u) - weight @ forces)[0]
     left = np.where(free, left, 0.0) / np.where(root > 0, root, 1.0)

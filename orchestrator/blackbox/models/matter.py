@@ -32,7 +32,7 @@ class Matter:
 
     Attributes
     ----------
-    gradient : (3P, n) sparse, derivatives along x, then y, then z of something given at the nodes
+    slopes : (3, 4 or 10, P) ∂φ_a/∂x_j of the tets' own shape functions, at [j, a, point]
     weight : (P,) volume
     lam, mu : (P,) Lamé's constants
     """
@@ -53,11 +53,8 @@ class Matter:
         self.lam, self.mu = (np.tile(values, len(points)) for values in lame(young, poisson))
         if cells.shape[1] == 10:
             slopes = np.concatenate([np.einsum("xim,ai->xam", slopes, quadratic_slopes(p)) for p in points], axis=2)
-        size = slopes.shape[1]
-        indices = np.tile(np.tile(cells, (len(points), 1)).ravel(), 3)
-        rows = 3 * len(self.weight)
-        self.gradient = sp.csr_array((slopes.transpose(0, 2, 1).ravel(), indices, np.arange(0, size * rows + 1, size)),
-                                     shape=(rows, len(nodes)))
+        self.slopes, self.size = slopes, len(nodes)
+        self._nodes = np.tile(cells.T, len(points))  # (4 or 10, P)
 
     @classmethod
     def of(cls, model: Model) -> "Matter":
@@ -66,59 +63,51 @@ class Matter:
 
     def forces(self, u: np.ndarray) -> np.ndarray:
         """Nodal forces (rhs, 3n) that hold displacements (rhs, 3n) in place."""
-        return self._on_nodes(self.stress(self.slopes(u)), len(u))
+        sigma = self.stress(self.gradient(u))
+        sigma *= self.weight[:, None, None]
+        nodal = self._operator.T @ sigma.reshape(-1, 3 * len(u))
+        return nodal.reshape(-1, 3, len(u)).transpose(2, 0, 1).reshape(len(u), -1)
 
     def energies(self, u: np.ndarray) -> np.ndarray:
         """(rhs,) ∫ σ : ε, twice the strain energy, of displacements (rhs, 3n)."""
-        slopes = self.slopes(u)
-        density = self.stress(slopes)
-        density *= slopes
+        gradient = self.gradient(u)
+        density = self.stress(gradient)
+        density *= gradient
         return np.einsum("jpcr,p->r", density, self.weight)
 
-    def slopes(self, u: np.ndarray) -> np.ndarray:
+    def gradient(self, u: np.ndarray) -> np.ndarray:
         """(3, P, 3, rhs) derivatives ∂u_c/∂x_j, at [j, point, c], of displacements (rhs, 3n)."""
         columns = u.reshape(len(u), -1, 3).transpose(1, 2, 0).reshape(-1, 3 * len(u))
-        return (self.gradient @ columns).reshape(3, -1, 3, len(u))
+        return (self._operator @ columns).reshape(3, -1, 3, len(u))
 
-    def stress(self, slopes: np.ndarray) -> np.ndarray:
+    def stress(self, gradient: np.ndarray) -> np.ndarray:
         """(3, P, 3, rhs) σ = λ tr(ε) I + 2μ ε of derivatives of that shape."""
-        sigma = self.mu[:, None, None] * (slopes + slopes.transpose(2, 1, 0, 3))
-        pressure = self.lam[:, None] * (slopes[0, :, 0] + slopes[1, :, 1] + slopes[2, :, 2])
+        sigma = self.mu[:, None, None] * (gradient + gradient.transpose(2, 1, 0, 3))
+        pressure = self.lam[:, None] * (gradient[0, :, 0] + gradient[1, :, 1] + gradient[2, :, 2])
         for c in range(3):
             sigma[c, :, c] += pressure
         return sigma
 
-    def affine_forces(self) -> np.ndarray:
-        """(3n, 12) nodal forces that hold uniform displacements and uniform gradients; columns as ``affine`` has them."""
-        lam, mu = (self._on_nodes_scalar(values) for values in (self.lam, self.mu))  # (n, 3): Σ w λ ∇φ, Σ w μ ∇φ
-        forces = np.zeros((len(lam), 3, 4, 3))  # node, component, {1, x_j}, c
-        for j in range(3):
-            for c in range(3):  # u_c = x_j
-                forces[:, c, 1 + j, c] += mu[:, j]
-                forces[:, j, 1 + j, c] += mu[:, c]
-                if c == j:
-                    forces[:, :, 1 + j, c] += lam
-        return forces.reshape(-1, 12)
+    def forces_of_strain(self, strain: np.ndarray) -> np.ndarray:
+        """(3n,) nodal forces that hold a uniform strain (3, 3): Σ w λ ∇φ tr(ε) + 2 Σ w μ ∇φ ε."""
+        lam, mu = (np.stack([self._sum_on_nodes(slopes * (self.weight * values)) for slopes in self.slopes], axis=1)
+                   for values in (self.lam, self.mu))
+        return (np.trace(strain) * lam + 2 * mu @ strain).ravel()
 
     @cached_property
     def stiff(self) -> np.ndarray:
         """(n,) what a node opposes to a displacement of its own, the largest of its directions at most."""
-        slopes = self.gradient.data.reshape(3, len(self.weight), -1)
-        square = np.einsum("xpa,xpa->pa", slopes, slopes)
-        square *= (self.weight * (self.lam + 2 * self.mu))[:, None]
-        return np.bincount(self.gradient.indices[: square.size], square.ravel(), minlength=self.gradient.shape[1])
+        square = np.einsum("xap,xap->ap", self.slopes, self.slopes)
+        square *= self.weight * (self.lam + 2 * self.mu)
+        return self._sum_on_nodes(square)
 
-    def _on_nodes(self, sigma: np.ndarray, rhs: int) -> np.ndarray:
-        sigma *= self.weight[:, None, None]
-        nodal = self.gradient.T @ sigma.reshape(-1, 3 * rhs)
-        return nodal.reshape(-1, 3, rhs).transpose(2, 0, 1).reshape(rhs, -1)
+    @cached_property
+    def _operator(self) -> sp.csr_array:
+        """(3P, n) derivatives along x, then y, then z of something given at the nodes."""
+        rows, size = 3 * len(self.weight), len(self._nodes)
+        return sp.csr_array((self.slopes.transpose(0, 2, 1).ravel(), np.tile(self._nodes.T.ravel(), 3),
+                             np.arange(0, size * rows + 1, size)), shape=(rows, self.size))
 
-    def _on_nodes_scalar(self, values: np.ndarray) -> np.ndarray:
-        points = len(self.weight)
-        return np.stack([self.gradient[j * points : (j + 1) * points].T @ (self.weight * values) for j in range(3)], axis=1)
-
-
-def affine(nodes: np.ndarray) -> np.ndarray:
-    """(3n, 12) displacements u_c = 1, x, y and z about the middle, c = 0, 1, 2 each."""
-    shape = np.column_stack([np.ones(len(nodes)), nodes - (nodes.min(axis=0) + nodes.max(axis=0)) / 2])
-    return np.einsum("nk,dc->ndkc", shape, np.eye(3)).reshape(-1, 12)
+    def _sum_on_nodes(self, values: np.ndarray) -> np.ndarray:
+        """(n,) sums of values (4 or 10, P) of the tets' own nodes."""
+        return np.bincount(self._nodes.ravel(), values.ravel(), minlength=self.size)

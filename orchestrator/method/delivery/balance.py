@@ -61,7 +61,9 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
         """Forces (T, n, 3) on nodes (n,)."""
         arm = (scene.mesh.nodes[nodes] - centre) / extent
         left[:, at, :3] += forces.sum(axis=1)
-        left[:, at, 3:] += np.cross(arm, forces).sum(axis=1)
+        turning = np.tensordot(arm, forces, axes=(0, 1))  # (3, T, 3) of which moments are the antisymmetric part
+        for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            left[:, at, 3 + k] += turning[i, :, j] - turning[j, :, i]
         size[:, at] += np.linalg.norm(forces, axis=2).sum(axis=1)
 
     for s, support in zip(d.own, support_forces(d, parts, f)):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -47,10 +48,20 @@ class Body:
     normal: np.ndarray
     size: np.ndarray
 
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(k, 3) of the facets."""
+        return self.corners.mean(axis=1)
+
+    @cached_property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates (3,) of its corners."""
+        return self.corners.min(axis=(0, 1)), self.corners.max(axis=(0, 1))
+
     def near(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Indices of the facets with their centre in a box, widened by their own size."""
-        centre, room = self.corners.mean(axis=1), (1 + REACH) * self.size[:, None]
-        return np.flatnonzero(((centre >= low - room) & (centre <= high + room)).all(axis=1))
+        room = (1 + REACH) * self.size[:, None]
+        return np.flatnonzero(((self.centre >= low - room) & (self.centre <= high + room)).all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -103,8 +114,7 @@ def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Bod
     """
     if len(bodies) < 2:
         return
-    low = np.array([b.corners.min(axis=(0, 1)) for b in bodies])
-    high = np.array([b.corners.max(axis=(0, 1)) for b in bodies])
+    low, high = (np.array(corners) for corners in zip(*(b.box for b in bodies)))
     room = np.array([max(REACH * b.size.max(), within or 0.0) for b in bodies])
     for i, j in zip(*_boxes_within(low, high, room)):
         if bodies[j].subdomain != bodies[i].subdomain and bodies[j].volume != bodies[i].volume:

@@ -16,6 +16,9 @@ from orchestrator.scene.interfaces.pairing import OPPOSITE, REACH, Body, candida
 TOUCHING = 0.1
 # Normals are compared in steps of this size before faces are: most bodies that are close face each other nowhere.
 COARSE = 0.25
+_STEPS = round(1 / COARSE)
+_KEY = (2 * _STEPS + 1) ** np.arange(2, -1, -1)  # of three numbers of steps, a single one
+_DIRECTIONS = (np.indices([2 * _STEPS + 1] * 3).reshape(3, -1).T - _STEPS) * COARSE
 
 
 @dataclass(frozen=True)
@@ -39,23 +42,22 @@ class Near:
 
 def near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | None:
     """Faces opposite each other among those (k,) bool of either body that belong to no interface; None: there are none."""
-    low = np.maximum(one.corners.min(axis=(0, 1)), two.corners.min(axis=(0, 1)))
-    high = np.minimum(one.corners.max(axis=(0, 1)), two.corners.max(axis=(0, 1)))
-    a, b = one.near(np.minimum(low, high), np.maximum(low, high)), two.near(np.minimum(low, high), np.maximum(low, high))
+    low, high = np.maximum(one.box[0], two.box[0]), np.minimum(one.box[1], two.box[1])
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    a, b = one.near(low, high), two.near(low, high)
     a, b = a[mine[a]], b[theirs[b]]
     if not _may_face(one.normal[a], two.normal[b]):
         return None
     size = one.size[a]
     # centres of faces in front of each other are no farther apart than that
-    i, j = candidates(one.corners[a].mean(axis=1), two.corners[b].mean(axis=1), REACH * size + np.maximum(size, two.size[b].max()))
+    i, j = candidates(one.centre[a], two.centre[b], REACH * size + np.maximum(size, two.size[b].max()))
     i, j = a[i], b[j]
     facing = np.einsum("ij,ij->i", one.normal[i], two.normal[j]) < OPPOSITE
     i, j = i[facing], j[facing]
     normal = one.normal[i] - two.normal[j]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    x, y = one.corners[i].mean(axis=1), two.corners[j].mean(axis=1)
-    distance = np.minimum(np.einsum("ij,ij->i", two.corners[j].mean(axis=1) - x, normal),
-                          np.einsum("ij,ij->i", y - one.corners[i].mean(axis=1), normal))
+    x, y = one.centre[i], two.centre[j]
+    distance = np.einsum("ij,ij->i", y - x, normal)
     level = (distance <= REACH * one.size[i]) & (distance >= -TOUCHING * one.size[i])
     level &= _in_front(x, two.corners[j], -normal) | _in_front(y, one.corners[i], normal)
     i, j, distance = i[level], j[level], distance[level]
@@ -76,7 +78,8 @@ def _may_face(one: np.ndarray, two: np.ndarray) -> bool:
     """Whether any of the normals (n, 3) and (m, 3) may be opposite."""
     if not len(one) or not len(two):
         return False
-    rounded = [np.unique(np.round(normal / COARSE), axis=0) * COARSE for normal in (one, two)]
+    rounded = [_DIRECTIONS[np.flatnonzero(np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
+               for normal in (one, two)]
     return bool((rounded[0] @ rounded[1].T < OPPOSITE + 2 * COARSE).any())
 
 
