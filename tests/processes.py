@@ -1,5 +1,6 @@
 """Processes that tests start, and whether they have ended."""
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -7,11 +8,17 @@ import time
 from pathlib import Path
 
 _begun: list[subprocess.Popen] = []
+_LIBC, _SET_PDEATHSIG = ctypes.CDLL(None), 1
+
+
+def _end_with_parent() -> None:
+    """The kernel ends this process when the one that runs the tests is no more, killed though it may be."""
+    _LIBC.prctl(_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def begin(*command: str, **options) -> subprocess.Popen:
-    """A child with its stdout as text, and its stderr too unless told otherwise; it ends with the test."""
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+    """A child with its stdout as text, and its stderr too unless told otherwise; it ends with the test, or with pytest."""
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": _end_with_parent, **options}
     _begun.append(subprocess.Popen(command, **options))
     return _begun[-1]
 

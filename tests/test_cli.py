@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 import results_case as case
-from processes import gone
+from processes import begin, gone, running
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
@@ -125,6 +125,17 @@ def test_what_tests_start_hears_interrupts():
             "import conftest, processes; print(processes.begin(sys.executable, '-c', sys.argv[2]).communicate()[0])")
     done = subprocess.run([sys.executable, "-c", deaf, str(ROOT / "tests"), child], capture_output=True, text=True)
     assert done.stdout.strip() == "True"
+
+
+def test_what_tests_start_ends_with_them():
+    """Also where they are killed: nothing of theirs goes on for ever."""
+    program = ("import sys, time; sys.path.insert(0, sys.argv[1]); import processes\n"
+               "print(processes.begin('sleep', '1000').pid, flush=True); time.sleep(1000)")
+    tests = begin(sys.executable, "-c", program, str(ROOT / "tests"))
+    pid = int(tests.stdout.readline())
+    assert running(pid)
+    tests.kill()
+    assert gone([pid])
 
 
 def test_sigterm_interrupts_in_order(room):

@@ -1,6 +1,7 @@
 """Pictures of surfaces: what one sees, whoever draws them, and the process that does."""
 
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -198,10 +199,18 @@ def test_where_that_process_fails_this_one_draws(tmp_path, monkeypatch, how):
         monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
     monkeypatch.setattr(artists, "IDLE", 0.5 if how == "hangs" else 60.0)
     job = ResultsFolder(tmp_path), case.summary(ballast="x" * 10**6), case.history(), case.fields()
-    with Artist() as artist:
-        if how == "killed":
-            artist._process.kill()
-        names = [path.name for path in (drawn(write_figures, *job) if how == "hangs" else
-                                        artist.begin(write_figures, *job).finish())]
-    assert names == ["convergence.png", "time.png", "deformed.png"]
-    assert how == "is no program" or gone([artist._process.pid])
+    started = []
+    monkeypatch.setattr(artists, "Artist", lambda: started.append(Artist()) or started[-1])
+    if how == "hangs":
+        drawings = drawn(write_figures, *job)
+    else:
+        with artists.Artist() as artist:
+            if how == "killed":
+                artist._process.kill()
+            drawings = artist.begin(write_figures, *job).finish()
+    assert [path.name for path in drawings] == ["convergence.png", "time.png", "deformed.png"]
+    process, = (artist._process for artist in started)
+    assert (process is None) == (how == "is no program")
+    if process is not None:
+        assert gone([process.pid])
+        assert process.returncode == (-signal.SIGSEGV if how == "crashes at once" else -signal.SIGKILL)
