@@ -1,13 +1,6 @@
 """Unilateral contact with Coulomb friction, closed form (Oumaziz et al., Comput. Mech. 60, 2017).
 
-With p = F_n + keq_n g₀ the normal force if the gap were closed (negative in compression):
-
-    p ≥ 0   open   f̂ = 0
-    p < 0   closed f̂_n = p, and with T = F_t − keq_t d_t(previous step)
-            |T| ≤ μ|p|  stick  f̂_t = T
-            else        slip   f̂_t = μ|p| T/|T|
-
-Friction 0 is a slip without resistance: f̂_t = 0.
+The force itself is ``coulomb``'s.
 """
 
 from __future__ import annotations
@@ -21,13 +14,14 @@ from pydantic import Field
 
 from orchestrator.config.base import Positive, either
 from orchestrator.config.entry import Entry
+from orchestrator.laws.coulomb import OPENS, SLIPS, STICKS, answer, slopes
 from orchestrator.laws.base import Law, Measure, Stages, Written
 from orchestrator.laws.points import Answer, Points, dot
 from orchestrator.laws.status import BONDED, Hold, Status
 
-OPEN = Status(0, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
-STICK = Status(1, "stick", "#0072B2", Hold.PRESSED, Hold.PRESSED)
-SLIP = Status(2, "slip", "#E69F00", Hold.PRESSED, Hold.NEVER)
+OPEN = Status(OPENS, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
+STICK = Status(STICKS, "stick", "#0072B2", Hold.PRESSED, Hold.PRESSED)
+SLIP = Status(SLIPS, "slip", "#E69F00", Hold.PRESSED, Hold.NEVER)
 
 Gap = either(Literal["geometry"], float, lambda value: isinstance(value, str), "a number, or geometry")
 
@@ -123,30 +117,16 @@ class Contact(Law):
     @staticmethod
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The force a contact carries; the tangential part of ``previous`` is where friction sticks."""
-        p = points.along(F) + points.stiff_n * points["gap"]
-        active = np.flatnonzero(p < 0)
-        p, friction, n = p[active], points["friction"][active], points.normal.take(active, axis=1)
-        trial = F.take(active, axis=1) - points.stiff_t[active] * previous.take(active, axis=1)
-        trial -= dot(trial, n) * n
-        size = np.sqrt(dot(trial, trial))
-        limit = friction * np.abs(p)
-        slips = (size > limit) | (friction == 0)
-        turn = limit / np.where(size > 0, size, 1.0)
-        result, status = np.zeros(F.shape), np.full(len(points), OPEN)
-        result[:, active] = p * n + np.where(slips, turn, 1.0) * trial
-        status[active] = np.where(slips, SLIP, STICK)
+        F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
+        given = points.normal, points.stiff_n, points.stiff_t, points["gap"], points["friction"], F, previous
+        force, status = np.empty(F.shape), np.empty(len(points), dtype=int)
+        answer(*given, force, status)
         if not derivative:
-            return Answer(result, status)
-
-        # stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force
-        e = trial / np.where(size > 0, size, 1.0)
-        turn = np.where(slips, np.where(size > 0, turn, 0.0), 1.0)
-        steep = np.where(slips, friction, 0.0) * e
-        curved = np.where(slips, turn, 0.0) * e
-        slope = ((1 - turn) * n - steep)[:, None, :] * n - curved[:, None, :] * e
-        for i in range(3):
-            slope[i, i] += turn
-        return Answer(result, status, active, slope)
+            return Answer(force, status)
+        active = np.flatnonzero(status != OPEN)
+        slope = np.empty((3, 3, len(active)))
+        slopes(*given, active, slope)
+        return Answer(force, status, active, slope)
 
     @staticmethod
     def idle(points: Points, F: np.ndarray, change: np.ndarray) -> np.ndarray:

@@ -36,7 +36,7 @@ class Points:
 
     def some(self, part: slice | np.ndarray) -> Points:
         """Some of the points."""
-        return Points(self.normal[:, part], self.stiff_n[part], self.stiff_t[part], self.area[part],
+        return Points(np.ascontiguousarray(self.normal[:, part]), self.stiff_n[part], self.stiff_t[part], self.area[part],
                       {name: values[..., part] for name, values in self.own.items()})
 
     def along(self, x: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from orchestrator.method.coarse.kernels import add_blocks, add_matrix
 from orchestrator.method.interface.factor import dissection
 
-OWN_CALLS = 2e6  # operations that LAPACK does in the time that calling it for one more front takes (some 50 µs)
+OWN_CALLS = 5e5  # operations that LAPACK does in the time that calls for one more front take, some 20 µs
 
 
 @dataclass

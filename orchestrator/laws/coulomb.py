@@ -1,0 +1,77 @@
+"""The force of a contact with Coulomb friction at every node pair, compiled.
+
+With p = F_n + keq_n g₀ the normal force if the gap were closed (negative in compression):
+
+    p ≥ 0   open   f̂ = 0
+    p < 0   closed f̂_n = p, and with T = F_t − keq_t d_t(previous step)
+            |T| ≤ μ|p|  stick  f̂_t = T
+            else        slip   f̂_t = μ|p| T/|T|
+
+Friction 0 is a slip without resistance: f̂_t = 0.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from orchestrator.compiled import compiled
+
+OPENS, STICKS, SLIPS = 0, 1, 2
+
+
+@compiled
+def answer(normal, stiff_n, stiff_t, gap, friction, F, previous, force, status):
+    """f̂ (3, P) and status (P,) at predicted forces F (3, P); the parameters as in ``Points`` and ``Contact``."""
+    for q in range(len(status)):
+        n0, n1, n2 = normal[0, q], normal[1, q], normal[2, q]
+        p = F[0, q] * n0 + F[1, q] * n1 + F[2, q] * n2 + stiff_n[q] * gap[q]
+        if p >= 0.0:
+            force[0, q] = force[1, q] = force[2, q] = 0.0
+            status[q] = OPENS
+            continue
+        t0 = F[0, q] - stiff_t[q] * previous[0, q]
+        t1 = F[1, q] - stiff_t[q] * previous[1, q]
+        t2 = F[2, q] - stiff_t[q] * previous[2, q]
+        along = t0 * n0 + t1 * n1 + t2 * n2
+        t0, t1, t2 = t0 - along * n0, t1 - along * n1, t2 - along * n2
+        size, limit, share = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2), -friction[q] * p, 1.0
+        status[q] = STICKS
+        if size > limit or friction[q] == 0.0:
+            status[q] = SLIPS
+            share = limit / size if size > 0.0 else 0.0
+        force[0, q] = p * n0 + share * t0
+        force[1, q] = p * n1 + share * t1
+        force[2, q] = p * n2 + share * t2
+
+
+@compiled
+def slopes(normal, stiff_n, stiff_t, gap, friction, F, previous, active, slope):
+    """∂f̂/∂F (3, 3, Q) at the closed pairs ``active`` (Q,) int.
+
+    Stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force T = |T| e.
+    """
+    n, e = np.empty(3), np.empty(3)
+    for r in range(len(active)):
+        q = active[r]
+        p, along = stiff_n[q] * gap[q], 0.0
+        for c in range(3):
+            n[c] = normal[c, q]
+            e[c] = F[c, q] - stiff_t[q] * previous[c, q]
+            p += F[c, q] * n[c]
+            along += e[c] * n[c]
+        square = 0.0
+        for c in range(3):
+            e[c] -= along * n[c]
+            square += e[c] * e[c]
+        size, limit, turn, steep, curved = math.sqrt(square), -friction[q] * p, 1.0, 0.0, 0.0
+        if size > limit or friction[q] == 0.0:
+            turn = limit / size if size > 0.0 else 0.0
+            steep, curved = friction[q], turn
+        for c in range(3):
+            e[c] = e[c] / size if size > 0.0 else 0.0
+        for c in range(3):
+            for d in range(3):
+                slope[c, d, r] = ((1.0 - turn) * n[c] - steep * e[c]) * n[d] - curved * e[c] * e[d]
+            slope[c, c, r] += turn
