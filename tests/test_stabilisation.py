@@ -9,6 +9,7 @@ from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.pairs import PairTraces
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.load_cases import load_cases
+from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.loose import loose_bodies
@@ -127,3 +128,15 @@ def test_half_a_tolerance_moves_solutions_by_less_than_two(case):
     if case != "ten grains":
         largest = max(np.abs(u).max() for u in free.parts)
         assert max(np.abs(a - b).max() for a, b in zip(held.parts, free.parts)) <= 2 * tolerance * largest
+
+
+def test_what_springs_carried_is_told_and_below_the_tolerance():
+    found = converged(with_stabilisation("auto", **CASES["ten grains"])).summary
+    told = found["stabilised"]
+    assert 0 < told["force"] == found["residuals"]["stabilisation"] <= found["tolerance"] and 0 < told["work"] < 1e-3
+    lost = {name for key in ("detached", "weakly_held") for names in found[key] for name in names}
+    assert lost and {name for names in found["detached"] for name in names} <= {n for names in told["bodies"] for n in names}
+    rows = dict(summary_rows(found))
+    assert next(iter(lost)) in rows["stabilised"] + rows["not held"] and "where stabilisation leaves it" in rows["not held"]
+    assert sum(found["coarse_ends"].values()) == found["iterations"] * found["load_steps"]
+    assert "stabilisation" not in solve(with_stabilisation(0)).summary["residuals"]

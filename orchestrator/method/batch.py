@@ -111,7 +111,7 @@ class Batch:
                 self.sweeps += verdict.sweeps * share
                 event = _event(criterion, verdict, measures(), iteration=self.iteration,
                                sweeps=d.setup_sweeps + self.sweeps, seconds=earlier + watch.total, state=best.s,
-                               newton_steps=d.coarse.problem.newton_steps if d.coarse is not None else 0)
+                               **_of_coarse(d))
             if self.true_error is not None:
                 event = replace(event, true_error=self.true_error(best, verdict.bound))
             history.append(replace(event, state=event.state[:0]))  # the states themselves are large
@@ -157,6 +157,15 @@ class Batch:
             notes["met"] = met
             notes["event"] = {f.name: getattr(event, f.name) for f in fields(event) if f.name not in ("state", "memory")}
         return Memory(self.iteration, self.place[0], max(back, self.iteration - self.whole_at + 1), arrays, notes)
+
+
+def _of_coarse(d: Decomposition) -> dict[str, object]:
+    """What is told of the coarse contact problem, where there is one."""
+    if d.coarse is None:
+        return {}
+    problem = d.coarse.problem
+    return {"newton_steps": problem.newton_steps, "coarse_left": max(problem.left.values(), default=0.0),
+            "coarse_ends": dict(problem.ends)}
 
 
 def _event(criterion: Criterion, verdict: Verdict, measures: Measures, **progress) -> Iteration:

@@ -32,6 +32,8 @@ class Iteration:
     law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
     laws : the interface laws' own measures among these, by name
     discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
+    coarse_left : imbalance that the coarse contact problem left, over that at its start, of the worst load step
+    coarse_ends : how its solves have ended so far → how many, see ``CoarseProblem``
     newton_steps : of the coarse contact problem so far, all load steps together
     state : (steps, dofs) the best state s so far
     memory : all that has to be known to go on after this iteration as if nothing had happened
@@ -52,6 +54,8 @@ class Iteration:
     law_residual: float = math.nan
     discretisation_error: float = math.nan
     newton_steps: int = 0
+    coarse_left: float = math.nan
+    coarse_ends: Mapping[str, int] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
     laws: Mapping[str, float] = field(default_factory=dict)
     memory: Memory | None = None
@@ -74,7 +78,7 @@ COUNTED = ("open", "stick", "slip")
 HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", *COUNTED,
-    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error", "newton_steps",
+    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error", "newton_steps", "coarse_left",
 ]
 
 

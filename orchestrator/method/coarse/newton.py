@@ -15,7 +15,6 @@ import numpy as np
 from orchestrator.method.coarse.load_step import LoadStep
 
 LEVENBERG = 1e-4  # first shift of the Newton matrix, relative to k; raised where a step fails
-STABLE = 1e-8  # the same where every body is held, if only by its stabilisation: it is to be felt
 RAISE, MOST = 30.0, 1e3  # by how much, and beyond what no step is tried any more
 LENGTHS = (1.0, 0.5, 0.25)
 GAIN = 0.2  # share of ‖ρ‖ that a whole step must gain
@@ -31,7 +30,6 @@ class Newton:
     ----------
     at : the load step
     direction : (matrix values, ρ, δ) → (bodies, 12) the step dy, no longer than allowed
-    first : the first shift
 
     Attributes
     ----------
@@ -39,14 +37,14 @@ class Newton:
     still : the last accepted step gained next to nothing
     """
 
-    def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray], first: float = LEVENBERG):
-        self.at, self.direction, self.first, self.still = at, direction, first, False
+    def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray]):
+        self.at, self.direction, self.still = at, direction, False
         self.move_to(y)
 
     def move_to(self, y: np.ndarray) -> None:
         """Go on from other fields, with the first shift again."""
         self._accept(y, self.at.residual(y))
-        self.shift = self.first
+        self.shift = LEVENBERG
 
     def step(self) -> bool:
         """Take a step, or raise the shift; False once no shift helps."""
@@ -58,7 +56,7 @@ class Newton:
             rho = self.at.residual(trial)
             size = np.linalg.norm(rho)
             # a loose body feels nothing until it touches: once the shift is raised, standing still is allowed
-            flat = theta == 1 and self.shift > self.first and size <= FLAT * self.size
+            flat = theta == 1 and self.shift > LEVENBERG and size <= FLAT * self.size
             if size <= (1 - GAIN * theta) * self.size or flat:
                 self.still = size > STILL * self.size
                 self._accept(trial, rho)

@@ -2,9 +2,9 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-It is solved by ``newton``. A body that hardly anything holds, which no Newton step brings to rest, is settled alone
-(``settling``), no further than the radius in one solve: bodies come to rest over several iterations of the method,
-and their neighbours follow.
+Where contacts are stabilised every body has a place, and ``continuation`` finds it. Otherwise it is solved by ``newton``.
+A body that hardly anything holds, which no Newton step brings to rest, is then settled alone (``settling``), no further
+than the radius in one solve: bodies come to rest over several iterations of the method, and their neighbours follow.
 
 Among ranks, what belongs to a body is formed by its rank; every Newton matrix goes to rank 0, which solves for all:
 right for some thousands of bodies.
@@ -16,8 +16,9 @@ from functools import partial
 
 import numpy as np
 
+from orchestrator.method.coarse.continuation import Continuation
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
-from orchestrator.method.coarse.newton import LEVENBERG, STABLE, Newton, Stall
+from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.memory import Memory
@@ -26,6 +27,7 @@ from orchestrator.parallel.team import Team
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 SERVED = 0.1  # a solve that stalls ends if ρ has been reduced that much already
 MAX_STEPS = 20
+MOST_STEPS = 60  # where contacts are stabilised: every body has a place, and it pays to find it
 DOMINATING, FEW = 0.5, 2  # a body with more of ρ is settled alone when Newton's method stalls; at most so many
 SETTLED = 0.05  # of what the whole is solved to, for one body alone
 
@@ -44,6 +46,9 @@ class CoarseProblem:
     Attributes
     ----------
     newton_steps : Newton steps taken so far
+    ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "standing still" (the last
+        step gained next to nothing), "steps" (as many as are allowed), "no direction" (whatever the shift)
+    left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
     def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray,
@@ -52,6 +57,8 @@ class CoarseProblem:
         self.bodies = Bodies.of(team, bodies, self.own, fields, K0)
         self.farthest = np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W])
         self.newton_steps = 0
+        self.ends: dict[str, int] = {}
+        self.left: dict[int, float] = {}
         self._reach: dict[int, np.ndarray] = {}
         self._alone: dict[int, Body] = {}
 
@@ -69,26 +76,45 @@ class CoarseProblem:
         """
         at = LoadStep(self.bodies, F0, resultant, previous,
                       self._reach.get(step, np.full(len(self.fields.bodies), np.inf)))
-        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius),
-                        LEVENBERG if self.bodies.springs is None else STABLE)
-        stall, settled, start = Stall(), [], newton.size
+        y, size, start, end = (self._newton if self.bodies.springs is None else self._continued)(at, radius)
+        self.ends[end] = self.ends.get(end, 0) + 1
+        self.left[step] = size / start if start > 0 else 0.0
+        self._reach[step] = at.reach_next
+        return y, at.forces(y)
+
+    def _continued(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
+        """Fields (bodies, 12), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
+        run = Continuation(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius))
+        start, end = run.size, ""
+        for _ in range(MOST_STEPS):
+            if end or run.size <= REDUCTION * start:
+                break
+            self.newton_steps += 1
+            end = run.step()
+        return run.y, run.size, start, "tolerance" if run.size <= REDUCTION * start else end or "steps"
+
+    def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
+        """The same where nothing is stabilised."""
+        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius))
+        stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
             if newton.size <= REDUCTION * start or newton.size == 0:
                 break
             if stalled:
-                worst = self._dominating(newton) if self.bodies.springs is None else None
+                worst = self._dominating(newton)
                 if worst is not None and worst not in settled and len(settled) < FEW:
                     settled.append(worst)
                     newton.move_to(newton.y + self._settle(worst, newton, SETTLED * REDUCTION * start, radius))
                     stall.restart()
                 elif newton.size <= SERVED * start or newton.still:
+                    end = "standing still" if newton.still else "stalled"
                     break
             self.newton_steps += 1
             if not newton.step():
+                end = "no direction"
                 break
-        self._reach[step] = at.reach_next
-        return newton.y, at.forces(newton.y)
+        return newton.y, newton.size, start, "tolerance" if newton.size <= REDUCTION * start else end
 
     def _direction(self, radius: float, matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
         """(bodies, 12) Newton step; a body that nothing touches has no stiffness to stop it: none moves further than
@@ -104,12 +130,12 @@ class CoarseProblem:
         """What is remembered from one iteration to the next: the reach of the pairs."""
         steps = sorted(self._reach)
         return ({"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)},
-                {"newton_steps": self.newton_steps})
+                {"newton_steps": self.newton_steps, "ends": dict(self.ends)})
 
     def recall(self, memory: Memory) -> None:
         """Take back what was told of an iteration."""
         self._reach = dict(enumerate(memory.arrays["interface/reach"]))
-        self.newton_steps = memory.notes["coarse"]["newton_steps"]
+        self.newton_steps, self.ends = memory.notes["coarse"]["newton_steps"], dict(memory.notes["coarse"]["ends"])
 
     @staticmethod
     def _dominating(newton: Newton) -> int | None:

@@ -12,6 +12,7 @@ from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
 from orchestrator.method.delivery.recovery import reactions, recover
+from orchestrator.method.delivery.stabilised import Stabilised, stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
 from orchestrator.method.stopping.criteria import LawCriterion
@@ -34,6 +35,7 @@ class Delivered:
     sides : per subdomain (T, n_E, 3), continuous over perfect interfaces; None where no interface opens
     interfaces : what happens on the interfaces that are not perfect; None where there are none
     laws : how well the laws hold there
+    stabilised : what stabilisation carried; None where there is none
     reactions : per boundary entry, per load step, its resultant force
     discretisation : its estimated error, if asked for
     """
@@ -44,6 +46,7 @@ class Delivered:
     sides: list[np.ndarray | None] | None
     interfaces: InterfaceFields | None
     laws: LawResiduals | None
+    stabilised: Stabilised | None
     reactions: list[list[list[float]]]
     discretisation: Estimate | None
 
@@ -77,5 +80,5 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
-    return Delivered(iterated, displacement, parts, own, interfaces, laws, reactions(d, parts, iterated.fields.f),
+    return Delivered(iterated, displacement, parts, own, interfaces, laws, stabilised(d, iterated), reactions(d, parts, iterated.fields.f),
                      discretisation)

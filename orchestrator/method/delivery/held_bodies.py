@@ -2,7 +2,7 @@
 
 A body is what joining laws make one. A *detached* body has no way to a prescribed one over node pairs that hold;
 a *weakly held* one has, but could still move as a rigid body without opening a pair that is kept closed or sliding
-where the sides are kept from it. The rigid position of both is undetermined. What a status holds, it declares: contact
+where the sides are kept from it. Where both are, the laws do not say: stabilisation does, if there is any. What a status holds, it declares: contact
 holds nothing where the sides touch without pressing.
 """
 

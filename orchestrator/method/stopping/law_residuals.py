@@ -5,6 +5,7 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 
 - residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹, tied dofs included
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
+- stabilisation ‖f̂ − law(F)‖ / A of the pair where it is largest, over the largest pressure, where contacts are stabilised
 - the laws' own measures, over powers of the length scale ℓ (see ``lengths``) and of the law's largest pressure
 
 Forces and pressures are compared with the largest there are, or with a small share of k⁺ ℓ where
@@ -18,10 +19,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.laws.base import Stages
+from orchestrator.laws.points import dot
 from orchestrator.method.interface.pairs import Pairs, PairTraces
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.lengths import Lengths
 from orchestrator.parallel.team import ALONE, Team
+
+
+STABILISATION = "stabilisation"
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,9 @@ def _measured(pairs: Pairs, at: PairTraces, local: LocalState, lengths: Lengths,
             found = [_largest(points.stiff_n / points.area) * lengths.of_rest, *map(_largest, (
                 pressure, *(values[measure.name] for measure in law.measures)))]
         largest += found
+    if pairs.stabilisation is not None:
+        springs, carried = local.force - local.lawful, local.lawful
+        largest += [_largest(np.sqrt(dot(x, x)) / pairs.points.area) for x in (springs, carried)]
     ends, result = iter(team.max(*largest)), {}
     for law in pairs.laws:
         rest, pressure = next(ends), next(ends)
@@ -97,6 +105,10 @@ def _measured(pairs: Pairs, at: PairTraces, local: LocalState, lengths: Lengths,
         for measure in law.measures:
             value = next(ends) / (lengths.of_displacements**measure.length * pressure**measure.pressure)
             result[measure.name] = max(value, result.get(measure.name, value))
+    if pairs.stabilisation is not None:
+        springs, carried = ends
+        rest = team.max(_largest(pairs.points.stiff_n / pairs.points.area))[0] * lengths.of_rest
+        result[STABILISATION] = springs / (max(carried, rest) or 1.0)
     return result
 
 

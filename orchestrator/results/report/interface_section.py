@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from orchestrator.method.stopping.law_residuals import STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.report.document import heading, number, plain, table
-from orchestrator.results.summary.short_form import hold_sentences, shown_statuses
+from orchestrator.results.summary.short_form import hold_sentences, shown_statuses, stabilised_sentences
 from orchestrator.results.summary.summary import jsonable
 
 _MOST = 60  # interfaces with their own rows: of many, those with the largest resultants
@@ -18,6 +19,7 @@ def law_quantities() -> list[tuple[str, str, str]]:
         ("law_residual", "the largest of those below", "what the tolerance is compared with"),
         ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
          "forces in equilibrium against forces that obey the laws"),
+        (STABILISATION, "max |f̂ − law(F)| / A / max |f| / A", "what springs carry that hold loose bodies in place"),
         ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance"),
         *((measure.name, measure.formula, measure.meaning) for law in LAWS.values() for measure in law.measures)]
 
@@ -39,6 +41,9 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
     status = _status(summary.get("status_counts"))
     if status:
         parts += [heading("Interface status"), status]
+    springs = stabilised_sentences(summary)
+    if springs:
+        parts += [heading("Stabilisation"), *(plain(f"{text}.") for text in springs)]
     held = hold_sentences(summary)
     if held:
         parts += [heading("Bodies that are not held"), *(plain(f"{text}.") for text in held)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from orchestrator.config import Config
 from orchestrator.method.acceleration.choice import algorithm
@@ -36,12 +37,14 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "iterations": iterated.iterations,
         "acceleration": algorithm(config.method.acceleration, all(i.law.perfect for i in scene.interfaces)).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
-        "newton_steps": last.newton_steps, "indicator": last.indicator, "error_bound": iterated.bound.relative,
+        "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
+        "indicator": last.indicator, "error_bound": iterated.bound.relative,
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in
                       ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (delivered.laws.named if delivered.laws else {}),
+        "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
         **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
         "warnings": stabilisation_cautions(config.method)
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from orchestrator.method.events import COUNTED
@@ -63,6 +63,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("law residual", _law_text(summary)),
             ("mesh's error", _mesh_text(summary)),
             ("interfaces", _status_text(summary)),
+            ("stabilised", "\n".join(stabilised_sentences(summary))),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
             ("size", ", ".join(f"{shown(key)} {word if summary[key] == 1 else word + 's'}"
@@ -116,19 +117,44 @@ def _status_text(summary: Mapping[str, object]) -> str | None:
 def hold_sentences(summary: Mapping[str, object]) -> list[str]:
     """Which bodies are detached or weakly held, at which load steps, in words."""
     result = []
+    place = "where stabilisation leaves it" if jsonable(summary.get("stabilised")) else "undetermined"
     for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole")):
-        when: dict[str, list[int]] = {}
-        for step, names in enumerate(summary.get(key) or (), 1):
-            for name in names:
-                when.setdefault(name, []).append(step)
-        alike: dict[tuple[int, ...], list[str]] = {}
-        for name, steps in when.items():
-            alike.setdefault(tuple(steps), []).append(name)
-        for steps, names in alike.items():
-            shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-            result.append(f"{shown}: {what} at load step {', '.join(map(str, steps))}; "
-                          f"{'its' if len(names) == 1 else 'their'} rigid position is undetermined")
+        for steps, names in _alike(summary.get(key) or ()):
+            result.append(f"{_some(names)}: {what} at load step {', '.join(map(str, steps))}; "
+                          f"{'its' if len(names) == 1 else 'their'} rigid position is {place}")
     return result
+
+
+def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
+    """How much stabilisation carried, and which bodies live by it at which load steps, in words."""
+    found = jsonable(summary.get("stabilised"))
+    if not isinstance(found, Mapping):
+        return []
+    force, work = (f"{found[key]:.1e}" if found[key] is not None else "any number of times" for key in ("force", "work"))
+    result = [f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force per area, and do "
+              f"{work} of the largest strain energy in work"]
+    lived = {name for names in found["bodies"] for name in names}
+    for steps, names in _alike(found["bodies"]):
+        result.append(f"{_some(names)}: {'lives' if len(names) == 1 else 'live'} by them at load step "
+                      f"{', '.join(map(str, steps))} (more than a tenth of the forces there)")
+    return result if lived else [result[0] + "; no body lives by them"]
+
+
+def _alike(named: Iterable[list[str]]) -> list[tuple[tuple[int, ...], list[str]]]:
+    """Load steps, and the names that are told at these and no others, from the names per load step."""
+    when: dict[str, list[int]] = {}
+    for step, names in enumerate(named, 1):
+        for name in names:
+            when.setdefault(name, []).append(step)
+    alike: dict[tuple[int, ...], list[str]] = {}
+    for name, steps in when.items():
+        alike.setdefault(tuple(steps), []).append(name)
+    return list(alike.items())
+
+
+def _some(names: list[str]) -> str:
+    """The first of many names."""
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
 
 
 def _skipped_text(summary: Mapping[str, object]) -> str:
