@@ -15,6 +15,15 @@ from orchestrator.scene.mesh import cad
 
 pytestmark = pytest.mark.xdist_group("shipped")  # one process reads the CAD model for all
 
+def tightened(summary, fields):
+    """Each bolt pulls from its step on, ten times as much as before; the neck's pull adds a few per cent, not its share."""
+    forces = -np.array(summary["reactions"][1:9])[:, :, 2]
+    before, after = np.tril(np.ones((8, 8)), -1) == 1, np.triu(np.ones((8, 8))) == 1
+    usual, neck = forces[:, :8][after].mean(), summary["reactions"][0][-1][2]
+    return (np.abs(forces[:, :8][after] / usual - 1).max() < 0.02 and np.abs(forces[:, :8][before] / usual - 0.1).max() < 0.01
+            and 0.01 < forces[:, 8].sum() / (8 * usual) - 1 < 0.1 * neck / (8 * usual))
+
+
 SHIPPED = {  # configuration: what shortens it, iterations at most
     "traction_beam": (["mesh.beam.h=2.5", "subdomains.slices.count=16"], 9),
     "assembly": (["mesh.h=10", "output.fields=false"], 25),
@@ -29,6 +38,9 @@ SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results sh
     "assembly_contact": (["mesh.h=10", "method.tolerance.error=1e-3"], 150, lambda s, f: s["interfaces"] == 32 and all(
         700 < abs(i["resultant"][0][2]) < 1200 for i in s["interface_resultants"] if set(i["name"].split()[::2]) & {"plate"}
         and "nut" in i["name"])),
+    "flange": (["method.tolerance.error=1e-3"], 25, tightened),
+    "stack": (["method.tolerance.error=1e-3"], 30, lambda s, f: s["detached"] == [[]] * 4 and statuses(s, "stick")[0] > 0
+              and abs(s["reactions"][0][1][2] + s["reactions"][1][1][2]) < 1),
     "polycrystal_10": (["mesh.polycrystal.h=0.2"], 120, lambda s, f: statuses(s, "open")[3] > statuses(s, "open")[1]),
     "polycrystal_100": (["mesh.polycrystal.grains=8", "mesh.polycrystal.h=0.25"], 150,
                         lambda s, f: statuses(s, "slip")[2] > 0),

@@ -36,6 +36,7 @@ _LISTED = {
                        "sweeps to 1e-2, 1e-3 and 1e-6 for 15 and 40 grains, beside the paper's fixed point"),
     "contact_soles": ("convergence.contact:soles", "soles ten times softer to stiffer, with contact"),
     "moduli": ("convergence.moduli:run", "a punch on a block a thousand times softer or stiffer, in contact"),
+    "bolted": ("convergence.bolted:run", "bolted and press-fitted assemblies: settings that should not matter"),
     "ten_grains": ("performance.ten_grains:run",
                    "a contact problem of 8,235 dofs from the command line, with wall time"),
     "polycrystal": ("paper.polycrystal:full",

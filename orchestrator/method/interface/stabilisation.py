@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from orchestrator.config.method import STABLEST, Sole
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.model import Scene
 
@@ -45,10 +46,15 @@ def stabilisation(scene: Scene, method) -> np.ndarray:
     if not opens.any():
         return np.zeros(len(opens))
     if asked != "auto":
-        return float(asked) * opens
+        return _on_usual_soles(float(asked), method) * opens
     loose = loose_bodies(scene)
     touching = np.array([loose[list(i.subdomains)].any() for i in scene.interfaces], dtype=bool)
-    return SHARE * allowed_residual(method.tolerance) * (opens & touching)
+    return _on_usual_soles(SHARE * allowed_residual(method.tolerance), method) * (opens & touching)
+
+
+def _on_usual_soles(share: float, method) -> float:
+    """ε that makes the springs' rate ε keq what it is on the default soles: soles are how a scene is solved, not what it is."""
+    return min(share * Sole().contact_ratio / method.sole.contact_ratio, STABLEST)
 
 
 def cautions(method) -> list[str]:
