@@ -217,7 +217,7 @@ def test_warnings():
     points = np.random.default_rng(1).normal(size=(20, 3))
     spin = np.array([[0.0, 0.2, 0.0], [0.01, 0, 0]])
     turned = np.cross(spin[:, None, :], points) + np.array([1.0, 2.0, 3.0])
-    assert rotation(points, turned) == pytest.approx(0.2, rel=1e-12)
+    assert rotations([points, points], [turned, 0 * turned]) == pytest.approx([0.2, 0], rel=1e-12)
     sides = [np.cross([0.0, 0.2, 0.0], found.scene.mesh.nodes[s.nodes])[None] for s in found.scene.subdomains]
     assert any("rotated by up to 0.2 rad" in t for t in cautions(found.scene, sides))
     names = [s.name for s in found.scene.subdomains]

@@ -370,9 +370,9 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 
     config = config_from(cube(3, 2))
     with case.box_of(config) as blackbox:
-        macro = case.prepared(config, build_scene(config), blackbox).stage.macro.matrix
+        macro = case.prepared(config, build_scene(config), blackbox).stage.macro
     predicted = macro_pattern(3)
-    assert predicted.shape == macro.shape and predicted.nnz == macro.nnz
+    assert predicted.shape == (macro.size,) * 2 and predicted.nnz == macro.coupled
 
 
 def test_prediction_adds_up():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Hashable, Iterable, Sequence
 
 import numpy as np
@@ -27,23 +26,31 @@ def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
     points : per thing (n, 3), see ``same_shape``
     same : (i, j) → whether things of equal keys and shapes are equal in all else
     """
-    result: list[int] = []
-    alike: dict[Hashable, tuple[list[float], list[int]]] = {}  # per key the sizes of the first ones, ascending, and who
-    for index, (key, size) in enumerate(zip(keys, _sizes(points))):
-        sizes, firsts = alike.setdefault(key, ([], []))
-        near = slice(bisect_left(sizes, size * (1 - NEAR)), bisect_right(sizes, size * (1 + NEAR)))
-        first = next((other for other in sorted(firsts[near])
-                      if same_shape(points[other], points[index]) and same(other, index)), index)
-        if first == index:
-            at = bisect_left(sizes, size)
-            sizes.insert(at, size)
-            firsts.insert(at, index)
-        result.append(first)
-    return np.array(result, dtype=int)
+    result = np.arange(len(points))
+    alike: dict[Hashable, list[int]] = {}
+    for index, key in enumerate(keys):
+        alike.setdefault(key, []).append(index)
+    sizes = _sizes(points)
+    for members in (np.array(m) for m in alike.values() if len(m) > 1):
+        members = members[np.argsort(sizes[members], kind="stable")]
+        apart = np.diff(sizes[members]) > NEAR * sizes[members[1:]]
+        for cluster in np.split(members, np.flatnonzero(apart) + 1):
+            _assign(np.sort(cluster), points, same, result)
+    return result
 
 
-def _sizes(points: Sequence[np.ndarray]) -> list[float]:
-    """Root of the squared distances of each cloud's points from its first one, summed."""
+def _assign(members: np.ndarray, points: Sequence[np.ndarray], same: Callable[[int, int], bool], result: np.ndarray) -> None:
+    """Give things that may be alike, ascending, the first one that each equals."""
+    while len(members) > 1:
+        first, others = members[0], members[1:]
+        equals = _same_shapes(points[first], [points[i] for i in others])
+        equals[equals] = [same(int(first), int(i)) for i in others[equals]]
+        result[others[equals]] = first
+        members = others[~equals]
+
+
+def _sizes(points: Sequence[np.ndarray]) -> np.ndarray:
+    """(clouds,) root of the squared distances of each cloud's points from its first one, summed."""
     counts = np.array([len(cloud) for cloud in points], dtype=int)
     filled = np.flatnonzero(counts)
     sizes = np.zeros(len(points))
@@ -51,15 +58,22 @@ def _sizes(points: Sequence[np.ndarray]) -> list[float]:
         starts, joined = (np.cumsum(counts) - counts)[filled], np.concatenate(points)
         apart = joined - np.repeat(joined[starts], counts[filled], axis=0)
         sizes[filled] = np.sqrt(np.add.reduceat(np.einsum("ij,ij->i", apart, apart), starts))
-    return sizes.tolist()
+    return sizes
 
 
 def same_shape(one: np.ndarray, other: np.ndarray) -> bool:
     """Whether two clouds of points (n, 3) differ by a translation alone, point by point."""
-    if one.shape != other.shape:
-        return False
-    apart = (one - one[:1]) - (other - other[:1])
-    return bool(np.abs(apart).max(initial=0.0) <= SAME * np.ptp(one, axis=0).max(initial=0.0))
+    return bool(_same_shapes(one, [other])[0])
+
+
+def _same_shapes(one: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
+    """(others,) bool, whether clouds of points differ from one (n, 3) by a translation alone, point by point."""
+    found = np.array([other.shape == one.shape for other in others], dtype=bool)
+    if one.size and found.any():
+        clouds = np.stack([other for other in others if other.shape == one.shape])
+        apart = (one - one[:1]) - (clouds - clouds[:, :1])
+        found[found] = np.abs(apart).max(axis=(1, 2)) <= SAME * np.ptp(one, axis=0).max()
+    return found
 
 
 def equal(one: np.ndarray, other: np.ndarray) -> bool:

@@ -24,7 +24,8 @@ except ImportError:  # there are no wheels: ``setup.sh`` builds it where it can
 
 # Unknowns from which METIS's order pays with SuperLU: at 2,700 it takes as long as minimum degree, at 24,000 half as long.
 ORDERED = 2000
-# ‖A x − b‖ over ‖A‖‖x‖ + ‖b‖ that a factorisation may leave; sound ones leave some 1e-16, whatever the conditioning.
+# Largest |A x − b| over that of the diagonal times |x| and b, which a factorisation may leave; sound ones leave some 1e-16, however
+# the matrix is conditioned.
 BACKWARD = 1e-11
 
 
@@ -47,15 +48,18 @@ class Factor:
 
     Parameters
     ----------
-    matrix : (n, n) both triangles
+    lower : (n, n) its lower triangle; what is above the diagonal is not looked at
 
     Raises
     ------
     RuntimeError : it is singular
     """
 
-    def __init__(self, matrix: sp.sparray):
-        self._made = (by_cholesky(matrix) or by_superlu(matrix)) if matrix.shape[0] else None
+    def __init__(self, lower: sp.sparray):
+        self._made = None
+        if lower.shape[0]:
+            lower = sp.tril(lower, format="csc")
+            self._made = by_cholesky(lower) or by_superlu(lower)
 
     @property
     def entries(self) -> int:
@@ -67,11 +71,11 @@ class Factor:
         return np.ascontiguousarray(self._made.solve(rows.T).T) if self._made else np.array(rows)
 
 
-def by_cholesky(matrix: sp.sparray) -> Factorised | None:
+def by_cholesky(lower: sp.csc_array) -> Factorised | None:
     """CHOLMOD's factorisation; None where it is not installed, or the matrix is not positive definite."""
     if cholmod is None:
         return None
-    columns = sp.csc_matrix(matrix)
+    columns = sp.csc_matrix(lower)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cholmod.CholmodWarning)  # of index types that it converts
         try:
@@ -79,10 +83,10 @@ def by_cholesky(matrix: sp.sparray) -> Factorised | None:
             factor.cholesky_inplace(columns)
         except cholmod.CholmodError:
             return None
-    return Factorised(factor, lambda: factor.copy().L().nnz) if sound(columns, factor) else None
+    return Factorised(factor, lambda: factor.copy().L().nnz) if sound(lower, factor) else None
 
 
-def by_superlu(matrix: sp.sparray) -> Factorised:
+def by_superlu(lower: sp.csc_array) -> Factorised:
     """SuperLU's factorisation, symmetric in its order.
 
     Raises
@@ -90,7 +94,7 @@ def by_superlu(matrix: sp.sparray) -> Factorised:
     RuntimeError : the matrix is singular
     """
     symmetric = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    columns = sp.csc_array(matrix)
+    columns = whole(lower)
     if columns.shape[0] < ORDERED:
         lu = sla.splu(columns, permc_spec="MMD_AT_PLUS_A", **symmetric)
         return Factorised(lu.solve, lambda: lu.nnz)
@@ -105,12 +109,18 @@ def by_superlu(matrix: sp.sparray) -> Factorised:
     return Factorised(solve, lambda: lu.nnz)
 
 
-def sound(matrix: sp.sparray, solve: Callable[[np.ndarray], np.ndarray]) -> bool:
+def whole(lower: sp.csc_array) -> sp.csc_array:
+    """A symmetric matrix from its lower triangle."""
+    return sp.csc_array(lower + sp.tril(lower, -1).T)
+
+
+def sound(lower: sp.csc_array, solve: Callable[[np.ndarray], np.ndarray]) -> bool:
     """Whether a solver solves: a processor that is newer than its linear algebra has been seen to get it wrong."""
-    right = np.random.default_rng(0).uniform(-1.0, 1.0, matrix.shape[0])
+    diagonal = lower.diagonal()
+    right = np.random.default_rng(0).uniform(-1.0, 1.0, len(diagonal))
     found = solve(right)
-    allowed = BACKWARD * (abs(matrix).sum(axis=0).max() * np.abs(found).max() + 1.0)
-    return bool(np.abs(matrix @ found - right).max() <= allowed)
+    left = lower @ found + lower.T @ found - diagonal * found - right
+    return bool(np.abs(left).max() <= BACKWARD * (np.abs(diagonal).max() * np.abs(found).max() + 1.0))
 
 
 def dissection(matrix: sp.sparray) -> np.ndarray:

@@ -96,29 +96,33 @@ class TraceSpace:
         ends = np.cumsum([0] + [len(t) for t in traces])
         boundary = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
         global_dof = [3 * s.nodes[t // 3] + t % 3 for s, t in zip(scene.subdomains, traces)]
+        listed = [(e, scene.interfaces[index], side) for e, pairs in enumerate(sides) for index, side in pairs]
+        free = _joined([i.free for _, i, _ in listed], (0, 3)).astype(bool)
+        at = np.repeat([e for e, _, _ in listed], [len(i.nodes[side]) for _, i, side in listed]).astype(int)
+        nodes = _joined([i.nodes[side] for _, i, side in listed])
+        dofs, owner = (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free]
+        # all subdomains' own dofs, one after the other
+        starts = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
+        everywhere = starts[owner] + dofs
+        fixed = _joined([s.fixed.ravel() for s in scene.subdomains]).astype(bool)[everywhere]
+        place = np.zeros(starts[-1], dtype=int)
+        place[_joined([start + trace for start, trace in zip(starts, traces)])] = np.arange(ends[-1])
+        gather, held = place[everywhere], np.flatnonzero(fixed)
+        gather[held] = 0
+        held_at = np.column_stack([owner[held], dofs[held]])
+        trace_dof = 3 * _joined([s.nodes for s in scene.subdomains])[everywhere // 3] + dofs % 3
+        count, stop = len(dofs), np.cumsum([0] + [len(i.nodes[side]) for _, i, side in listed])
+        stop = np.concatenate([[0], np.cumsum(free.sum(axis=1))])[stop]
+        number = np.arange(count)
         own_sides: list[list] = [[None, None] for _ in scene.interfaces]
-        gather, owner, held, held_at, trace_dof, count = [], [], [], [], [], 0
-        for subdomain, pairs in enumerate(sides):
-            for index, side in pairs:
-                interface = scene.interfaces[index]
-                own = scene.subdomains[subdomain]
-                dofs = (3 * interface.nodes[side][:, None] + np.arange(3))[interface.free]
-                fixed = own.fixed.ravel()[dofs]
-                at = boundary[subdomain].start + np.searchsorted(traces[subdomain], dofs)
-                gather.append(np.where(fixed, 0, at))
-                held.append(count + np.flatnonzero(fixed))
-                held_at.append(np.column_stack([np.full(fixed.sum(), subdomain), dofs[fixed]]))
-                trace_dof.append(3 * own.nodes[dofs // 3] + dofs % 3)
-                owner.append(np.full(len(dofs), subdomain))
-                own_sides[index][side] = np.arange(count, count + len(dofs))
-                count += len(dofs)
-        gather, perfect = _joined(gather), [i.law.perfect for i in scene.interfaces]
+        for (_, interface, side), a, b in zip(listed, stop[:-1].tolist(), stop[1:].tolist()):
+            own_sides[interface.index][side] = number[a:b]
+        perfect = [i.law.perfect for i in scene.interfaces]
         transfer = Matching.of(own_sides, count)
         return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
-                   [tuple(s) for s in own_sides], _joined(owner), perfect, np.arange(count),
+                   [tuple(s) for s in own_sides], owner, perfect, np.arange(count),
                    np.arange(ends[-1]), count, len(sides),
-                   _labels(transfer, perfect, gather, int(ends[-1])), _joined(held),
-                   np.concatenate([np.empty((0, 2), int), *held_at]), _joined(trace_dof),
+                   _labels(transfer, perfect, gather, int(ends[-1])), held, held_at, trace_dof,
                    make_ties(scene, own_sides, count))
 
     def part(self, rank_of: np.ndarray, team: Team) -> "TraceSpace":
@@ -270,5 +274,5 @@ def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: i
     return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)
 
 
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.empty(0, int)
+def _joined(parts: list[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.empty(empty, int)

@@ -43,6 +43,7 @@ class Macro:
     Attributes
     ----------
     G : (D, size) sparse, macro forces; NᵀG is U of eq. 27
+    coupled : how many entries the macro matrix has
     blocks : V, subdomain by subdomain
     sweeps : back-substitutions per subdomain spent on V (the mean)
 
@@ -69,11 +70,14 @@ class Macro:
         solved, count = space.team.sum(sum(len(s) for s in sees), len(sees))
         self.sweeps = float(solved / count) if count else 0.0
 
-        compliance = assembled(self.blocks, self.size)
-        matrix = compliance if strategy == "continuity" else sp.csr_array(C.T @ self.G) - compliance
-        matrix = sum(space.team.all_gather(sp.csr_array(matrix)), sp.csr_array(matrix.shape))
-        self.matrix = sp.csr_array((matrix + matrix.T) / 2)
-        self._solve = _positive_definite_solver(self.matrix)
+        lower = assembled(self.blocks, self.size)
+        if strategy == "equilibrium":
+            own = sp.csr_array(C.T @ self.G)
+            lower = sp.tril((own + own.T) / 2, format="csr") - lower
+        parts = space.team.all_gather(lower)
+        lower = sum(parts[1:], parts[0])
+        self.coupled = 2 * lower.nnz - self.size
+        self._solve = _positive_definite_solver(lower)
 
     @cached_property
     def sizes(self) -> sp.csr_array:
@@ -107,13 +111,13 @@ def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
     return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]
 
 
-def _positive_definite_solver(matrix: sp.csr_array):
-    """Factorise the macro matrix, or say what its failure means."""
-    scale = matrix.diagonal()
+def _positive_definite_solver(lower: sp.csr_array):
+    """Factorise the macro matrix, given its lower triangle, or say what its failure means."""
+    scale = lower.diagonal()
     try:
-        if matrix.shape[0] and scale.min() <= 0:
+        if lower.shape[0] and scale.min() <= 0:
             raise RuntimeError("a diagonal entry is not positive")
-        return Factor(matrix)
+        return Factor(lower)
     except RuntimeError as error:
         raise InputError(Problem(
             ("method", "macro"), f"the macro matrix is singular ({error})",

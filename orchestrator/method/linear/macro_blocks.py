@@ -40,11 +40,12 @@ class Blocks:
             result[:, self.columns] = (seen.transpose(1, 0, 2) @ self.answers).transpose(1, 0, 2)
 
     def work(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Values, rows and columns of GᵀNV, each (m, s, s)."""
-        shape = (len(self.sees), *(self.sees.shape[1],) * 2)
+        """Values, rows and columns of GᵀNV, on and below the diagonal: each (m, s (s + 1) / 2)."""
         each = self.forces @ self.answers.transpose(0, 2, 1)
-        return (np.broadcast_to(each, shape), np.broadcast_to(self.sees[:, :, None], shape),
-                np.broadcast_to(self.sees[:, None], shape))
+        each = (each + each.transpose(0, 2, 1)) / 2
+        row, column = np.tril_indices(self.sees.shape[1])
+        rows, columns = self.sees[:, row], self.sees[:, column]
+        return np.broadcast_to(each[:, row, column], rows.shape), rows, columns
 
 
 def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -61,7 +62,7 @@ def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.
     for part in parts:
         entries = slice(ends[part.start], ends[part.stop])
         column, values, count = forces.indices[entries], forces.data[entries], np.diff(ends[part.start : part.stop + 1])
-        seen = np.unique(column)
+        seen = np.unique(column).astype(np.int32)
         place[seen] = np.arange(len(seen))
         local = place[column]
         key = blake2b(count.tobytes(), digest_size=16)
@@ -97,10 +98,9 @@ def joined(sees: Sequence[np.ndarray], parts: Sequence[slice], forces: Sequence[
 
 
 def assembled(blocks: Sequence[Blocks], size: int) -> sp.csr_array:
-    """(size, size) GᵀNV, the sum over all subdomains."""
+    """(size, size) the lower triangle of GᵀNV, the sum over all subdomains."""
     parts = [[x.ravel() for x in b.work()] for b in blocks]
     if not parts:
         return sp.csr_array((size, size))
     values, rows, columns = (np.concatenate(same) for same in zip(*parts))
-    kind = np.int32 if len(values) < np.iinfo(np.int32).max else np.int64
-    return sp.csr_array((values, (rows.astype(kind), columns.astype(kind))), shape=(size, size))
+    return sp.csr_array((values, (rows, columns)), shape=(size, size))

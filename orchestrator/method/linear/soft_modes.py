@@ -122,6 +122,8 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     team, counts = space.team, np.zeros(space.subdomain_count)
     counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
     counts = team.sum(counts)[0].astype(int)
+    if not counts.any():
+        return known_widths(bases, team)
     at_dofs = np.zeros((counts.max(initial=0), len(space.global_dof)))
     for e, mode in modes.items():
         at_dofs[: mode.shape[1], space.boundary[e]] = mode.T

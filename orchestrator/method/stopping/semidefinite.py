@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.method.interface.factor import by_cholesky, by_superlu, sound
+from orchestrator.method.interface.factor import by_cholesky, by_superlu, sound, whole
 
 SHIFT = 1e-13  # of the diagonal
 
@@ -19,8 +19,8 @@ def semidefinite_solver(matrix: sp.sparray) -> Callable[[np.ndarray], np.ndarray
     if matrix.shape[0] == 0:
         return lambda rows: np.zeros((len(rows), 0))
     scale = matrix.diagonal()
-    shifted = sp.csc_array(matrix + sp.diags_array(np.where(scale > 0, scale, 1.0) * SHIFT))
+    shifted = sp.tril(matrix + sp.diags_array(np.where(scale > 0, scale, 1.0) * SHIFT), format="csc")
     factorised = by_cholesky(shifted) or by_superlu(shifted)
     # where rounding has made it indefinite, pivots have to be chosen
-    solve = factorised.solve if sound(shifted, factorised.solve) else sla.splu(shifted).solve
+    solve = factorised.solve if sound(shifted, factorised.solve) else sla.splu(whole(shifted)).solve
     return lambda rows: np.ascontiguousarray(solve(rows.T).T)

@@ -3,7 +3,7 @@ that are too coarse."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -42,8 +42,8 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
         result.append(f"{some(far)} displaced by more than {DISPLACEMENT:.0%} of the body's size: "
                       "outside small perturbations, which the results rest on")
     angle: dict[str, float] = {}
-    for s, u in kept:
-        angle[s.body] = max(angle.get(s.body, 0.0), rotation(scene.mesh.nodes[s.nodes], u))
+    for (s, _), a in zip(kept, rotations([scene.mesh.nodes[s.nodes] for s, _ in kept], [u for _, u in kept]).tolist()):
+        angle[s.body] = max(angle.get(s.body, 0.0), a)
     turned = [name for name, a in angle.items() if a > ROTATION]
     if turned:
         result.append(f"{some(turned)} rotated by up to {max(angle.values()):.2g} rad: outside small perturbations "
@@ -97,9 +97,17 @@ def _slid_too_far(scene: Scene, interfaces: InterfaceFields) -> list[str]:
     return [str(name) for name in interfaces.names[far]]
 
 
-def rotation(points: np.ndarray, displacement: np.ndarray) -> float:
-    """Largest rotation, in radians, of the rigid motions that fit displacements (steps, n, 3) best."""
-    arm = points - points.mean(axis=0)
-    inertia = np.einsum("ni,ni->", arm, arm) * np.eye(3) - arm.T @ arm
-    moment = np.cross(arm, displacement - displacement.mean(axis=1, keepdims=True)).sum(axis=1)
-    return float(np.linalg.norm(moment @ np.linalg.pinv(inertia), axis=1).max(initial=0.0))
+def rotations(points: Sequence[np.ndarray], displacements: Sequence[np.ndarray]) -> np.ndarray:
+    """(bodies,) largest rotation, in radians, of the rigid motions that fit displacements (steps, n, 3) of points (n, 3) best."""
+    if not points:
+        return np.zeros(0)
+    counts = np.array([len(p) for p in points])
+    starts, member = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
+    x, u = np.concatenate(points), np.concatenate(displacements, axis=1)
+    arm = x - (np.add.reduceat(x, starts) / counts[:, None])[member]
+    products = np.add.reduceat(arm[:, :, None] * arm[:, None], starts)
+    inertia = np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3) - products
+    moved = u - (np.add.reduceat(u, starts, axis=1) / counts[:, None])[:, member]
+    moment = np.add.reduceat(np.cross(arm, moved), starts, axis=1)
+    turned = np.einsum("tei,eij->tej", moment, np.linalg.pinv(inertia))
+    return np.linalg.norm(turned, axis=2).max(axis=0, initial=0.0)

@@ -120,6 +120,8 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
     Inside one volume only the subdomains' names count: a law for a part against all others is not meant for
     the cuts within that part.
     """
+    if len(mesh.volumes) == 1:
+        return (names[0],), (names[1],)
     beside = np.stack([faces.owner[shared], faces.neighbour[shared]])
     lower = partition.subdomain[beside].argmin(axis=0)
     columns = np.arange(len(shared))

@@ -7,6 +7,7 @@ cells are mixed, where the matter is nearly incompressible, where the subdomain 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,15 +43,24 @@ def difficulty(scene: Scene) -> Difficulty:
         for i in scene.interfaces:
             rows = [young[scene.subdomains[e].material[first_row(scene, i, side)]] for side, e in enumerate(i.subdomains)]
             mixed[i.index] = any(row.max() > CONTRAST * row.min() for row in rows)
-    soft = np.array([poisson[s.material].max() > INCOMPRESSIBLE
-                     or slenderness(scene.mesh.nodes[s.nodes]) >= SLENDER * (1 - SLACK)
-                     for s in scene.subdomains], dtype=bool)
-    return Difficulty(mixed, soft)
+    incompressible = np.array([poisson[s.material].max() > INCOMPRESSIBLE for s in scene.subdomains], dtype=bool)
+    slender = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes) >= SLENDER * (1 - SLACK)
+    return Difficulty(mixed, incompressible | slender)
 
 
-def slenderness(points: np.ndarray) -> float:
-    """Largest over smallest extent of points (n, 3) along their principal axes."""
-    centred = points - points.mean(axis=0)
-    axes = np.linalg.eigh(centred.T @ centred)[1]
-    extents = np.ptp(centred @ axes, axis=0)
-    return float(extents.max() / max(extents.min(), np.finfo(float).tiny))
+def slenderness(clouds: Sequence[np.ndarray], nodes: np.ndarray) -> np.ndarray:
+    """(clouds,) largest over smallest extent of sets of nodes along their principal axes.
+
+    Parameters
+    ----------
+    clouds : each (n,) int, n > 0, which of the nodes
+    nodes : (all, 3) coordinates
+    """
+    counts = np.array([len(cloud) for cloud in clouds])
+    starts, member = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
+    points = nodes[np.concatenate(clouds)]
+    centred = points - (np.add.reduceat(points, starts) / counts[:, None])[member]
+    axes = np.linalg.eigh(np.add.reduceat(centred[:, :, None] * centred[:, None], starts))[1]
+    along = np.einsum("ni,nij->nj", centred, axes[member])
+    extents = np.maximum.reduceat(along, starts) - np.minimum.reduceat(along, starts)
+    return extents.max(axis=1) / np.maximum(extents.min(axis=1), np.finfo(float).tiny)

@@ -38,7 +38,7 @@ def make_soles(scene: Scene, settings, share: bool = True,
             continue
         layered.append(index)
         kinds.append("symmetric" if kind == "overlap" else kind)
-        upon = np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
+        upon = together or np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
         facets.append([facets_of(scene, interface, settings, kinds[-1], side) for side in ((0,) if upon else (0, 1))])
     for index, layer in zip(layered, _layers(kinds, facets, share)):
         soles[index] = layer
