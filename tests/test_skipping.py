@@ -18,7 +18,7 @@ from orchestrator.blackbox.protocol import Traits
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.savings import Savings
 from orchestrator.scene import congruence
-from orchestrator.scene.congruence import same_shape
+from orchestrator.scene.congruence import same_shapes
 
 INVARIANT = Traits(translation_invariant=True)
 ROOT = Path(__file__).parents[1]
@@ -72,7 +72,7 @@ def test_models_are_congruent_up_to_a_translation_only():
 def test_things_that_are_all_different_are_hardly_compared(monkeypatch):
     """Shapes of equal keys, no two of them alike, then the same again elsewhere: comparisons grow with their number."""
     random, compared = np.random.default_rng(0), []
-    monkeypatch.setattr(congruence, "same_shape", lambda *pair: compared.append(pair) or same_shape(*pair))
+    monkeypatch.setattr(congruence, "same_shapes", lambda one, others: compared.extend(others) or same_shapes(one, others))
     clouds = [random.standard_normal((7, 3)) for _ in range(300)]
     clouds += [cloud + random.standard_normal(3) for cloud in clouds]
     assert np.array_equal(congruence.first_congruent([0] * 600, clouds), np.tile(np.arange(300), 2))

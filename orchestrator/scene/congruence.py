@@ -9,8 +9,9 @@ import numpy as np
 # Relative difference of coordinates and moduli that counts as none: the rounding of coordinates a hundred times
 # larger than the part is less, what anyone would notice in a result is more.
 SAME = 1e-12
-# Clouds of points that are the same differ by less than this, relatively, in their distances from their first point.
-NEAR = 1e-8
+# Clouds of points that are the same differ by less than this, relatively, in their distances from their first point: by
+# at most SAME √(3n) extents, where the distances are some √n extents together.
+NEAR = 1e-10
 
 
 def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
@@ -23,7 +24,7 @@ def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
     Parameters
     ----------
     keys : what must be identical
-    points : per thing (n, 3), see ``same_shape``
+    points : per thing (n, 3), see ``same_shapes``
     same : (i, j) → whether things of equal keys and shapes are equal in all else
     """
     result = np.arange(len(points))
@@ -43,7 +44,7 @@ def _assign(members: np.ndarray, points: Sequence[np.ndarray], same: Callable[[i
     """Give things that may be alike, ascending, the first one that each equals."""
     while len(members) > 1:
         first, others = members[0], members[1:]
-        equals = _same_shapes(points[first], [points[i] for i in others])
+        equals = same_shapes(points[first], [points[i] for i in others])
         equals[equals] = [same(int(first), int(i)) for i in others[equals]]
         result[others[equals]] = first
         members = others[~equals]
@@ -61,12 +62,7 @@ def _sizes(points: Sequence[np.ndarray]) -> np.ndarray:
     return sizes
 
 
-def same_shape(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two clouds of points (n, 3) differ by a translation alone, point by point."""
-    return bool(_same_shapes(one, [other])[0])
-
-
-def _same_shapes(one: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
+def same_shapes(one: np.ndarray, others: Sequence[np.ndarray]) -> np.ndarray:
     """(others,) bool, whether clouds of points differ from one (n, 3) by a translation alone, point by point."""
     found = np.array([other.shape == one.shape for other in others], dtype=bool)
     if one.size and found.any():
