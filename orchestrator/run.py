@@ -121,7 +121,7 @@ def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, sta
         numbers = numbers_of(chosen)
         begin = start.of_rank(chosen, numbers) if start else Start()
         iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
-                           estimate=estimate, savings=savings)
+                           estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen])
         workload.end("iterations")
 
         wanted = method.tolerance.error == "auto" or config.output.fields

@@ -20,6 +20,7 @@ from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.criteria import Criterion, Verdict, make_criterion
 from orchestrator.method.stopping.ending import Ending
+from orchestrator.method.stopping.far_bodies import FarBodies, FarBody, sentences
 from orchestrator.method.stopping.indicator import Measures, measure
 from orchestrator.timing import Stopwatch
 
@@ -37,15 +38,18 @@ class Batch:
     ----------
     d : for these load steps
     place : number of the batch, number of batches, load steps of all of them
+    numbers : of these load steps, from 1, for people
     others as for ``iterate``
     """
 
-    def __init__(self, d: Decomposition, method, place: tuple[int, int, int], watch: Stopwatch, true_error: ErrorOf | None,
+    def __init__(self, d: Decomposition, method, place: tuple[int, int, int], numbers: Sequence[int],
+                 watch: Stopwatch, true_error: ErrorOf | None,
                  estimate: EstimateOf | None):
         self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
         self.acceleration = make_acceleration(d, method)
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
         self.ending = Ending(0)
+        self.far = None if d.all_perfect else FarBodies(d, self.criterion.lengths, numbers)
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
 
     def end_at(self, last: int) -> None:
@@ -67,6 +71,8 @@ class Batch:
             self.d.coarse.recall(last)
         self.criterion.recall(last.notes["criterion"])
         self.ending.recall(last.notes["ending"])
+        if self.far is not None:
+            self.far.recall(last.notes["far"])
         self.begin(np.empty(0), last.iteration, notes["sweeps"])
         self.whole_at, self.left_out = notes["whole_at"], notes["left_out"]
         self.s = self._next(last.arrays.get("trace/asked"))
@@ -77,9 +83,12 @@ class Batch:
         delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
         bound, _ = self.criterion.final(delivered, None)
         event = notes["event"]
+        if self.far is not None:
+            self.far.recall(notes["far"])
         last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
         return Iterated(delivered, self.d.local(delivered), bound, notes["met"], notes["reason"], memory.iteration,
-                        notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0])], notes["batch"]["left_out"])
+                        notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0])], notes["batch"]["left_out"],
+                        self._strayed)
 
     def iterate(self, told: Subscriber, earlier: float = 0.0) -> Iterated:
         """Iterate to the end: eq. 6 is solved.
@@ -114,8 +123,13 @@ class Batch:
                                **_of_coarse(d))
             if self.true_error is not None:
                 event = replace(event, true_error=self.true_error(best, verdict.bound))
-            history.append(replace(event, state=event.state[:0]))  # the states themselves are large
             reason = self.ending.reason(self.iteration, verdict.met, event.residual, moved)
+            if self.far is not None:
+                strayed = self.far(self.iteration, verdict.lengths.rigid, local, reason is not None)
+                event = replace(event, far_bodies=len(self.far.found))
+                for sentence in sentences(strayed):
+                    told.warned(sentence)
+            history.append(replace(event, state=event.state[:0]))  # the states themselves are large
             told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met, reason)))
             if reason is None:
                 with watch("acceleration"):
@@ -124,7 +138,11 @@ class Batch:
             bound, spent = criterion.final(best, verdict.bound)
             self.sweeps += spent * share
         return Iterated(best, local, bound, verdict.met, reason, self.iteration, self.sweeps, event, history,
-                        self.left_out)
+                        self.left_out, self._strayed)
+
+    @property
+    def _strayed(self) -> list[FarBody]:
+        return [] if self.far is None else self.far.found
 
     def _next(self, asked: np.ndarray | None) -> np.ndarray:
         """The state to evaluate next. Where load steps are done it is what has been asked for: answers are remembered."""
@@ -150,6 +168,8 @@ class Batch:
         if self.d.coarse is not None:
             more, notes["coarse"] = self.d.coarse.told()
             arrays |= more
+        if self.far is not None:
+            notes["far"] = self.far.notes
         if self.criterion.done.any():
             arrays["trace/asked"] = evaluated.s
         if ended:

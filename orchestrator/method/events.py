@@ -31,6 +31,7 @@ class Iteration:
     true_error : against the undecomposed solution, relative energy norm; nan without one
     law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
     laws : the interface laws' own measures among these, by name
+    far_bodies : bodies that have moved further than small displacements allow, and still are there
     discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
     coarse_left : imbalance that the coarse contact problem left, over that at its start, of the worst load step
     coarse_ends : how its solves have ended so far → how many, see ``CoarseProblem``
@@ -55,6 +56,7 @@ class Iteration:
     discretisation_error: float = math.nan
     newton_steps: int = 0
     coarse_left: float = math.nan
+    far_bodies: int = 0
     coarse_ends: Mapping[str, int] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
     laws: Mapping[str, float] = field(default_factory=dict)
@@ -79,6 +81,7 @@ HISTORY_COLUMNS = [
     "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
     "residual", "error_bound", *COUNTED,
     "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error", "newton_steps", "coarse_left",
+    "far_bodies",
 ]
 
 
@@ -129,6 +132,9 @@ class Subscriber:
     def iteration(self, event: Iteration) -> None:
         """An iteration is done."""
 
+    def warned(self, sentence: str) -> None:
+        """Something is noticed that a user should know while it runs; the summary has it as well."""
+
     def finished(self, event: Finished) -> None:
         """The iterations have ended, converged or not; what is delivered is computed next."""
 
@@ -149,6 +155,10 @@ class Subscribers(Subscriber):
     def iteration(self, event: Iteration) -> None:
         for subscriber in self.all:
             subscriber.iteration(event)
+
+    def warned(self, sentence: str) -> None:
+        for subscriber in self.all:
+            subscriber.warned(sentence)
 
     def finished(self, event: Finished) -> None:
         for subscriber in self.all:

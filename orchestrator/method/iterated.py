@@ -9,6 +9,7 @@ from orchestrator.method.events import Iteration
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.far_bodies import FarBody
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Iterated:
     last : the last event
     history : all events, without their states
     frozen : load steps that took no part in a linear stage because they were accurate enough, summed over the stages
+    far : bodies beyond small displacements, see ``stopping.far_bodies``
     """
 
     fields: Admissible
@@ -38,6 +40,7 @@ class Iterated:
     last: Iteration
     history: list[Iteration] = field(default_factory=list)
     frozen: int = 0
+    far: list[FarBody] = field(default_factory=list)
 
     @classmethod
     def joined(cls, batches: Sequence[Iterated]) -> Iterated:
@@ -49,4 +52,5 @@ class Iterated:
             Admissible.joined([b.fields for b in batches]), LocalState.joined([b.local for b in batches]),
             Bound.joined([b.bound for b in batches]), decisive.converged, decisive.stop_reason,
             batches[-1].iterations, batches[-1].sweeps, decisive.last,
-            [event for b in batches for event in b.history], sum(b.frozen for b in batches))
+            [event for b in batches for event in b.history], sum(b.frozen for b in batches),
+            [body for b in batches for body in b.far])

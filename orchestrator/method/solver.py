@@ -27,7 +27,7 @@ INCREMENT = 4
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(), *,
             true_error: ErrorOf | None = None, estimate: EstimateOf | None = None,
-            savings: Savings | None = None) -> Iterated:
+            savings: Savings | None = None, numbers: Sequence[int] | None = None) -> Iterated:
     """Solve all load steps, batch after batch; with perfect interfaces there is one batch.
 
     Parameters
@@ -41,7 +41,9 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     true_error : of what would be delivered, where the exact solution is known; it is called after every stage
     estimate : of the discretisation error; needed for ``tolerance: {error: auto}``
     savings : where it is noted what need not be done
+    numbers : of the load steps, from 1, for people; None: 1, 2, …
     """
+    numbers = range(1, d.steps + 1) if numbers is None else numbers
     told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, method.increment)
     state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
     ended: list[Iterated] = []
@@ -51,7 +53,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
         if len(batches) > 1:
             view = d.batch(steps, ended[-1].local.jump[-1] if ended else None)
             listener = _PartOfAll(told, state, steps)
-        batch = Batch(view, method, (number, len(batches), d.steps), watch, true_error, estimate)
+        batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate)
         if number < len(start.ended):
             ended.append(batch.recalled(start.ended[number]))
             state[steps] = ended[-1].fields.s
@@ -119,3 +121,6 @@ class _PartOfAll(Subscriber):
     def iteration(self, event: Iteration) -> None:
         self.state[self.steps] = event.state
         self.told.iteration(replace(event, state=self.state))
+
+    def warned(self, sentence: str) -> None:
+        self.told.warned(sentence)

@@ -35,7 +35,7 @@ from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.stopping.indicator import Measures, energy_residual
-from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.method.stopping.lengths import Lengths, LengthScale
 from orchestrator.method.stopping.law_residuals import LawResiduals, law_residuals
 from orchestrator.method.linear.stage import Admissible
 
@@ -57,6 +57,7 @@ class Verdict:
     measure : what has been compared with the tolerance
     bound : for the delivered fields; its ``relative`` is nan where it is not known; None where nothing is
     laws : the measures of the interface laws, where there are such
+    lengths : what they are relative to
     sweeps : back-substitutions per subdomain and load step that it has cost
     discretisation_error : latest estimate of it; nan where there is none
     """
@@ -65,6 +66,7 @@ class Verdict:
     measure: float
     bound: Bound | None
     laws: LawResiduals | None = None
+    lengths: Lengths | None = None
     sweeps: float = 0.0
     discretisation_error: float = math.nan
 
@@ -168,17 +170,21 @@ class LawCriterion:
         self.lengths = LengthScale(d)
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        laws, bound = self.laws(fields, local), None
+        lengths, bound = self.lengths(fields.u), None
+        laws = self._laws(fields, local, lengths)
         measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
             bound = self._delivered(fields)
             measure = max(measure, energy_residual(self.d.stage, fields, local, bound.energy))
-        return Verdict(bool(measure <= self.value), measure, bound, laws)
+        return Verdict(bool(measure <= self.value), measure, bound, laws, lengths)
 
     def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces."""
+        return self._laws(fields, local, self.lengths(fields.u))
+
+    def _laws(self, fields: Admissible, local: LocalState, lengths: Lengths) -> LawResiduals:
         stage, team = self.d.local, self.d.space.team
-        return law_residuals(stage.pairs, *fields.extended, local, self.lengths(fields.u), stage.previous, team)
+        return law_residuals(stage.pairs, *fields.extended, local, lengths, stage.previous, team)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
@@ -216,6 +222,7 @@ class AutoCriterion:
     def __init__(self, inner: ErrorCriterion | LawCriterion, fraction: float, estimate: Estimate):
         self.inner, self.fraction, self.estimate = inner, fraction, estimate
         self.name, self.final, self.done = inner.name, inner.final, inner.done
+        self.lengths = getattr(inner, "lengths", None)
         self.discretisation_error = math.nan
 
     @property

@@ -35,10 +35,13 @@ class Lengths:
     ----------
     deformation : largest displacement beside rigid motions
     told : by the loads, supports and laws
+    rigid : (bodies, T, 6) rigid motion of each body that its supports leave: of its centre, and its rotation times its
+        size, half the diagonal of the box around it
     """
 
     deformation: float
     told: float
+    rigid: np.ndarray
 
     @property
     def of_displacements(self) -> float:
@@ -53,6 +56,11 @@ class Lengths:
 
 class LengthScale:
     """The lengths of one decomposition, for some or all of its load steps.
+
+    Attributes
+    ----------
+    count, size, names : of the bodies; of what is joined, the first one's name
+    body : (subdomains,) int, the body of each
 
     Notes
     -----
@@ -71,6 +79,8 @@ class LengthScale:
             x = nodes[s.nodes]
             low[body], high[body] = np.minimum(low[body], x.min(axis=0)), np.maximum(high[body], x.max(axis=0))
         centre, size = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
+        self.count, self.size = count, size
+        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(count)]
 
         self.motions: list[np.ndarray] = []
         gram, held = np.zeros((2, count, RIGID, RIGID))
@@ -117,4 +127,4 @@ class LengthScale:
         largest = max((np.abs(left - loose[body] @ rows.T).max(initial=0.0)
                        for body, rows, left in zip(self.own, self.motions, apart)), default=0.0)
         deformation, = self.team.max(np.maximum(largest, self.strained))  # nan stays
-        return Lengths(float(deformation), self.told)
+        return Lengths(float(deformation), self.told, loose)

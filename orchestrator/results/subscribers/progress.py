@@ -15,7 +15,7 @@ _WINDOW = 8  # iterations the convergence rate is fitted on: recent enough to no
 
 
 class Progress(Subscriber):
-    """A line on the terminal; silent when ``quiet`` or when the stream is no terminal.
+    """A line on the terminal; silent when ``quiet`` or, but for warnings, when the stream is no terminal.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Progress(Subscriber):
 
     def __init__(self, quiet: bool = False, stream: TextIO | None = None):
         stream = sys.stdout if stream is None else stream
-        self._live = None
+        self._live, self._quiet = None, quiet
         self._seconds: list[float] = []
         self._values: list[float] = []
         # isatty, not rich's own guess: FORCE_COLOR in a CI log must not bring control characters
@@ -48,6 +48,12 @@ class Progress(Subscriber):
     def finished(self, event: Finished) -> None:
         self._show(f"{event.stop_reason} after {event.iterations} iterations", None, 1.0 if event.converged else None)
         self.close()
+
+    def warned(self, sentence: str) -> None:
+        if self._live is not None:
+            self._live.console.print(f"warning: {sentence}", highlight=False, markup=False)
+        elif not self._quiet:
+            print(f"warning: {sentence}", file=sys.stderr, flush=True)
 
     def iteration(self, event: Iteration) -> None:
         if self._live is None:

@@ -63,6 +63,10 @@ class WholeStates(Subscriber):
                            for name, piece in zip(rows, np.split(part, ends[:-1]))})
         return result
 
+    def warned(self, sentence: str) -> None:
+        self.others.warned(sentence)
+        self.keepers.warned(sentence)
+
     def finished(self, event: Finished) -> None:
         self.keepers.finished(event)
         self.others.finished(event)

@@ -12,10 +12,8 @@ from orchestrator.laws.status import table
 from orchestrator.results.summary.passing import passing_through
 from orchestrator.scene.cautions import LOCKING, scene_cautions, some
 from orchestrator.scene.model import Scene
-from orchestrator.scene.conditions.rigid import size_of
+from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
 
-ROTATION = 0.1  # radians: 1 − cos is half a per cent there
-DISPLACEMENT = 0.1  # of the body's size
 COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square
 
 

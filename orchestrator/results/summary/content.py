@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from dataclasses import asdict
 
 from orchestrator.config import Config
 from orchestrator.method.acceleration.choice import algorithm
@@ -11,6 +12,7 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
+from orchestrator.method.stopping.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.spent import Spent, total
@@ -46,7 +48,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         | (delivered.laws.named if delivered.laws else {}),
         "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
         **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
-        "warnings": stabilisation_cautions(config.method)
+        "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.far],
+        "warnings": stabilisation_cautions(config.method) + sentences(iterated.far)
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
                    estimated and estimated.relative),
         **total(ranks, scene), "config": config.complete(),

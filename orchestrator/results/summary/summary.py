@@ -20,7 +20,8 @@ NAME = "summary.json"
 KEYS = ["name", "converged", "stop_reason", "advice", "iterations", "sweeps", "newton_steps", "coarse_ends", "indicator", "error_bound",
         "true_error", "discretisation_error", "tolerance",
         "residuals", "stabilised", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
-        "status_counts", "interface_resultants", "detached", "weakly_held", "warnings", "timing", "workload", "codes",
+        "status_counts", "interface_resultants", "detached", "weakly_held", "far_bodies", "warnings", "timing", "workload",
+        "codes",
         "asking_seconds", "orchestrator_seconds", "versions", "memory_peak_mb", "skipped", "config"]
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",

@@ -11,6 +11,9 @@ from orchestrator.scene.model import Mesh
 
 # Motions that move the prescribed components by less than this share of the body's size count as free.
 HELD = 1e-8
+# Beyond these, small perturbations do not hold: a rotation in radians (1 − cos is half a per cent there), and a
+# displacement over the body's size.
+ROTATION = DISPLACEMENT = 0.1
 # Nodes closer than this share of the mesh's size are said to coincide.
 TOUCHING = 1e-6
 

@@ -1,0 +1,172 @@
+"""Bodies that move further than small displacements allow, noticed while it runs.
+
+What is squeezed out between its neighbours comes to rest, if at all, only after moving many times what is prescribed. The
+rigid motion that supports leave a body (see ``lengths``) is compared with the body itself at every iteration and load
+step. What stays too large for ``PATIENCE`` iterations, or is so at the end, is told with what touches the body there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from orchestrator.laws.status import table
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.local.state import LocalState
+from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
+
+PATIENCE = 3  # iterations: one or two are often an overshoot of the acceleration
+SHOWN = 4  # names in a sentence
+
+
+@dataclass(frozen=True)
+class FarBody:
+    """A body beyond small displacements at a load step.
+
+    Parameters
+    ----------
+    body : its name
+    load_step : from 1
+    iteration : since when
+    shift : how far its centre has moved, over the diagonal of the box around it
+    turn : how far it has turned, in radians
+    along : (3,) unit vector of the motion; of the axis where it turns more than it moves
+    sticking, sliding, apart : names of the neighbours that keep it from moving across them, that only press on it,
+        and that do not touch it
+    """
+
+    body: str
+    load_step: int
+    iteration: int
+    shift: float
+    turn: float
+    along: list[float]
+    sticking: list[str] = field(default_factory=list)
+    sliding: list[str] = field(default_factory=list)
+    apart: list[str] = field(default_factory=list)
+
+    @property
+    def turns(self) -> bool:
+        """Whether turning is what leads outside small displacements most."""
+        return self.turn / ROTATION > self.shift / DISPLACEMENT
+
+    def __str__(self) -> str:
+        along = "(" + ", ".join(f"{x:.2g}" for x in np.round(self.along, 2) + 0.0) + ")"
+        moved = (f"has turned by {self.turn:.2g} rad about {along}" if self.turns
+                 else f"has moved by {self.shift:.0%} of its size along {along}")
+        return (f"{self.body} {moved} at load step {self.load_step} (since iteration {self.iteration}), beyond small "
+                f"displacements: {self._touch}. What would hold it: {self._cure}")
+
+    @property
+    def _touch(self) -> str:
+        parts = [f"{what} {some(names)}" for what, names in (
+            ("sticks to", self.sticking), ("slides on", self.sliding), ("does not touch", self.apart)) if names]
+        return ", ".join(parts) or "it has no neighbours"
+
+    @property
+    def _cure(self) -> str:
+        face = "a displacement prescribed on one of its faces"
+        if self.sticking:
+            return f"{face}, or another neighbour that stops it from {'turning' if self.turns else 'moving'} that way"
+        if self.sliding:
+            return f"{face}, more friction on {some(self.sliding)}, or a neighbour in its way"
+        return face + (f", or a law that joins it to {some(self.apart)}" if self.apart else "")
+
+
+class FarBodies:
+    """Watches the bodies of one batch of load steps.
+
+    Parameters
+    ----------
+    lengths : whose bodies they are
+    numbers : of the load steps, from 1
+
+    Attributes
+    ----------
+    found : bodies that have been told and are still far, the farthest first
+    """
+
+    def __init__(self, d: Decomposition, lengths: LengthScale, numbers: Sequence[int]):
+        self.d, self.lengths, self.numbers = d, lengths, [int(number) for number in numbers]
+        self.since = np.zeros((lengths.count, d.steps), dtype=int)  # iteration; 0: not far
+        self.found: list[FarBody] = []
+        self.told: set[str] = set()
+
+    def __call__(self, iteration: int, rigid: np.ndarray, local: LocalState, ended: bool = False) -> list[FarBody]:
+        """Those that are to be told now, each at the load step where it is farthest, and never twice.
+
+        Parameters
+        ----------
+        rigid : (bodies, T, 6) as ``Lengths`` has it
+        ended : this is the last iteration
+        """
+        size = self.lengths.size[:, None]
+        shift, turn = np.linalg.norm(rigid[..., :3], axis=2) / (2 * size), np.linalg.norm(rigid[..., 3:], axis=2) / size
+        excess = np.maximum(shift / DISPLACEMENT, turn / ROTATION)
+        far = excess > 1  # not a number: the run ends as diverged
+        self.since = np.where(far, np.where(self.since > 0, self.since, iteration), 0)
+        lasting = far & ((iteration - self.since >= PATIENCE - 1) | ended)
+        bodies = np.flatnonzero(lasting.any(axis=1))
+        if not len(bodies):
+            self.found = []
+            return []
+        touch, names = self._touch(local), self.lengths.names
+        self.found = []
+        for b in bodies[np.argsort(-np.where(lasting, excess, 0.0)[bodies].max(axis=1), kind="stable")]:
+            t = int(np.argmax(np.where(lasting[b], excess[b], 0.0)))
+            motion = rigid[b, t, 3:] if turn[b, t] / ROTATION > shift[b, t] / DISPLACEMENT else rigid[b, t, :3]
+            around = {names[other]: max(touch[pair][t] for pair in ((b, other), (other, b)) if pair in touch)
+                      for other in dict.fromkeys(x for pair in touch if b in pair for x in pair if x != b)}
+            self.found.append(FarBody(
+                names[b], self.numbers[t], int(self.since[b, t]), float(shift[b, t]), float(turn[b, t]),
+                (motion / np.linalg.norm(motion)).tolist(),
+                *([name for name, what in around.items() if what == wanted] for wanted in (2, 1, 0))))
+        new = [body for body in self.found if body.body not in self.told]
+        self.told.update(body.body for body in new)
+        return new
+
+    @property
+    def notes(self) -> dict[str, object]:
+        """For the ``Memory`` of an iteration."""
+        return {"since": [[*place, int(self.since[*place])] for place in np.argwhere(self.since).tolist()], "told": sorted(self.told), "found": [asdict(body) for body in self.found]}
+
+    def recall(self, notes: Mapping[str, object]) -> None:
+        """Take ``notes`` back."""
+        self.since[:] = 0
+        for body, step, iteration in notes["since"]:
+            self.since[body, step] = iteration
+        self.told = set(notes["told"])
+        self.found = [FarBody(**body) for body in notes["found"]]
+
+    def _touch(self, local: LocalState) -> dict[tuple[int, int], np.ndarray]:
+        """Two bodies → (T,) int: 0 where they are apart, 1 where they only press on each other, 2 where they stick."""
+        pairs, interfaces, body = self.d.local.pairs, self.d.scene.interfaces, self.lengths.body
+        statuses = table(i.law for i in interfaces)
+        holds = np.array([2 if s.tangential else int(bool(s.normal)) for s in statuses])
+        holds = holds[np.searchsorted(statuses, local.status)]
+        most = np.zeros((len(interfaces), self.d.steps))
+        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+            if b > a:
+                most[i.index] = holds[:, a:b].max(axis=1)
+        most = np.reshape(self.d.space.team.max(*most.ravel()), most.shape).astype(int)
+        result: dict[tuple[int, int], np.ndarray] = {}
+        for i, row in zip(interfaces, most):
+            ends = tuple(int(body[e]) for e in i.subdomains)
+            if ends[0] != ends[1]:
+                result[ends] = np.maximum(result.get(ends, 0), row)
+        return result
+
+
+def some(names: Sequence[str]) -> str:
+    """The first of many names."""
+    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+
+
+def sentences(bodies: Sequence[FarBody]) -> list[str]:
+    """A sentence for each of the farthest, and one for the others."""
+    result = [str(body) for body in bodies[:SHOWN]]
+    rest = [body.body for body in bodies[SHOWN:]]
+    return result + ([f"{len(rest)} more bodies are beyond small displacements: {some(rest)}"] if rest else [])

@@ -1,0 +1,118 @@
+"""Bodies that move further than small displacements allow: told while it runs, listed in the summary, with what is missing."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from contact_case import BOTTOM, TOP, contact
+
+from orchestrator import Subscriber
+from orchestrator.method.stopping.far_bodies import PATIENCE, FarBodies
+from orchestrator.results.subscribers.progress import Progress
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+
+LOWER, UPPER = "block 0-0-0", "block 0-0-1"
+
+
+class Heard(Subscriber):
+    """What is told, and after which iteration."""
+
+    def __init__(self):
+        self.sentences, self.far = [], []
+
+    def warned(self, sentence):
+        self.sentences.append((1 + len(self.far), sentence))
+
+    def iteration(self, event):
+        self.far.append(event.far_bodies)
+
+
+def pushed(shear: float):
+    """A block that lies on another one, μ = 0.2, pressed by 100 and pushed aside in the second load step."""
+    made = contact(0.2, boundary=[BOTTOM, {"on": TOP, "traction": [[0, 0, -100.0], [shear, 0, -100.0]]}],
+                   method={"tolerance": {"error": 1e-4}, "max_iterations": 60})
+    heard = Heard()
+    return solve(made, build_scene(made), [heard]), heard
+
+
+def test_a_block_that_slides_away_is_told_while_it_runs():
+    solved, heard = pushed(shear=50.0)
+    (iteration, sentence), = heard.sentences
+    assert iteration == heard.far.index(1) + 1 < solved.iterations
+    assert sentence.startswith(f"{UPPER} has moved by ") and "at load step 2 (since" in sentence
+    assert f"slides on {LOWER}" in sentence and f"more friction on {LOWER}" in sentence
+    found, = solved.summary["far_bodies"]
+    assert found["body"] == UPPER and found["load_step"] == 2 and found["iteration"] <= iteration and found["shift"] > 0.1
+    assert found["along"][0] > 0.99
+    assert found["sliding"] == [LOWER] and not found["sticking"] and not found["apart"]
+    moved = np.abs(solved.parts[1][1]).max()
+    assert found["shift"] == pytest.approx(moved / np.linalg.norm([1, 1, 0.5]), rel=0.05)
+    assert heard.far[-1] == 1 and str(solved.iterated.far[0]) in solved.summary["warnings"]
+
+
+def test_a_block_that_friction_holds_is_not_told():
+    solved, heard = pushed(shear=10.0)
+    assert solved.converged and not heard.sentences and not solved.summary["far_bodies"] and not any(heard.far)
+
+
+# --- who is told when -------------------------------------------------------------------------------------
+
+
+def watch(bodies=3, steps=2):
+    """Bodies of half-diagonal 2 in a row, touching; all pairs stick at the second step, none touches at the first."""
+    from orchestrator.laws.contact import OPEN, STICK, Contact
+    law = Contact(0.1, np.zeros(1))
+    interfaces = [SimpleNamespace(index=i, subdomains=(i, i + 1), law=law) for i in range(bodies - 1)]
+    pairs = SimpleNamespace(interfaces=interfaces, bounds=np.arange(bodies))
+    team = SimpleNamespace(max=lambda *values: values)
+    d = SimpleNamespace(steps=steps, local=SimpleNamespace(pairs=pairs), scene=SimpleNamespace(interfaces=interfaces),
+                        space=SimpleNamespace(team=team))
+    lengths = SimpleNamespace(count=bodies, size=np.full(bodies, 2.0), names=list("abc"), body=np.arange(bodies))
+    status = np.array([[int(OPEN)] * (bodies - 1), [int(STICK)] * (bodies - 1)])
+    return FarBodies(d, lengths, [4, 7]), SimpleNamespace(status=status)
+
+
+def motion(body, step, component, size, bodies=3, steps=2):
+    rigid = np.zeros((bodies, steps, 6))
+    rigid[body, step, component] = size
+    return rigid
+
+
+def test_only_what_lasts_is_told_and_once():
+    far, local = watch()
+    moved = motion(1, 0, 2, -0.5)  # an eighth of the box's diagonal
+    told = [far(i, moved if i != 2 else 0 * moved, local) for i in range(1, PATIENCE + 6)]
+    assert [bool(new) for new in told].index(True) == PATIENCE + 1  # the second iteration began anew
+    assert sum(map(len, told)) == 1 and len(far.found) == 1
+    body = far.found[0]
+    assert (body.body, body.load_step, body.iteration, body.along, body.apart) == ("b", 4, 3, [0, 0, -1], ["a", "c"])
+    assert "a law that joins it to a, c" in str(body) and "moved by 12%" in str(body)
+    far(20, 0 * moved, local)
+    assert not far.found
+
+
+def test_the_last_iteration_tells_at_once():
+    far, local = watch()
+    turned, = far(1, motion(0, 1, 4, 0.3), local, ended=True)  # 0.15 rad about y
+    assert turned.turn == pytest.approx(0.15) and turned.turns and turned.load_step == 7 and turned.sticking == ["b"]
+    assert "turned by 0.15 rad about (0, 1, 0)" in str(turned) and "another neighbour" in str(turned)
+
+
+def test_a_run_goes_on_with_what_it_knew():
+    far, local = watch()
+    moved = motion(1, 0, 0, 0.5)
+    for i in range(1, PATIENCE):
+        assert not far(i, moved, local)
+    again, _ = watch()
+    again.recall(far.notes)
+    assert [b.iteration for b in again(PATIENCE, moved, local)] == [1]
+    third, _ = watch()
+    third.recall(again.notes)
+    assert third.found == again.found and not third(PATIENCE + 1, moved, local)
+
+
+def test_without_a_terminal_warnings_go_to_standard_error(capsys):
+    Progress().warned("b has moved")
+    Progress(quiet=True).warned("c has moved")
+    assert capsys.readouterr().err == "warning: b has moved\n"
