@@ -530,19 +530,21 @@ def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
 
     undrawn = {"output": {"figures": False}}  # each takes a second
     monkeypatch.setattr(grains, "problem", lambda *asked, of=grains.problem: {**of(*asked), **undrawn})
-    first = grains_study(tmp_path, counts=[5])
-    (row,), folder = first.rows, tmp_path / "grains-5-seed-1-0.0001"
+    first = grains_study(tmp_path, counts=[10])
+    (row,), folder = first.rows, tmp_path / "grains-10-seed-1-0.0001"
     summary = json.loads((folder / "summary.json").read_text())
     coarse = next(stage["seconds"] for stage in summary["workload"]["iterations"]["stages"] if stage["stage"] == "coarse")
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == "converged" and row["iterations"] == summary["iterations"]
     assert row["newton_steps"] == summary["newton_steps"] >= 4  # one per load step at least
-    assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 5
+    assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 10
+    assert row["spring_epsilon"] == 0.25e-4 and 0 < row["spring_force"] < 1e-3 and row["live_by_springs"] <= 1
+    assert row["unsolved"] + summary["coarse_ends"]["tolerance"] == 4 * row["iterations"]  # a solve per load step
     assert row["cpu_per_grain"] > row["code_per_grain"] > 0  # those of FreeFEM, and of more
     assert not (folder / "fields.npz").exists()
 
     # what is kept is not run again, what is asked otherwise is
     (folder / "summary.json").unlink()
-    again = grains_study(tmp_path, counts=[5, 4])
+    again = grains_study(tmp_path, counts=[10, 4])
     assert again.rows[1] == row and again.rows[0]["grains"] == 4 and not (folder / "summary.json").exists()
     assert again.targets[0].met
     assert is_drawn(tmp_path / "grains.png", saved_figures[-1])

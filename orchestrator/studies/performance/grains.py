@@ -134,7 +134,7 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     # rank 0 solves the coarse problem for all, who wait for it
     coarse = max((row["seconds"] for row in period["stages"] if row["stage"] == "coarse"), default=0.0)
     codes = blackbox_seconds(timing)
-    springs, ends = summary.get("stabilisation") or {}, summary.get("coarse_ends") or {}
+    springs, ends = summary["stabilised"] or {}, summary["coarse_ends"]  # none where stabilisation is set to 0
     return {
         **{key: summary[key] for key in ("dofs", "dofs_decomposed", "interfaces", "interface_nodes", "stop_reason",
                                          "iterations", "newton_steps")},
@@ -142,7 +142,7 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         "coarse_per_grain": coarse / count, "code_seconds": codes, "code_per_grain": codes / count,
         "per_grain": seconds / count, "iterating": period["seconds"], "seconds": seconds,
         **{stage: timing[stage] for stage in STAGES if stage in timing}, "GB": summary["memory_peak_mb"] / 1000,
-        "unsolved": sum(ends.values()) - ends.get("tolerance", 0) if ends else None,
+        "unsolved": sum(ends.values()) - ends.get("tolerance", 0),
         **{f"spring_{key}": springs.get(key) for key in ("epsilon", "force", "work")},
         "live_by_springs": len({name for step in springs.get("bodies", ()) for name in step}),
         "detached": len({name for step in summary["detached"] for name in step}),
