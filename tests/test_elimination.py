@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orchestrator.method.coarse import elimination
-from orchestrator.method.coarse.block_pattern import BlockPattern
+from orchestrator.method.coarse.block_pattern import ACCURACY, BlockPattern
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.compiled import compiled
 
@@ -41,13 +41,31 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
         rows = np.r_[SIZE * a: SIZE * (a + 1), SIZE * b: SIZE * (b + 1)]
         expected[np.ix_(rows, rows)] += block
     assert dense == pytest.approx(expected)
-    factors = pattern.factors(values, 0.25)
+    elimination_of = Elimination(pattern.indptr, pattern.indices, SIZE)
+    factors = elimination_of.factors(pattern.matrix(values, 0.25).data)
     fronts = len(factors.fronts)
     assert fronts == 4 if calls == np.inf else fronts > (10 if calls else 30)
     right = rng.normal(size=(bodies, SIZE))
     assert factors.solve(right).ravel() == pytest.approx(np.linalg.solve(dense, right.ravel()), rel=1e-8)
-    again = pattern.factors(values, 0.25).solve(right)
-    assert np.array_equal(again, factors.solve(right))
+    again = elimination_of.factors(pattern.matrix(values, 0.25).data)
+    assert np.array_equal(again.solve(right), factors.solve(right))
+    refined = pattern.solve(values, right, 0.25)
+    assert np.linalg.norm(dense @ refined.ravel() - right.ravel()) <= ACCURACY * np.linalg.norm(right)
+    assert not np.array_equal(refined, factors.solve(right))  # single precision has served
+
+
+@pytest.mark.parametrize("soft", [0.0, 1e-12])
+def test_modes_too_soft_for_single_precision_are_solved_in_double(soft):
+    """Two bodies that hold each other, and little else holds them; softer than nothing, the pivot vanishes."""
+    pattern, block = BlockPattern(np.array([[0, 1]]), 2, SIZE), np.eye(SIZE) - 0.1
+    values = pattern.values(np.array([[[block, -block], [-block, block]]]), soft * np.tile(np.eye(SIZE), (2, 1, 1)))
+    right = np.array([[1.0, 2.0, 3.0], [2.0, -1.0, 0.5]])
+    if soft:
+        dense = pattern.matrix(values, 0.0).toarray()
+        assert pattern.solve(values, right, 0.0).ravel() == pytest.approx(np.linalg.solve(dense, right.ravel()), rel=1e-3)
+    else:
+        with pytest.raises(ZeroDivisionError):
+            pattern.solve(values, right, 0.0)
 
 
 def test_few_operations_beside_a_dense_matrix():
@@ -61,7 +79,7 @@ def test_few_operations_beside_a_dense_matrix():
 def test_a_pivot_that_vanishes_is_told():
     pattern = BlockPattern(np.array([[0, 1]]), 2, SIZE)
     with pytest.raises(ZeroDivisionError, match="pivot"):
-        pattern.factors(np.zeros((4, SIZE, SIZE)), 0.0)
+        pattern.solve(np.zeros((4, SIZE, SIZE)), np.ones((2, SIZE)), 0.0)
 
 
 WRITE_NOTHING = """

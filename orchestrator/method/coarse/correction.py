@@ -93,7 +93,7 @@ class CoarseCorrection:
         transfer, keq = pairs.transfer, pairs.points.stiffness
         L = pairs.masked(np.concatenate([0.5 * transfer.first(F) - keq(transfer.first(W)),
                                          keq(transfer.second(W)) - 0.5 * transfer.second(F)]))
-        L = np.ascontiguousarray(L.transpose(2, 1, 0))
+        L = np.ascontiguousarray(L.transpose(2, 1, 0), dtype=np.float32)  # see ``PairFields``
         ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
         at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
         self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),

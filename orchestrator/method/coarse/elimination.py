@@ -12,18 +12,22 @@ Pivots are sought within A.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.blas import dgemm
-from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.linalg.blas import dgemm, sgemm
+from scipy.linalg.lapack import dgetrf, dgetrs, sgetrf, sgetrs
 
 from orchestrator.method.coarse.kernels import add_blocks, add_matrix
 from orchestrator.method.interface.factor import dissection
 
 OWN_CALLS = 5e5  # operations that LAPACK does in the time that calls for one more front take, some 20 µs
+
+
+# Factorise, solve, multiply.
+ROUTINES = {np.dtype(np.float32): (sgetrf, sgetrs, sgemm), np.dtype(np.float64): (dgetrf, dgetrs, dgemm)}
 
 
 @dataclass
@@ -94,28 +98,29 @@ class Elimination:
 
         Parameters
         ----------
-        blocks : (n, size, size) in the order of the pattern
+        blocks : (n, size, size) in the order of the pattern, of either precision: that of the factors
 
         Raises
         ------
         ZeroDivisionError : a pivot vanishes
         """
         size, waiting, done = self.size, [[] for _ in self.fronts], []
+        getrf, getrs, gemm = ROUTINES[blocks.dtype]
         for number, front in enumerate(self.fronts):
             own, rest = front.stop - front.start, len(front.rest)
-            A, B, C, D = (np.zeros((size * a, size * b), order="F") for a in (own, rest) for b in (own, rest))
+            A, B, C, D = (np.zeros((size * a, size * b), blocks.dtype, order="F") for a in (own, rest) for b in (own, rest))
             add_blocks(blocks, front.blocks, front.row, front.column, own, A, B, C, D)
             for child, left in waiting[number]:
                 add_matrix(left, child.within, size, own, A, B, C, D)
             waiting[number] = []
-            A, pivots, failed = dgetrf(A, overwrite_a=True)
+            A, pivots, failed = getrf(A, overwrite_a=True)
             if failed > 0:
                 raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
             if rest:
-                B, _ = dgetrs(A, pivots, B, overwrite_b=True)
-                waiting[front.parent].append((front, dgemm(-1.0, C, B, beta=1.0, c=D, overwrite_c=True)))
+                B, _ = getrs(A, pivots, B, overwrite_b=True)
+                waiting[front.parent].append((front, gemm(-1.0, C, B, beta=1.0, c=D, overwrite_c=True)))
             done.append((A, pivots, C, B))
-        return Factors(self, done)
+        return Factors(self, done, getrs)
 
 
 @dataclass
@@ -126,17 +131,19 @@ class Factors:
     ----------
     of : order and fronts
     fronts : per front A = P L U, the pivots, C and G = A⁻¹B
+    getrs : LAPACK's, of their precision
     """
 
     of: Elimination
     fronts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
+    getrs: Callable
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(bodies, size) solution for a right-hand side of that shape."""
-        of, x = self.of, right[self.of.order]
+        of, x = self.of, right[self.of.order].astype(self.fronts[0][0].dtype)
         for front, (A, pivots, C, _) in zip(of.fronts, self.fronts):
             own = x[front.start:front.stop].reshape(-1)
-            own[:] = dgetrs(A, pivots, own)[0]
+            own[:] = self.getrs(A, pivots, own)[0]
             if len(front.rest):
                 x[front.rest] -= (C @ own).reshape(-1, of.size)
         for front, (_, _, _, G) in zip(reversed(of.fronts), reversed(self.fronts)):

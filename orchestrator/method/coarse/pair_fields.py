@@ -30,7 +30,8 @@ class PairFields:
     pairs : Q of the node pairs, of I interfaces
     phi : (P, m) monomials at all P node pairs
     A : (I, 3m, 24), components outside, from the fields of the first body, then of the second, to the monomials of T
-    all_L : (P, 3, 24) what the predicted force F changes with the fields, at all node pairs
+    all_L : (P, 3, 24) what the predicted force F changes with the fields, at all node pairs. In single precision: reading it
+        is what a sum over pairs costs, and a correction whose forces are off by a ten-millionth corrects as well
     bodies : (I, 2) int
     chosen : (Q,) int, ascending, which ``pairs`` are; default: all
     """

@@ -120,7 +120,7 @@ class CoarseProblem:
         """(bodies, 12) Newton step; a body that nothing touches has no stiffness to stop it: none moves further than
         the radius."""
         pattern = self.bodies.pattern
-        dy = self.team.share(-pattern.factors(matrix, shift).solve(rho) if pattern else None)
+        dy = self.team.share(-pattern.solve(matrix, rho, shift) if pattern else None)
         move = self.farthest * np.linalg.norm(dy[self.own], axis=1)
         for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
