@@ -551,7 +551,7 @@ def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
     assert not missing_points(saved_figures[-1], [(r["grains"], r["iterations"]) for r in again.rows])
     # a run that fails is a row with its reason
     failed = grains_study(tmp_path, counts=[4], method={"acceleration": "andersen"})
-    assert "did you mean 'anderson'" in failed.rows[0]["stop_reason"]
+    assert failed.rows[0]["stop_reason"] == "failed" and "did you mean 'anderson'" in failed.rows[0]["message"]
     assert [target.met for target in failed.targets] == [False]
 
 
@@ -570,7 +570,7 @@ def test_targets_of_grains(tmp_path):
     assert judged(small, large) == [True] * 6
     assert judged(small, {**large, "iterations": 34}) == [True, True, False, True, True, True]
     assert judged(small, {**large, "stop_reason": "max_iterations"}) == [False, False, False, True, True, False]
-    assert judged(small, {"grains": 1000, "stop_reason": "failed: no mesh"}) == [False, False, False, True, False]
+    assert judged(small, {"grains": 1000, "stop_reason": "failed", "message": "no mesh"}) == [False, False, False, True, False]
     assert judged({**small, "coarse_share": 0.3}, {**large, "coarse_share": 0.41}) == [True, True, True, False, False, True]
     for wrong in ({"seconds": 601.0}, {"GB": 17.0}, {"dofs_decomposed": 400_000}):
         assert judged(small, {**large, **wrong})[-1] is False

@@ -103,7 +103,7 @@ def _measured(study: Study, config: dict[str, Any], tolerance: float, ranks: int
         with study.console.status(name):
             summary, seconds = whole_command(study, name, config, ranks)
     except BlackBoxError as error:  # of whatever kind: the command has ended
-        return {"stop_reason": f"failed: {' '.join(str(error).split())}"}
+        return {"stop_reason": "failed", "message": " ".join(str(error).split())}
     row = {**columns(summary, seconds), "cpu_per_grain": (_cpu_of_children() - begin) / summary["subdomains"],
            "others": round(others, 1)}
     study.folder.write(kept.name, json.dumps({"asked": asked, "row": row}, indent=1))
@@ -153,7 +153,7 @@ def _told(row: Mapping[str, Any]) -> str:
     """A row as a line."""
     what = f"{row['grains']} grains, seed {row['seed']}, {row['tolerance']:g}: "
     if "iterations" not in row:
-        return what + row["stop_reason"]
+        return f"{what}{row['stop_reason']}, {row['message']}"
     return (f"{what}{row['iterations']} iterations, {row['stop_reason']}, {row['newton_steps']} Newton steps, coarse problem "
             f"{100 * row['coarse_share']:.0f} %, {row['seconds']:.1f} s, {row['GB']:.1f} GB")
 
