@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from contact_case import BOTTOM, CASES, TOP, contact, converged
 from method_case import box_of, prepared
+from test_contact_verification import slider
 
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.pairs import PairTraces
@@ -140,3 +141,17 @@ def test_what_springs_carried_is_told_and_below_the_tolerance():
     assert next(iter(lost)) in rows["stabilised"] + rows["not held"] and "where stabilisation leaves it" in rows["not held"]
     assert sum(found["coarse_ends"].values()) == found["iterations"] * found["load_steps"]
     assert "stabilisation" not in solve(with_stabilisation(0)).summary["residuals"]
+
+
+def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
+    """A block pulled by 1.2 times what friction holds: springs carry the fifth that is left over."""
+    found = solve(slider(1.2 * 0.2 * 100.0, method=method())).summary
+    assert found["stop_reason"] == "held by stabilisation alone" and found["iterations"] < 100
+    assert any("block 0-0-1: more acts there" in sentence for sentence in found["advice"])
+    top = np.array(found["reactions"])[0].sum(axis=0)  # of the lower block's support
+    assert top[0] == pytest.approx(-1.2 * 20.0 * 16, rel=1e-3)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_friction_of_one(case):
+    assert converged(contact(1.0, method=method(), **CASES[case])).iterated.iterations < 150

@@ -123,7 +123,9 @@ class Batch:
                                **_of_coarse(d))
             if self.true_error is not None:
                 event = replace(event, true_error=self.true_error(best, verdict.bound))
-            reason = self.ending.reason(self.iteration, verdict.met, event.residual, moved)
+            reason = self.ending.reason(
+                self.iteration, verdict.met, event.residual, moved,
+                verdict.laws is not None and verdict.laws.held_by_springs(criterion.value))
             if self.far is not None:
                 strayed = self.far(self.iteration, verdict.lengths.rigid, local, reason is not None)
                 event = replace(event, far_bodies=len(self.far.found))

@@ -84,14 +84,13 @@ class CoarseProblem:
 
     def _continued(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, 12), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
-        run = Continuation(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius))
-        start, end = run.size, ""
+        run, end = Continuation(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius), self._farthest), ""
         for _ in range(MOST_STEPS):
-            if end or run.size <= REDUCTION * start:
+            if end or run.solved(REDUCTION):
                 break
             self.newton_steps += 1
             end = run.step()
-        return run.y, run.size, start, "tolerance" if run.size <= REDUCTION * start else end or "steps"
+        return run.y, run.size, run.start, "tolerance" if run.solved(REDUCTION) else end or "steps"
 
     def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """The same where nothing is stabilised."""
@@ -125,6 +124,10 @@ class CoarseProblem:
         for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
         return dy * (radius / np.maximum(self._of_all(move), radius))[:, None]
+
+    def _farthest(self, y: np.ndarray) -> float:
+        """How far any body moves in the fields (bodies, 12) at most, by Cauchy and Schwarz."""
+        return self.team.max((self.farthest * np.linalg.norm(y[self.own], axis=1)).max(initial=0.0))[0]
 
     def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
         """What is remembered from one iteration to the next: the reach of the pairs."""

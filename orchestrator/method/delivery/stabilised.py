@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.laws.points import dot
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
+from orchestrator.scene.conditions.loose import loose_bodies
 
 LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
 
@@ -26,13 +27,15 @@ class Stabilised:
     epsilon : largest ε of a pair
     force : largest traction of the springs over the largest that contacts carry
     work : of the springs, all load steps together, over the largest strain energy
-    bodies : (T,) names of those that live by them, per load step
+    bodies : (T,) names of loose ones that live by them, per load step
+    most : name of the loose one whose forces they carry the largest share of
     """
 
     epsilon: float
     force: float
     work: float
     bodies: list[list[str]]
+    most: str
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
@@ -52,11 +55,14 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
             np.add.at(result, (slice(None), side), np.where(pairs.mine, magnitudes, 0.0))
     work, sums = team.sum(float((np.abs(dot(springs, moved)) * pairs.mine).sum()), sums)
     held, pressed = sums
-    live = held > LIVES * (held + pressed)
+    loose = loose_bodies(d.scene)
+    total = held + pressed
+    share = np.where(loose | ~loose.any(), held / np.where(total > 0, total, 1.0), 0.0)
     names = [s.body for s in d.scene.subdomains]
     energy = 0.5 * iterated.bound.energy.max(initial=0.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
-                      [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in live])
+                      [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
+                      names[int(share.max(axis=0).argmax())])
 
 
 def _ratio(part: float, whole: float) -> float:

@@ -3,6 +3,7 @@
 - ``converged``: the stopping criterion holds
 - ``diverged``: the residual is not finite, or displacements have grown beyond all that a convergent run shows
 - ``stagnated at rounding``: the residual is down at rounding level and has not halved for ``STALL`` stages
+- ``held by stabilisation alone``: all has settled, but springs carry more than the tolerance: the laws have no balance
 - ``max_iterations``: as many as were allowed
 """
 
@@ -29,7 +30,7 @@ class Ending:
         self.reach = 0.0  # largest interface displacement of the first stage that moved
         self.residuals: list[float] = []
 
-    def reason(self, iteration: int, met: bool, residual: float, moved: float) -> str | None:
+    def reason(self, iteration: int, met: bool, residual: float, moved: float, springs: bool = False) -> str | None:
         """Why this iteration is the last one; None where another follows.
 
         Parameters
@@ -37,6 +38,7 @@ class Ending:
         met : whether the stopping criterion holds
         residual : ‖F(s) − s‖ relative
         moved : largest interface displacement
+        springs : whether stabilisation keeps a balance that the laws do not have
         """
         self.reach = self.reach or moved
         self.residuals.append(residual)
@@ -44,6 +46,8 @@ class Ending:
             return "converged"
         if not math.isfinite(residual) or moved > RUNAWAY * self.reach > 0:
             return "diverged"
+        if springs:
+            return "held by stabilisation alone"
         if self._stalled():
             return "stagnated at rounding"
         return None if iteration < self.last else "max_iterations"

@@ -27,6 +27,7 @@ from orchestrator.parallel.team import ALONE, Team
 
 
 STABILISATION = "stabilisation"
+SETTLED = 1e-2  # residual over what springs carry, from which more iterations do not change what they do
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,11 @@ class LawResiduals:
     def largest(self) -> float:
         """What the tolerance is compared with; nan if any is."""
         return float(np.max([self.residual, self.imbalance, *self.measures.values()]))
+
+    def held_by_springs(self, tolerance: float) -> bool:
+        """Whether all has settled but for springs that carry more than the tolerance: without them there is no balance."""
+        springs = self.measures.get(STABILISATION, 0.0)
+        return springs > tolerance and max(self.residual, self.imbalance) <= SETTLED * springs
 
     @property
     def named(self) -> dict[str, float]:

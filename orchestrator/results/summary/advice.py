@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.config.method import Method
+from orchestrator.method.delivery.stabilised import Stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING, some
@@ -31,6 +32,7 @@ class Stopped:
     ----------
     loose : names of bodies that are detached or weakly held
     codes : names of the codes
+    stabilised : what stabilisation carried; None where there is none
     """
 
     scene: Scene
@@ -38,6 +40,7 @@ class Stopped:
     iterated: Iterated
     loose: list[str] = field(default_factory=list)
     codes: Sequence[str] = ()
+    stabilised: Stabilised | None = None
 
     @property
     def bonded(self) -> bool:
@@ -122,6 +125,19 @@ def contact(run: Stopped) -> Iterator[str]:
         yield "large load steps, whose order counts: smaller ones, or method.increment=1"
 
 
+def springs(run: Stopped) -> Iterator[str]:
+    """Stabilisation carries what should be carried by the laws."""
+    found, asked = run.stabilised, run.method.contact.stabilisation
+    if found is None:
+        return
+    names = list(dict.fromkeys(name for step in found.bodies for name in step))
+    if asked != "auto":
+        yield (f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: lower it in proportion, or "
+               "method.contact.stabilisation=auto")
+    yield (f"{some(names or [found.most])}: more acts there than contact and friction can carry (limit load, or a body that is pushed away): springs hold "
+           f"{found.force:.1e} of the largest contact force; lower the load, raise friction, or hold these bodies")
+
+
 def code(run: Stopped) -> Iterator[str]:
     """A code that answers inexactly."""
     names = [name for name in run.codes if name]
@@ -133,6 +149,7 @@ def code(run: Stopped) -> Iterator[str]:
 CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
     "max_iterations": [how_far, settings, matter, contact],
     "diverged": [settings, runaway, contact, code],
+    "held by stabilisation alone": [springs],
     "stagnated at rounding": [rounding, settings, matter, code],
     "guard": [code, settings, contact],
 }

@@ -35,7 +35,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
-        "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes])),
+        "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes],
+                                 delivered.stabilised)),
         "iterations": iterated.iterations,
         "acceleration": algorithm(config.method.acceleration, all(i.law.perfect for i in scene.interfaces)).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
