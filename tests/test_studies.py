@@ -538,6 +538,7 @@ def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
     assert row["newton_steps"] == summary["newton_steps"] >= 4  # one per load step at least
     assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 10
     assert row["spring_epsilon"] == 0.25e-4 and 0 < row["spring_force"] < 1e-3 and row["live_by_springs"] <= 1
+    assert row["far"] == 0 == len(summary["far_bodies"])  # the top moves by a thousandth
     assert row["unsolved"] + summary["coarse_ends"]["tolerance"] == 4 * row["iterations"]  # a solve per load step
     assert row["cpu_per_grain"] > row["code_per_grain"] > 0  # those of FreeFEM, and of more
     assert not (folder / "fields.npz").exists()

@@ -6,8 +6,9 @@ iterations is the distance of the interface displacements from that end. How far
 apart, and in how many statuses they differ, is reported beside. Where the continuation gets no further than the run,
 the end is not known, and neither are errors.
 
-Bodies that nothing holds at the end have no position of their own: wherever they drift, all laws hold. The
-*held error* leaves out their rigid motion, at the load steps at which they are loose; their deformation counts.
+Bodies that nothing presses on at the end have the position that stabilisation gives them, which is part of the error;
+without it they have none, and wherever they drift all laws hold. The *held error* leaves out their rigid motion, at the
+load steps at which they are loose; their deformation counts.
 """
 
 from __future__ import annotations

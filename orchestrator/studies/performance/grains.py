@@ -32,7 +32,7 @@ TOP = [[0, 0, -0.0005], [0.0005, 0, -0.001], [0.001, 0, -0.001], [0.001, 0, -0.0
 CUT = 2 * MOST  # iterations, after which a run has failed
 COLUMNS = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
            "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
-           "spring_force", "live_by_springs", "detached")
+           "spring_force", "live_by_springs", "detached", "far")
 _LARGE_FILES = ("fields/*", "fields.npz", "checkpoint/*")
 
 
@@ -128,7 +128,8 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     Returns
     -------
     among them ``unsolved``, how many solves of the coarse problem ended before their tolerance; what stabilisation
-    carried, over the largest contact force and the largest energy; bodies that live by it, and that nothing presses on
+    carried, over the largest contact force and the largest energy; bodies that live by it, that nothing presses on, and that ended
+    beyond small displacements
     """
     timing, period, count = summary["timing"], summary["workload"]["iterations"], summary["subdomains"]
     # rank 0 solves the coarse problem for all, who wait for it
@@ -145,6 +146,7 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         "unsolved": sum(ends.values()) - ends.get("tolerance", 0),
         **{f"spring_{key}": springs.get(key) for key in ("epsilon", "force", "work")},
         "live_by_springs": len({name for step in springs.get("bodies", ()) for name in step}),
+        "far": len({entry["body"] for entry in summary["far_bodies"]}),
         "detached": len({name for step in summary["detached"] for name in step}),
     }
 
