@@ -52,11 +52,16 @@ class SearchDirection:
         """(T, D) k⁻ w."""
         return times(self.k, w)
 
-    @cached_property
-    def robin(self) -> sp.csr_array:
-        """(B, B) NᵀkN, what the soles add to the stiffness of the boundary dofs."""
-        scatter = self.space.scatter
-        return sp.csr_array(scatter @ self.k @ scatter.T)
+    def robin(self, u: np.ndarray) -> np.ndarray:
+        """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the stiffness there."""
+        return self.space.loads(self.times(self.space.trace(u)))
+
+    def robin_block(self, part: slice) -> sp.csr_array:
+        """(t, t) NᵀkN on one subdomain's boundary dofs."""
+        rows = sp.csr_array(self.space.scatter[part])
+        own = np.unique(rows.indices)
+        rows = rows[:, own]
+        return sp.csr_array(rows @ self.k[own][:, own] @ rows.T)
 
     @cached_property
     def other_diagonal(self) -> np.ndarray:

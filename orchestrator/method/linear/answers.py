@@ -8,7 +8,8 @@ For boundary loads f and answers u = C f of one subdomain, C = N M⁻¹ Nᵀ = (
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,7 +38,7 @@ class GuardedTraces(Layer):
 
     def __init__(self, inner: BlackBox, direction: SearchDirection, names: list[str]):
         super().__init__(inner)
-        self.names, self.robin, self.parts = names, direction.robin, direction.space.boundary
+        self.names, self.direction, self.parts = names, direction, direction.space.boundary
         size = max((part.stop for part in self.parts), default=0)
         self.earlier = np.zeros((2, size))  # a load of each subdomain and its answer
         self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
@@ -61,8 +62,8 @@ class GuardedTraces(Layer):
             elif f.size:
                 judged[which] = e
                 if e not in self.own:
-                    self.own[e] = sp.csr_array(self.robin[part, part])
-                self._judge(f, u, Segments([slice(0, f.shape[1])]), [e], part, self.own[e])
+                    self.own[e] = self.direction.robin_block(part)
+                self._judge(f, u, Segments([slice(0, f.shape[1])]), [e], part, partial(times, self.own[e]))
         return answers
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
@@ -70,11 +71,11 @@ class GuardedTraces(Layer):
         inner = self.inner if isinstance(self.inner, Layer) else Layer(self.inner)
         answers = inner.all_traces(forces, parts)
         if len(forces):
-            self._judge(forces, answers, self.all, self.all.subdomains, slice(None), self.robin)
+            self._judge(forces, answers, self.all, self.all.subdomains, slice(None), self.direction.robin)
         return answers
 
     def _judge(self, f: np.ndarray, u: np.ndarray, of: Segments, subdomains: Sequence[int], part: slice,
-               robin: sp.csr_array) -> None:
+               robin: Callable[[np.ndarray], np.ndarray]) -> None:
         """Loads and answers (rows, columns).
 
         Parameters
@@ -82,7 +83,7 @@ class GuardedTraces(Layer):
         of : whose the columns are, one after the other
         subdomains : which these are
         part : the boundary dofs that the columns are
-        robin : NᵀkN on them
+        robin : (rows, columns) to NᵀkN of them
         """
         # per unit of the load: products of small ones would underflow, and denormal numbers have no digits to compare
         unit, size = of.largest(f), of.largest(u)
@@ -92,7 +93,7 @@ class GuardedTraces(Layer):
         inverse = of.spread(np.where(sound, 1 / np.where(sound, unit, 1.0), 0.0))
         f, u = f * inverse, u * inverse
         work, size = of.sums(f * u), of.sums(np.abs(f * u))
-        least = np.minimum(work, work - of.sums(u * times(robin, u)))
+        least = np.minimum(work, work - of.sums(u * robin(u)))
         wrong = sound & (least < -CONSISTENT * size)
         if wrong.any():
             t, e = np.argwhere(wrong)[0]

@@ -82,7 +82,7 @@ class Macro:
     @cached_property
     def sizes(self) -> sp.csr_array:
         """(D, size) magnitudes of the macro fields C."""
-        return abs(self.C)
+        return sp.csr_array((np.abs(self.C.data), self.C.indices, self.C.indptr), shape=self.C.shape)
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β, eq. 42)."""

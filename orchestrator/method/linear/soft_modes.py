@@ -86,12 +86,12 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox,
     ------
     BlackBoxError : from the code
     """
-    space, robin = direction.space, direction.robin
+    space = direction.space
     under_way, spent, done = {}, 0, {}
     for e, part in enumerate(space.boundary):
         size = part.stop - part.start
         if wanted[space.subdomains[e]] and size:
-            own = sp.csr_array(robin[part, part])
+            own = direction.robin_block(part)
             start = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
             under_way[e] = _Krylov(own, start)
     while under_way:

@@ -94,11 +94,11 @@ class ErrorBound:
         one, two = transfer.first(trace_weight[0]), transfer.second(trace_weight[0])
         self.share = self._shares(one, two)
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
-        softness = sp.diags_array(np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY)))
+        self.softness = np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY))
         first, second = transfer.at_points(stage.direction.whole)
-        self.jump_weight = sp.csr_array(softness @ ((first + second) / 2) @ softness)
+        softness = sp.diags_array(self.softness)
         self.modes = RigidModes(self.space, modes)
-        self.reposition = Repositioning(self.space, self.modes, self.jump_weight)
+        self.reposition = Repositioning(self.space, self.modes, softness @ ((first + second) / 2) @ softness)
         self.balance = Balancing(self.space, self.modes)
         self.weights: np.ndarray | None = None
 
@@ -182,7 +182,9 @@ class ErrorBound:
         f = fields.extended[1]
         imbalance = transfer.first(f) + transfer.second(f)
         w, = self.space.extended(u.take(self.space.gather, axis=1))
-        exchanged = 0.5 * times(self.jump_weight, transfer.jump(w))
+        soft = self.softness * transfer.jump(w)
+        soles = times(self.stage.direction.whole, transfer.spread(soft, soft))  # both sides' by one product
+        exchanged = 0.25 * self.softness * (transfer.first(soles) + transfer.second(soles))
         one, two = self.share
         return transfer.spread(exchanged - one * imbalance, -exchanged - two * imbalance)[:, : self.space.size]
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.segments import Segments
 from orchestrator.method.linear.stage import LinearStage
 
@@ -31,7 +30,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     rest : (T,) what b² is added to: a² and the cross term
     negligible : sum over the steps that is not worth being told from zero
     """
-    space, robin = stage.space, stage.direction.robin
+    space = stage.space
     if not space.team.max(h.any())[0]:
         return np.zeros(len(h)), 0
     of = Segments(space.boundary)
@@ -45,7 +44,7 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         else:
             beta = of.spread(_safe_ratio(rz, rz_old))
             p, q = z + beta * p, r + beta * q
-        s_p = q - times(robin, p)
+        s_p = q - stage.direction.robin(p)
         alpha = _safe_ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
         total = total + gained

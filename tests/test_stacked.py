@@ -1,0 +1,99 @@
+"""What is done for all subdomains at once is what would be done one by one."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from method_case import box_of, config, prepared
+
+from orchestrator.blackbox.layers.layer import Layer
+from orchestrator.errors import BlackBoxError
+from orchestrator.method.interface.placed import placed
+from orchestrator.method.interface.segments import Segments
+from orchestrator.scene.build import build_scene
+
+CUBES = {"mesh": {"box": {"size": [3, 2, 2], "cells": [6, 4, 4]}}, "subdomains": {"grid": [3, 2, 2]},
+         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                      {"on": {"plane": "x", "at": 3}, "traction": [[10, 0, 5], [0, 10, 1]]}]}
+METIS = {**CUBES, "subdomains": {"metis": 5}}
+
+
+@pytest.fixture(scope="module", params=[(CUBES, True), (CUBES, False), (METIS, True)],
+                ids=["congruent", "each by itself", "different"])
+def case(request):
+    """A decomposition with few kinds of subdomains, with as many as there are, and with different shapes."""
+    data, congruent = request.param
+    made = config(**data, method={"skip": {"congruent": congruent}})
+    scene = build_scene(made)
+    with box_of(made) as blackbox:
+        yield prepared(made, scene, blackbox)
+
+
+def test_answers(case):
+    space, blackbox = case.space, case.blackbox
+    forces = np.random.default_rng(0).standard_normal((3, len(space.global_dof)))
+    forces[1, space.boundary[2]] = 0.0
+    for changed in (slice(0), slice(0, 1), slice(2, 3)):  # rows remembered, one new, another one
+        forces[changed] *= 2
+        found = blackbox.all_traces(forces, space.boundary)
+        assert np.abs(found - Layer.all_traces(blackbox, forces, space.boundary)).max() <= 1e-13 * np.abs(found).max()
+
+
+def test_soles_by_products(case):
+    direction, space = case.stage.direction, case.space
+    whole = space.scatter @ direction.k @ space.scatter.T
+    u = np.random.default_rng(0).standard_normal((2, len(space.global_dof)))
+    wanted = (whole @ u.T).T
+    assert np.abs(direction.robin(u) - wanted).max() <= 1e-13 * np.abs(wanted).max()
+    for part in space.boundary:
+        block = whole[part, part]
+        assert abs(direction.robin_block(part) - block).max() <= 1e-13 * abs(block).max()
+
+
+def test_macro_problem(case):
+    """V and the macro matrix against one answer of the black box per macro unknown."""
+    macro, space = case.stage.macro, case.space
+    forces = (space.scatter @ macro.G).T.toarray()
+    V = Layer.all_traces(case.blackbox, forces, space.boundary)
+    alpha = np.random.default_rng(0).standard_normal((2, macro.size))
+    assert np.abs(macro.displacement(alpha) - alpha @ V).max() <= 1e-12 * np.abs(V).max()
+    matrix = (macro.C.T @ macro.G).toarray() - forces @ V.T
+    f = (macro.C @ np.linalg.solve(macro.C.T @ macro.C.toarray(), matrix @ alpha.T)).T
+    assert np.abs(macro.multiplier(f, f) - alpha).max() <= 1e-9
+
+
+def test_guard_finds_the_one_that_is_wrong(case, monkeypatch):
+    space, guarded = case.space, case.stage.blackbox
+    forces = np.random.default_rng(0).standard_normal((2, len(space.global_dof)))
+    guarded.all_traces(forces, space.boundary)
+    wrong = space.boundary[3]
+    sound = type(guarded.inner).all_traces
+
+    def falsified(self, forces, parts):
+        answers = sound(self, forces, parts)
+        answers[1, wrong] *= -1
+        return answers
+
+    monkeypatch.setattr(type(guarded.inner), "all_traces", falsified)
+    with pytest.raises(BlackBoxError) as caught:
+        guarded.all_traces(2 * forces, space.boundary)
+    assert caught.value.subdomain == case.own[3].name
+
+
+def test_blocks_are_placed():
+    random = np.random.default_rng(0)
+    one, two = (sp.csr_array(random.standard_normal((n, n)) * (random.random((n, n)) < 0.6)) for n in (4, 3))
+    slots = [np.array([7, 2, 9, 4]), np.array([0, 1, 3]), np.array([5, 6, 8, 10])]
+    wanted = np.zeros((12, 12))
+    for block, at in zip((one, two, one), slots):
+        wanted[np.ix_(at, at)] = block.toarray()
+    assert np.array_equal(placed([one, two, one], slots, 12).toarray(), wanted)
+    assert placed([], [], 3).nnz == 0
+
+
+def test_segments():
+    of, x = Segments([slice(0, 2), slice(2, 2), slice(2, 5)]), np.array([[1.0, -4, 2, 3, -1], [0, 1, 5, 0, 0]])
+    assert of.subdomains.tolist() == [0, 2]
+    assert of.sums(x).tolist() == [[-3, 4], [1, 5]] and of.largest(x).tolist() == [[4, 3], [1, 5]]
+    assert of.spread(np.array([[7, 8]])).tolist() == [[7, 7, 8, 8, 8]]
+    assert of.rows(x, np.array([1, 0])).tolist() == [0, 1, 2, 3, -1]
+    assert Segments([slice(0, 0)]).sums(np.zeros((2, 0))).shape == (2, 0)
