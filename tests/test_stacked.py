@@ -6,9 +6,11 @@ import scipy.sparse as sp
 from method_case import box_of, config, prepared
 
 from orchestrator.blackbox.layers.layer import Layer
+from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.placed import placed
 from orchestrator.method.interface.segments import Segments
+from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 
 CUBES = {"mesh": {"box": {"size": [3, 2, 2], "cells": [6, 4, 4]}}, "subdomains": {"grid": [3, 2, 2]},
@@ -24,7 +26,7 @@ def case(request):
     data, congruent = request.param
     made = config(**data, method={"skip": {"congruent": congruent}})
     scene = build_scene(made)
-    with box_of(made) as blackbox:
+    with with_layers(box_of(made), made.method.skip, workers=1, steps=scene.steps, savings=Savings()) as blackbox:
         yield prepared(made, scene, blackbox)
 
 
@@ -47,6 +49,13 @@ def test_soles_by_products(case):
     for part in space.boundary:
         block = whole[part, part]
         assert abs(direction.robin_block(part) - block).max() <= 1e-13 * abs(block).max()
+
+
+def test_blocks_are_kept_once_where_subdomains_are_alike(case):
+    blocks, models = case.stage.macro.blocks, case.blackbox.model_of
+    kept = sum(len(b.answers) for b in blocks)
+    assert sum(len(b.sees) for b in blocks) == len(models)
+    assert kept == len(np.unique(models)) or len(np.unique(models)) == len(models) == kept
 
 
 def test_macro_problem(case):
