@@ -90,10 +90,14 @@ class CoarseProblem:
                 break
             self.newton_steps += 1
             end = run.step()
-        return run.y, run.size, run.start, "tolerance" if run.solved(REDUCTION) else end or "steps"
+        if run.solved(REDUCTION):
+            return run.y, run.size, run.start, "tolerance"
+        # whole steps may go round in a circle of statuses, where bodies press firmly; a search along the line does not
+        other = self._newton(at, radius)
+        return other if other[1] < run.size else (run.y, run.size, run.start, end or "steps")
 
     def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
-        """The same where nothing is stabilised."""
+        """The same where nothing is stabilised, or where continuation has not arrived."""
         newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius))
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
