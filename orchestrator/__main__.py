@@ -2,7 +2,9 @@
 
 import gc
 import signal
+import sys
 
+from orchestrator.errors import INTERRUPTED
 from orchestrator.interrupts import interrupt
 
 
@@ -11,9 +13,13 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # scripts start so what they put in the background
         signal.signal(signal.SIGINT, interrupt)
     gc.set_threshold(50_000)  # modules, arrays: hardly any cycles among them; imports gain a twentieth
-    from orchestrator.cli import main as command
+    try:
+        from orchestrator.cli import main as command
 
-    command()
+        command()
+    except KeyboardInterrupt:  # before a command has begun or after it has ended; during one it says so itself
+        print("Interrupted.", file=sys.stderr)
+        sys.exit(INTERRUPTED)
 
 
 if __name__ == "__main__":

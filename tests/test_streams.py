@@ -87,3 +87,12 @@ def test_an_interrupt_while_the_program_starts_ends_it_with_130(bar, tmp_path, l
                                                            "step: 'gmsh:step_header_data.stp'"), encoding="utf-8")
     done = shell('check "$1"', bar, PYTHONPATH=path)
     assert done.returncode == 130 and "Traceback" not in done.stderr, (done.returncode, done.stdout, done.stderr)
+
+
+def test_an_interrupt_before_the_command_has_begun():
+    """After the imports, before anything waits for it."""
+    program = ("import os, signal, orchestrator.__main__, orchestrator.cli\n"
+               "orchestrator.cli.main = lambda: os.kill(os.getpid(), signal.SIGINT)\n"
+               "orchestrator.__main__.main()")
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE)
+    assert (done.returncode, done.stderr) == (130, "Interrupted.\n")
