@@ -5,6 +5,7 @@ import signal
 import sys
 
 from orchestrator.errors import INTERRUPTED
+from orchestrator.imports import put_off
 from orchestrator.interrupts import interrupt
 
 
@@ -13,6 +14,7 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # scripts start so what they put in the background
         signal.signal(signal.SIGINT, interrupt)
     gc.set_threshold(50_000)  # modules, arrays: hardly any cycles among them; imports gain a twentieth
+    put_off()
     try:
         from orchestrator.cli import main as command
 

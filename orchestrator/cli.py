@@ -35,9 +35,6 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
     """Solve a problem and write its results."""
     def action() -> int:
-        from orchestrator.imports import put_off
-
-        put_off()
         from orchestrator.parallel.join import join
 
         team = join()

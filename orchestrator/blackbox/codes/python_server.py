@@ -16,13 +16,17 @@ import time
 import warnings
 from pathlib import Path
 
-import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
+from orchestrator.imports import put_off
 
-from orchestrator.blackbox.transport import messages
-from orchestrator.blackbox.pool.diagnosis import diagnosis
-from orchestrator.blackbox.protocol import Model
+put_off()
+
+import numpy as np  # noqa: E402
+import scipy.sparse as sp  # noqa: E402
+import scipy.sparse.linalg as spla  # noqa: E402
+
+from orchestrator.blackbox.transport import messages  # noqa: E402
+from orchestrator.blackbox.pool.diagnosis import diagnosis  # noqa: E402
+from orchestrator.blackbox.protocol import Model  # noqa: E402
 
 
 def promised(solver) -> int:
