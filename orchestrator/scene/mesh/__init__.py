@@ -2,5 +2,6 @@
 
 ``sources`` knows the keys under ``mesh:`` and the module of each: ``structured``, ``files``, ``cad`` (and
 ``grains.polycrystal``). ``quality`` refuses what is no mesh, ``geometry`` gives areas and volumes, ``faces`` pairs
-faces, ``patch`` measures patches of them at their nodes, ``tets`` the shape of cells; ``quadratic`` adds mid-edge nodes.
+faces, ``patch`` measures patches of them at their nodes, ``tets`` the shape of cells; ``mending`` makes bad
+cells better where they are, on ``stars``, a mesh that may change; ``quadratic`` adds mid-edge nodes.
 """
