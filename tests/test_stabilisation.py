@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from contact_case import BOTTOM, CASES, TOP, contact, converged
+from contact_case import BOTTOM, CASES, TOP, contact, converged, written
+from in_process import IN_PROCESS
 from method_case import box_of, prepared
 from test_contact_verification import slider
 
@@ -14,6 +15,7 @@ from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.model import Mesh
 
 SLID = [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [1e-3, 0.0, None]]}, {"on": TOP, "pressure": 100.0}]
 
@@ -155,3 +157,24 @@ def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
 @pytest.mark.parametrize("case", CASES)
 def test_friction_of_one(case):
     assert converged(contact(1.0, method=method(), **CASES[case])).iterated.iterations < 150
+
+
+def test_a_loose_grain_stands_where_it_stands_whatever_the_numbering(tmp_path):
+    """Grains and nodes in another order, other workers: the position of the grain that comes loose is the same."""
+    made = contact(0.2, **CASES["ten grains"])
+    mesh, rng = build_scene(made).mesh, np.random.default_rng(1)
+    grain, node = rng.permutation(len(mesh.volumes)), rng.permutation(len(mesh.nodes))
+    nodes = np.empty_like(mesh.nodes)
+    nodes[node] = mesh.nodes
+    names = [f"grain {k:02d}" for k in range(len(grain))]
+    one, other = (solve(with_stabilisation("auto", mesh=written(tmp_path / f"{k}.msh", numbered), subdomains="groups",
+                                           blackbox={**IN_PROCESS, "workers": 1 + k}))
+                  for k, numbered in enumerate((Mesh(mesh.nodes, mesh.cells, mesh.volume, names),
+                                                Mesh(nodes, node[mesh.cells], grain[mesh.volume], names))))
+    assert any(one.summary["detached"]) and any(one.summary["stabilised"]["bodies"])
+    largest = max(np.abs(u).max() for u in one.parts)
+    for s, u in zip(one.scene.subdomains, one.parts):
+        same = other.scene.subdomains[names.index(f"grain {grain[names.index(s.name)]:02d}")]
+        place = np.searchsorted(same.nodes, node[s.nodes])
+        assert np.array_equal(same.nodes[place], node[s.nodes])
+        assert np.abs(other.parts[same.index][:, place] - u).max() <= 1e-6 * largest
