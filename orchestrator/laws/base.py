@@ -6,6 +6,7 @@ whose points are joined: these methods are static and find the parameters in ``P
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -88,6 +89,7 @@ class Law:
     as_one : the jump is given, whatever the force: the sides deform as one
     joins : a body hangs on the interface whatever the load
     has_history : the answer depends on earlier load steps, so that none may be left out
+    rigidity : stiffness per area of the softest springs by which it acts; infinite where sides touch without any
     homogeneous : λ times the load has λ times the solution, λ ≥ 0
     statuses : what its pairs can do
     measures : of its residuals
@@ -131,6 +133,7 @@ class Law:
     perfect: ClassVar[bool] = False
     as_one: ClassVar[bool] = False
     joins: bool = False
+    rigidity: float = math.inf
     has_history: bool = True
     homogeneous: bool = False
     statuses: ClassVar[tuple[Status, ...]] = (BONDED,)

@@ -63,6 +63,10 @@ class Elastic(Law):
     def joins(self) -> bool:
         return not self.tension_only
 
+    @property
+    def rigidity(self) -> float:
+        return min(self.stiffness_n, self.stiffness_t)
+
     @classmethod
     def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Elastic:
         return cls(entry.stiffness_n, entry.stiffness_t, entry.tension_only)

@@ -229,12 +229,19 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
     stiff_t = (trace - stiff_n) / 2
     points = Points(np.ascontiguousarray(normal.T), stiff_n / 2, stiff_t / 2, np.concatenate([none[:, 0], *area]))
     if stabilisation is not None:  # on all ranks, or on none
-        stabilisation = np.repeat(stabilisation[[i.index for i in wanted]], np.diff(bounds)) if stabilisation.any() else None
+        stabilisation = _beside_laws(stabilisation, wanted, bounds, points) if stabilisation.any() else None
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
     return Pairs(wanted, bounds, transfer, _runs(wanted, bounds, points, own), mine,
                  [law for law in laws if law.measures], table(laws), stabilisation, *ties)
+
+
+def _beside_laws(stabilisation: np.ndarray, wanted: list[Interface], bounds: np.ndarray, points: Points) -> np.ndarray:
+    """(P,) ε of every pair: its spring ε keq is to be weak beside the law's own, which may be softer than keq."""
+    each, rigidity = (np.repeat(x, np.diff(bounds)) for x in (
+        stabilisation[[i.index for i in wanted]], np.array([i.law.rigidity for i in wanted])))
+    return each * np.minimum(1.0, rigidity * points.area / points.stiff_n)
 
 
 def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: list[dict]) -> list[Run]:
