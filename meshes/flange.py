@@ -6,9 +6,9 @@ The shanks have room in their holes; they end where the lower flange ends, in su
 """
 
 from math import cos, pi, sin
-from pathlib import Path
 
 import gmsh
+from bodies import made, named
 
 BORE, OUTSIDE, THICKNESS = 25.0, 50.0, 12.0  # of either flange: radii, height
 NECK, NECK_HEIGHT = 32.0, 25.0  # outer radius
@@ -35,10 +35,7 @@ def main() -> None:
         shank = (3, occ.addCylinder(x, y, -THICKNESS, 0, 0, 2 * THICKNESS, SHANK))
         head = (3, occ.addCylinder(x, y, THICKNESS, 0, 0, HEAD_HEIGHT, HEAD))
         bodies[f"bolt_{i}"], = occ.fuse([shank], [head])[0]
-    _, pieces = occ.fragment(list(bodies.values()), [])
-    occ.synchronize()
-    for name, own in zip(bodies, pieces):
-        gmsh.model.addPhysicalGroup(3, [tag for _, tag in own], name=name)
+    named(bodies)
     for i, (x, y) in enumerate(places, 1):
         ends = gmsh.model.getEntitiesInBoundingBox(x - HOLE, y - HOLE, -THICKNESS - 0.1, x + HOLE, y + HOLE, 0.1 - THICKNESS, 2)
         gmsh.model.addPhysicalGroup(2, [tag for _, tag in ends], name=f"bolt_{i}_end")
@@ -50,10 +47,7 @@ def main() -> None:
         r = HEAD + 0.5
         gmsh.model.mesh.setSize(gmsh.model.getEntitiesInBoundingBox(x - r, y - r, -50, x + r, y + r, 50, 0), FINE)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 8)
-    gmsh.model.mesh.generate(3)
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    gmsh.write(str(Path(__file__).with_suffix(".msh")))
-    gmsh.finalize()
+    made(__file__)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,8 @@
     python meshes/punch.py
 """
 
-from pathlib import Path
-
 import gmsh
+from bodies import made
 
 BLOCK, RADIUS, HEIGHT = (3.0, 2.0, 1.0), 0.5, 0.7
 FINE, COARSE = 0.12, 0.3  # element size at the face and away from it
@@ -33,10 +32,7 @@ def main() -> None:
     gmsh.model.mesh.field.setAsBackgroundMesh(size)
     for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
         gmsh.option.setNumber(f"Mesh.{option}", 0)
-    gmsh.model.mesh.generate(3)
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    gmsh.write(str(Path(__file__).with_suffix(".msh")))
-    gmsh.finalize()
+    made(__file__)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,8 @@
     python meshes/stack.py
 """
 
-from pathlib import Path
-
 import gmsh
+from bodies import made, named
 
 SHAFT, BASE, BASE_HEIGHT = 10.0, 24.0, 8.0  # radii, height
 RINGS, OUTSIDE, HEIGHT, END = 5, 20.0, 9.0, 4.0  # number, radius and height of the rings; what the shaft has above them
@@ -21,20 +20,14 @@ def main() -> None:
     for i in range(1, RINGS + 1):
         ring = (3, occ.addCylinder(0, 0, BASE_HEIGHT + (i - 1) * HEIGHT, 0, 0, HEIGHT, OUTSIDE))
         bodies[f"ring_{i}"], = occ.cut([ring], [shaft], removeTool=False)[0]
-    _, pieces = occ.fragment(list(bodies.values()), [])
-    occ.synchronize()
-    for name, own in zip(bodies, pieces):
-        gmsh.model.addPhysicalGroup(3, [tag for _, tag in own], name=name)
+    named(bodies)
     around = gmsh.model.getEntitiesInBoundingBox(*[-SHAFT - 0.1] * 2, -1, *[SHAFT + 0.1] * 2, top + END + 1, 0)
     upper = [tag for _, tag in gmsh.model.getEntities(2) if abs(occ.getCenterOfMass(2, tag)[2] - top) < 1e-6]
     gmsh.model.addPhysicalGroup(2, upper, name="top")
     gmsh.model.mesh.setSize(gmsh.model.getEntities(0), H)
     gmsh.model.mesh.setSize(around, FINE)
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 20)
-    gmsh.model.mesh.generate(3)
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    gmsh.write(str(Path(__file__).with_suffix(".msh")))
-    gmsh.finalize()
+    made(__file__)
 
 
 if __name__ == "__main__":

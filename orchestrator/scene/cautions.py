@@ -8,10 +8,10 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Scene
+from orchestrator.wording import some
 
 LOCKING = 0.45  # Poisson's ratio from which four-node tets move visibly too little
 FLAT = 1e-9  # share of a force, along an axis, that is rounding
-_SHOWN = 4
 
 
 def locking(scene: Scene) -> Iterator[str]:
@@ -54,9 +54,3 @@ RULES: list[Callable[[Scene], Iterator[str]]] = [locking, noted, unloaded]
 def scene_cautions(scene: Scene) -> list[str]:
     """What a user should know before the scene is solved."""
     return [sentence for rule in RULES for sentence in rule(scene)]
-
-
-def some(names: list[str]) -> str:
-    """The first of many names."""
-    shown = ", ".join(names[:_SHOWN])
-    return shown if len(names) <= _SHOWN else f"{shown} and {len(names) - _SHOWN} more"

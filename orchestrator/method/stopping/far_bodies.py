@@ -17,9 +17,9 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
+from orchestrator.wording import SHOWN, some
 
 PATIENCE = 3  # iterations: one or two are often an overshoot of the acceleration
-SHOWN = 4  # names in a sentence
 
 
 @dataclass(frozen=True)
@@ -158,11 +158,6 @@ class FarBodies:
             if ends[0] != ends[1]:
                 result[ends] = np.maximum(result.get(ends, 0), row)
         return result
-
-
-def some(names: Sequence[str]) -> str:
-    """The first of many names."""
-    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
 
 
 def sentences(bodies: Sequence[FarBody]) -> list[str]:

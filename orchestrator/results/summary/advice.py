@@ -15,7 +15,8 @@ from orchestrator.config.method import Method
 from orchestrator.method.delivery.stabilised import Stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.ending import ROUNDING
-from orchestrator.scene.cautions import LOCKING, some
+from orchestrator.scene.cautions import LOCKING
+from orchestrator.wording import some
 from orchestrator.scene.model import Scene
 
 PACE = 10  # iterations over which the latest pace is taken

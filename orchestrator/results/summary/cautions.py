@@ -10,7 +10,8 @@ import numpy as np
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.status import table
 from orchestrator.results.summary.passing import passing_through
-from orchestrator.scene.cautions import LOCKING, scene_cautions, some
+from orchestrator.scene.cautions import LOCKING, scene_cautions
+from orchestrator.wording import some
 from orchestrator.scene.model import Scene
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION, size_of
 

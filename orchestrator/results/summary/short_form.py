@@ -10,6 +10,7 @@ from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.codes import codes_text
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
 from orchestrator.results.summary.workload import idle_text
+from orchestrator.wording import some
 
 LARGEST = 6  # stages named
 
@@ -120,7 +121,7 @@ def hold_sentences(summary: Mapping[str, object]) -> list[str]:
     place = "where stabilisation leaves it" if jsonable(summary.get("stabilised")) else "undetermined"
     for key, what in (("detached", "pressed on by no held body"), ("weakly_held", "held, but free to move as a whole")):
         for steps, names in _alike(summary.get(key) or ()):
-            result.append(f"{_some(names)}: {what} at load step {', '.join(map(str, steps))}; "
+            result.append(f"{some(names, 6)}: {what} at load step {', '.join(map(str, steps))}; "
                           f"{'its' if len(names) == 1 else 'their'} rigid position is {place}")
     return result
 
@@ -135,7 +136,7 @@ def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
               f"{work} of the largest strain energy in work"]
     lived = {name for names in found["bodies"] for name in names}
     for steps, names in _alike(found["bodies"]):
-        result.append(f"{_some(names)}: {'lives' if len(names) == 1 else 'live'} by them at load step "
+        result.append(f"{some(names, 6)}: {'lives' if len(names) == 1 else 'live'} by them at load step "
                       f"{', '.join(map(str, steps))} (more than a tenth of the forces there)")
     return result if lived else [result[0] + "; no body lives by them"]
 
@@ -150,11 +151,6 @@ def _alike(named: Iterable[list[str]]) -> list[tuple[tuple[int, ...], list[str]]
     for name, steps in when.items():
         alike.setdefault(tuple(steps), []).append(name)
     return list(alike.items())
-
-
-def _some(names: list[str]) -> str:
-    """The first of many names."""
-    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
 
 
 def _skipped_text(summary: Mapping[str, object]) -> str:

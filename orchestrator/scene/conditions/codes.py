@@ -10,6 +10,7 @@ from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import Problems
 from orchestrator.scene.model import Mesh, Subdomain
 from orchestrator.scene.names import matching, suggestion
+from orchestrator.wording import some
 
 
 def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[CodeSettings]) -> None:
@@ -31,8 +32,7 @@ def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[Code
             chosen[hit] = i
     left = [s.name for s, code in zip(subdomains, chosen) if code < 0]
     if left:
-        problems.add(("blackbox",), f"no entry for {', '.join(left[:8])}"
-                     + (f" and {len(left) - 8} more" if len(left) > 8 else ""), "a black box for each subdomain",
+        problems.add(("blackbox",), f"no entry for {some(left, 8)}", "a black box for each subdomain",
                      "begin the list with an entry without on:, which holds for all")
     problems.raise_if_any()
     for subdomain, code in zip(subdomains, chosen.tolist()):

@@ -9,6 +9,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.model import Material, Mesh
 from orchestrator.scene.names import matching, patterns_of, suggestion
+from orchestrator.wording import some
 
 
 def assign_materials(mesh: Mesh, entries: list[Any], problems: Problems) -> tuple[list[Material], np.ndarray]:
@@ -18,8 +19,7 @@ def assign_materials(mesh: Mesh, entries: list[Any], problems: Problems) -> tupl
         chosen[volumes_named(mesh, entry.on, ("materials", i, "on"), problems)] = i
     without = [name for name, material in zip(mesh.volumes, chosen) if material < 0]
     if without:
-        problems.add(("materials",), f"no material for {', '.join(without[:8])}"
-                     + (f" and {len(without) - 8} more" if len(without) > 8 else ""),
+        problems.add(("materials",), f"no material for {some(without, 8)}",
                      "a material for each volume", 'name these volumes under on:, or begin the list with a material '
                      'without on:, which holds for all')
     return [Material(float(e.young), float(e.poisson)) for e in entries], chosen[mesh.volume]

@@ -8,6 +8,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, components, pieces
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Mesh
+from orchestrator.wording import some
 
 # Motions that move the prescribed components by less than this share of the body's size count as free.
 HELD = 1e-8
@@ -94,7 +95,7 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
             continue
         parts = [mesh.volumes[v] for v in np.unique(mesh.volume[order[ranges[i]:ranges[i + 1]]])]
         where = "" if count == 1 else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})"
-        shown = ", ".join(parts[:6]) + (f" and {len(parts) - 6} more" if len(parts) > 6 else "")
+        shown = some(parts, 6)
         cure = "prescribe more displacement components, on faces that do not lie on one line"
         if hint is not None and hint[i]:
             cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "

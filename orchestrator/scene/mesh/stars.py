@@ -114,15 +114,18 @@ class Stars:
 
 def _simplices(cells: np.ndarray, node: int) -> set[frozenset[int]]:
     """The link of a node: all sides and corners of what faces it in its tets or triangles."""
-    opposite = [[v for v in cell if v != node] for cell in cells.tolist()]
-    return {frozenset(part) for rest in opposite for k in range(1, len(rest) + 1) for part in combinations(rest, k)}
+    return _parts([[v for v in cell if v != node] for cell in cells.tolist()])
+
+
+def _parts(simplices: list[list[int]]) -> set[frozenset[int]]:
+    """Simplices, their sides and their corners."""
+    return {frozenset(part) for nodes in simplices for k in range(1, len(nodes) + 1) for part in combinations(nodes, k)}
 
 
 def _links_meet_elsewhere(at_u: np.ndarray, at_v: np.ndarray, u: int, v: int) -> bool:
     """Whether the links of two nodes have more in common than the link of their edge; or there is no such edge."""
     edge = [[w for w in cell if w not in (u, v)] for cell in at_u.tolist() if v in cell]
-    shared = {frozenset(part) for rest in edge for k in range(1, len(rest) + 1) for part in combinations(rest, k)}
-    return not edge or _simplices(at_u, u) & _simplices(at_v, v) != shared
+    return not edge or _simplices(at_u, u) & _simplices(at_v, v) != _parts(edge)
 
 
 def _surface(cells: np.ndarray, node: int) -> np.ndarray:

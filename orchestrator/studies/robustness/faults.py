@@ -14,6 +14,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +122,7 @@ def _lost(folder: Path) -> dict[str, Any]:
         return {"lost": 0, "lost_seconds": 0.0}
     history = read_history(folder)
     saved = 0
-    for path in (path for pattern in (ENDED, SEGMENTS) for path in (folder / NAME).glob(pattern)):
+    for path in chain.from_iterable(map((folder / NAME).glob, (ENDED, SEGMENTS))):
         with suppress(ValueError):  # killed before the first line was whole
             saved = max([saved, *(record.header["iteration"] for record in records(path))])
     seconds = history["seconds"][history["iteration"] > saved]
