@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
 from orchestrator.scene.elasticity import lame
+from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.mesh.geometry import tet_volumes
 
 
@@ -84,13 +85,16 @@ class Subdomain:
 class Interface:
     """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are paired.
 
+    Where the sides are meshed each on its own, ``mortar`` says how they meet: then ``nodes`` are no pairs, and whatever
+    is said here of nodes, triangles, free components and the law's parameters per node is that of side 1, the slave.
+
     Parameters
     ----------
     index, name : position in ``Scene.interfaces`` and a name for messages
     subdomains : (E1, E2), indices of the two sides
     global_nodes : (n,) int, global node ids of the patch on side 1, ascending; on side 2 they are the same
         unless the sides share no faces, see ``Scene.side_nodes``
-    nodes : two (n,) int arrays, local node indices in E1 and E2, paired
+    nodes : two (n,) int arrays, local node indices in E1 and E2, paired unless there is a ``mortar``
     triangles : (k, 3 or 6) int, indices into the patch's nodes, the corners first, oriented outward of E1
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
     free : (n, 3) bool, components that boundary conditions do not prescribe on both sides; where they do on one, the
@@ -99,6 +103,7 @@ class Interface:
     entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
     normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
         larger one between bodies that are cut further
+    mortar : points and transfer operators between sides that do not match; None where nodes are paired
     """
 
     index: int
@@ -112,11 +117,24 @@ class Interface:
     law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
     entry: int = -1
+    mortar: Mortar | None = None
 
     @property
     def corners(self) -> np.ndarray:
         """(c,) int, ascending, those of the patch's nodes that are corners of triangles."""
         return np.unique(self.triangles[:, :3])
+
+    def triangles_on(self, side: int) -> np.ndarray:
+        """(k, 3 or 6) int, the facets of side 0 (the first) or 1, indices into its nodes, looking from E1 to E2."""
+        return self.mortar.triangles if side and self.mortar else self.triangles
+
+    def cells_on(self, side: int) -> np.ndarray:
+        """(k, 2) int, global cells behind each of these facets, in E1 and in E2."""
+        return self.mortar.cells if side and self.mortar else self.cells
+
+    def free_on(self, side: int) -> np.ndarray:
+        """(n, 3) bool, components of the nodes of side 0 (the first) or 1 that are unknowns of the interface."""
+        return self.mortar.free if side and self.mortar else self.free
 
 
 @dataclass(frozen=True)
@@ -199,7 +217,12 @@ class Scene:
         return self.mesh.nodes[self.side_nodes(interface, side)]
 
     def points(self, interface: Interface) -> np.ndarray:
-        """(n, 3) where an interface is: halfway between its sides, which gives normals and areas without a favourite."""
+        """(n, 3) where an interface is: halfway between its sides, which gives normals and areas without a favourite.
+
+        Where they do not match it is on side 1.
+        """
+        if interface.mortar is not None:
+            return self.side_points(interface, 0)
         return 0.5 * (self.side_points(interface, 0) + self.side_points(interface, 1))
 
     @cached_property
