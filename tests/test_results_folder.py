@@ -189,3 +189,14 @@ def test_fingerprint_sees_the_problem_and_not_when_to_stop():
     assert fingerprint(config, nodes) == fingerprint(same, nodes)
     assert fingerprint(config, nodes) != fingerprint(config | {"mesh": {"beam": {"h": 1.0}}}, nodes)
     assert fingerprint(config, nodes) != fingerprint(config, nodes + 1)
+
+
+def test_a_history_of_another_version_says_which_columns_it_lacks_and_what_can_be_done(tmp_path):
+    path = tmp_path / "history.csv"
+    path.write_text(",".join(HISTORY_COLUMNS[:-1]) + "\n")
+
+    with pytest.raises(InputError) as caught:
+        read_history(path)
+
+    problem = the_problem(caught)
+    assert HISTORY_COLUMNS[-1] in problem.found and "version that wrote it" in problem.cure

@@ -121,7 +121,9 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         names = head.split(",")
         missing = [name for name in HISTORY_COLUMNS if name not in names]
         if missing:
-            raise ValueError(f"its first line lacks the columns {', '.join(missing)}")
+            raise InputError(Problem(DIRECTORY_KEY, f"the first line of {path} lacks the columns {', '.join(missing)}",
+                                     "a history.csv of this version",
+                                     "go on with the version that wrote it, or begin anew in another folder"))
         # What follows the last line end is empty, or half a line.
         texts = [line.split(",") for line in lines[:-1]]
         table = np.array([[float(x) for x in row] for row in texts]).reshape(-1, len(names))
