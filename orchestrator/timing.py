@@ -5,17 +5,25 @@ from __future__ import annotations
 import os
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
 class Stopwatch:
-    """Adds up wall-clock seconds and calls under names; stages do not overlap."""
+    """Adds up wall-clock seconds and calls under names; stages do not overlap.
+
+    Attributes
+    ----------
+    waited : what says how many seconds this process has waited for others so far
+    waiting : seconds of each stage in which it waited
+    """
 
     def __init__(self) -> None:
         self.start = time.perf_counter()
         self.seconds: dict[str, float] = defaultdict(float)
         self.calls: dict[str, int] = defaultdict(int)
+        self.waiting: dict[str, float] = defaultdict(float)
+        self.waited: Callable[[], float] = float
 
     @classmethod
     def since_launch(cls) -> Stopwatch:
@@ -27,10 +35,11 @@ class Stopwatch:
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        begin = time.perf_counter()
+        begin, waited = time.perf_counter(), self.waited()
         try:
             yield
         finally:
+            self.waiting[stage] += self.waited() - waited
             self.seconds[stage] += time.perf_counter() - begin
             self.calls[stage] += 1
 

@@ -38,7 +38,7 @@ class Ranks(Team):
         # a communicator of its own for failures, so that no other message is taken for one
         self._world, self._alarm = MPI.COMM_WORLD, MPI.COMM_WORLD.Dup()
         self.rank, self.size = self._world.rank, self._world.size
-        self.waited = 0.0
+        self.waited, self.messages, self.bytes = 0.0, 0, 0
         node = self._world.Split_type(MPI.COMM_TYPE_SHARED)
         self._neighbours = node.allgather((self.rank, os.getpid(), sorted(os.sched_getaffinity(0))))
         self._failed, self._over, self._heard = False, threading.Event(), None
@@ -51,6 +51,7 @@ class Ranks(Team):
     def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
         arrays = [np.asarray(part, float) for part in parts]
         mine = np.concatenate([a.ravel() for a in arrays]) if arrays else np.empty(0)
+        self._count(mine)
         if len(mine) * self.size <= _GATHERED:
             everyone = np.empty((self.size, len(mine)))
             request = self._world.Iallgather(mine, everyone)
@@ -61,6 +62,7 @@ class Ranks(Team):
         def result() -> list[np.ndarray]:
             self._wait(request)
             if len(mine) * self.size > _GATHERED:
+                self._count(everyone if self.rank == 0 else np.empty(0))
                 self._wait(self._world.Ibcast(everyone, root=0))
             total = everyone.sum(axis=0)
             ends = np.cumsum([a.size for a in arrays])
@@ -69,8 +71,9 @@ class Ranks(Team):
         return result
 
     def max(self, *values: float) -> list[float]:
-        everyone = np.empty((self.size, len(values)))
-        self._wait(self._world.Iallgather(np.array(values, float), everyone))
+        everyone, mine = np.empty((self.size, len(values))), np.array(values, float)
+        self._count(mine)
+        self._wait(self._world.Iallgather(mine, everyone))
         return everyone.max(axis=0).tolist()
 
     def exchange(self, outgoing: Mapping[int, np.ndarray],
@@ -78,6 +81,7 @@ class Ranks(Team):
         received = {rank: np.empty(shape) for rank, shape in incoming.items()}
         requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in received.items()]
         requests += [self._world.Isend(np.ascontiguousarray(array), rank, _TRACES) for rank, array in outgoing.items()]
+        self._count(*outgoing.values())
         self._open |= {id(request): (request, received) for request in requests}
         for request in requests:
             self._wait(request)
@@ -85,6 +89,7 @@ class Ranks(Team):
 
     def all_gather(self, part: Any) -> list[Any]:
         mine = np.frombuffer(pickle.dumps(part), np.uint8)
+        self._count(mine)
         lengths = np.empty(self.size, np.int64)
         self._wait(self._world.Iallgather(np.array([len(mine)], np.int64), lengths))
         everyone = np.empty(lengths.sum(), np.uint8)
@@ -92,8 +97,9 @@ class Ranks(Team):
         return self._unpacked(everyone, lengths)
 
     def gather(self, part: Any) -> list[Any] | None:
-        packed = pickle.dumps(part)
         if self.rank:
+            packed = pickle.dumps(part)
+            self._count(np.frombuffer(packed, np.uint8))
             self._wait(self._world.Isend(np.frombuffer(packed, np.uint8), 0, _GATHER))
             return None
         return [part] + [pickle.loads(self._received(rank)) for rank in range(1, self.size)]
@@ -108,6 +114,7 @@ class Ranks(Team):
 
     def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:
         mine = np.array(part, float).ravel()
+        self._count(mine)
         everyone = np.empty(sum(sizes) if self.rank == 0 else 0)
         request = self._world.Igatherv(mine, [everyone, sizes] if self.rank == 0 else None, root=0)
         self._open[id(request)] = request, mine, everyone
@@ -125,6 +132,7 @@ class Ranks(Team):
             packed = np.frombuffer(pickle.dumps(thing), np.uint8).copy()
             first[:8] = np.array([len(packed)]).view(np.uint8)
             first[8 : 8 + len(packed)] = packed[:_SHORT]
+            self._count(packed)
         self._wait(self._world.Ibcast(first, root=0))
         length = int(first[:8].view(np.int64)[0])
         if self.rank:
@@ -143,6 +151,10 @@ class Ranks(Team):
     def _unpacked(everyone: np.ndarray, lengths: np.ndarray) -> list[Any]:
         ends = np.cumsum(lengths)
         return [pickle.loads(everyone[e - n : e].tobytes()) for e, n in zip(ends, lengths)]
+
+    def _count(self, *sent: np.ndarray) -> None:
+        self.messages += len(sent)
+        self.bytes += sum(array.nbytes for array in sent)
 
     # ---- waiting, failures, the end ------------------------------------------------------------
 

@@ -23,10 +23,12 @@ class Team:
     ----------
     rank, size : which of how many
     waited : seconds spent waiting for others
+    messages, bytes : sent to others so far; of what all take part in, this rank's own part of it counts as one message
     """
 
     rank, size = 0, 1
     waited = 0.0
+    messages = bytes = 0
 
     def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
         """Begin to sum arrays (or numbers) over the ranks; calling what is returned waits for the sums."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from dataclasses import asdict
 
 from orchestrator.config import Config
 from orchestrator.method.acceleration.choice import algorithm
@@ -16,6 +15,7 @@ from orchestrator.method.stopping.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.spent import Spent, total
+from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -69,8 +69,10 @@ def problem_size(scene: Scene) -> dict[str, int]:
 
 
 def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
-    """Seconds of all stages so far; to be noted again when more has been done."""
+    """Seconds of all stages so far, and this rank's memory; to be noted again when more has been done."""
     summary["timing"] = {"total": watch.total, **watch.seconds, "blackbox": summary["timing"].get("blackbox", {})}
+    if summary.get("rank_memory_peak_mb"):
+        summary["rank_memory_peak_mb"][0] = memory_peak_mb()
     # what is left when no code is at work; the reference is neither's
     summary["orchestrator_seconds"] = watch.total - summary["asking_seconds"] - watch.seconds.get("reference", 0.0)
 

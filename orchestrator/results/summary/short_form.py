@@ -9,7 +9,7 @@ from pathlib import Path
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.codes import codes_text
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
-from orchestrator.results.summary.workload import idle_text
+from orchestrator.results.summary.workload import idle_text, ranks_text
 from orchestrator.wording import some
 
 LARGEST = 6  # stages named
@@ -74,6 +74,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("time", _time_text(summary)),
             ("codes", codes_text(summary)),
             ("workers", idle_text(summary.get("workload"))),
+            ("ranks", ranks_text(summary)),
             ("skipped", _skipped_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]

@@ -19,7 +19,7 @@ class Spent:
     Parameters
     ----------
     clock : the codes' own CPU seconds per kind of work, summed over workers
-    memory_mb : largest, of this process and of the codes'
+    memory_mb, own_memory_mb : largest, of this process and of the codes', and of this process alone
     codes : number of a code in the configuration → what it has spent
     asked : seconds for which the black box has been asked, but for the true error
     workload : who did what, per period
@@ -29,6 +29,7 @@ class Spent:
 
     clock: dict[str, float]
     memory_mb: float
+    own_memory_mb: float
     codes: dict[int, dict[str, object]]
     asked: float
     workload: Record
@@ -46,7 +47,8 @@ class Spent:
         numbers : of the black box's codes in the configuration
         for_reference : seconds that it was asked for the true error, which are no part of the solution's
         """
-        return cls(usage.clock(), usage.memory_peak_mb() + memory_peak_mb(), dict(zip(numbers, usage.codes())),
+        own = memory_peak_mb()
+        return cls(usage.clock(), usage.memory_peak_mb() + own, own, dict(zip(numbers, usage.codes())),
                    usage.asked - for_reference, workload, workers, savings)
 
 
@@ -60,6 +62,6 @@ def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
         "asking_seconds": max(rank.asked for rank in ranks), "codes": list(codes.values()),
         "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
         "workload": joined([rank.workload for rank in ranks]), "workers": sum(rank.workers for rank in ranks),
-        "memory_peak_mb": sum(rank.memory_mb for rank in ranks),
+        "memory_peak_mb": sum(rank.memory_mb for rank in ranks), "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
         "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks),
     }

@@ -22,7 +22,8 @@ KEYS = ["name", "converged", "stop_reason", "advice", "iterations", "sweeps", "n
         "residuals", "stabilised", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "reactions",
         "status_counts", "interface_resultants", "detached", "weakly_held", "far_bodies", "warnings", "timing", "workload",
         "codes",
-        "asking_seconds", "orchestrator_seconds", "versions", "memory_peak_mb", "skipped", "config"]
+        "asking_seconds", "orchestrator_seconds", "versions", "memory_peak_mb",
+        "rank_memory_peak_mb", "skipped", "config"]
 # key in ``timing`` → what it is called; in the order of a run
 STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
           "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",

@@ -12,12 +12,13 @@ from dataclasses import asdict
 
 from orchestrator.blackbox.usage import Activity, Usage
 from orchestrator.parallel.team import ALONE, Team
+from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.timing import Stopwatch
 
-STAGE_HEAD = ("stage", "rank", "calls", "seconds", "share")
+STAGE_HEAD = ("stage", "rank", "calls", "seconds", "waiting for other ranks", "share")
 WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
                "waiting", "idle", "idle share")
-RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share")
+RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share", "messages", "MB sent", "peak memory MB")
 PERIODS = {"set_up": "set-up", "iterations": "iterations"}
 _TABLES = ("stages", "workers", "ranks")
 _LEAST = 5e-3  # share from which a stage is worth a row
@@ -32,31 +33,37 @@ class Workload:
     ----------
     usage, watch : what is observed: the black box's workers, and the stages
     team : the ranks; what this one waits for others is part of its stages
+
+    Notes
+    -----
+    Peak memory is that of the rank's own process since it was started, at the end of the period.
     """
 
     def __init__(self, usage: Usage, watch: Stopwatch, team: Team = ALONE):
         self.usage, self.watch, self.team = usage, watch, team
+        watch.waited = lambda: team.waited
         self.record: Record = {}
         self._note()
 
     def end(self, period: str) -> None:
         """Record what has happened since the last call under this name."""
-        begin, seconds, calls, before = self._begin, self._seconds, self._calls, self._activity
-        waited = -self._waited
+        begin, seconds, calls, waiting, before = self._begin, self._seconds, self._calls, self._waiting, self._activity
+        earlier = self._others
         self._note()
-        waited += self._waited
+        waited, messages, sent = (now - then for now, then in zip(self._others, earlier))
         wall = self._begin - begin
         stages = [{"rank": self.team.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
-                   "seconds": spent, "share": spent / wall}
+                   "seconds": spent, "waiting": self._waiting[stage] - waiting.get(stage, 0.0), "share": spent / wall}
                   for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
         workers = [_row(self.team.rank, now.since(then)) for now, then in zip(self._activity, before)]
-        ranks = [{"rank": self.team.rank, "seconds": wall, "waiting": waited, "share": waited / wall}]
+        ranks = [{"rank": self.team.rank, "seconds": wall, "waiting": waited, "share": waited / wall, "messages": messages,
+                  "bytes": sent, "memory_peak_mb": memory_peak_mb()}]
         self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
 
     def _note(self) -> None:
         self._begin = time.perf_counter()
-        self._seconds, self._calls = dict(self.watch.seconds), dict(self.watch.calls)
-        self._activity, self._waited = self.usage.activity(), self.team.waited
+        self._seconds, self._calls, self._waiting = (dict(x) for x in (self.watch.seconds, self.watch.calls, self.watch.waiting))
+        self._activity, self._others = self.usage.activity(), (self.team.waited, self.team.messages, self.team.bytes)
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
@@ -102,11 +109,24 @@ def idle_text(record: Mapping[str, object] | None) -> str | None:
             f"messages {share['messages']:.0f} %")
 
 
+def ranks_text(summary: Mapping[str, object]) -> str | None:
+    """One line on what ranks tell each other and hold, for the console; None for a single one."""
+    period = (summary.get("workload") or {}).get("iterations")
+    ranks, count = (period or {}).get("ranks") or (), summary.get("iterations")
+    if len(ranks) < 2 or not count:
+        return None
+    waiting, messages, sent, memory = ([row[name] for row in ranks] for name in ("share", "messages", "bytes", "memory_peak_mb"))
+    whole = summary.get("rank_memory_peak_mb") or memory
+    return (f"waiting {100 * min(waiting):.0f} to {100 * max(waiting):.0f} % of the iterations; per iteration and rank at most "
+            f"{max(messages) / count:.0f} messages, {max(sent) / count / 1e6:.2f} MB; "
+            f"{min(whole):,.0f} to {max(whole):,.0f} MB at the peak, codes not counted")
+
+
 def stage_rows(period: Mapping[str, object], names: Mapping[str, str]) -> list[tuple[str, ...]]:
     """As ``STAGE_HEAD``, the longest first within a rank; shares are of the period."""
     rows = sorted(period["stages"], key=lambda row: (row["rank"], -row["seconds"]))
     return [(names.get(row["stage"], row["stage"]), str(row["rank"]), str(row["calls"]), f"{row['seconds']:.2f}",
-             f"{100 * row['share']:.1f} %") for row in rows if row["share"] >= _LEAST]
+             f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %") for row in rows if row["share"] >= _LEAST]
 
 
 def worker_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
@@ -120,5 +140,6 @@ def worker_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
 def rank_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
     """As ``RANK_HEAD``; none for a single rank."""
     ranks = period.get("ranks") or ()
-    return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %")
+    return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %",
+             f"{row['messages']:,}", f"{row['bytes'] / 1e6:.2f}", f"{row['memory_peak_mb']:,.0f}")
             for row in ranks] if len(ranks) > 1 else []
