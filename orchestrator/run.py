@@ -169,7 +169,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             if not resume:
                 begun(folder)
             with watch("mesh"):
-                scene = build_scene(config, kept_mesh(folder, config.mesh))
+                scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]))
             with Record(folder, config, scene, watch, resume=resume) as record:
                 team.share((config, scene, reference, record.start))
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,

@@ -343,21 +343,21 @@ def test_a_mesh_is_made_once(tmp_path, monkeypatch):
     folder = ResultsFolder(tmp_path)
     section = config(mesh={"polycrystal": {"grains": 3, "size": 1, "h": 0.5}}, subdomains="groups").mesh
     other = section.model_copy(update={"polycrystal": section.polycrystal.model_copy(update={"seed": 8})})
-    made, _ = make_mesh(section, kept_mesh(folder, section))
+    made, _ = make_mesh(section, kept_mesh(folder, [section]))
 
     def never():
         raise AssertionError("it is there")
 
-    known = kept_mesh(folder, section)(never)
+    known = kept_mesh(folder, [section])(never)
     assert known.volumes == made.volumes and list(known.surfaces) == list(made.surfaces)
     assert all(np.array_equal(getattr(known, name), getattr(made, name)) for name in ("nodes", "cells", "volume"))
     with pytest.raises(AssertionError):
-        kept_mesh(folder, other)(never)
+        kept_mesh(folder, [other])(never)
     content = bytearray((tmp_path / MESH).read_bytes())
     content[len(content) // 2] ^= 1
     (tmp_path / MESH).write_bytes(content)
     with pytest.raises(AssertionError):
-        kept_mesh(folder, section)(never)
+        kept_mesh(folder, [section])(never)
 
 
 def test_killed_before_the_first_iteration(tmp_path):

@@ -13,15 +13,18 @@ from typing import Any
 
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.method import RATIO_RANGE
+from orchestrator.config.parts import elements_of
 from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import DEFAULT_LAW, LAWS
 
 SMALLEST, HUGEST = 1e-30, 1e30
 
+SOURCES = ("beam", "box", "polycrystal", "file", "step")
 # Mappings of which exactly one of some keys must be given.
 ONE_OF: dict[KeyPath, tuple[str, ...]] = {
-    ("mesh",): ("beam", "box", "polycrystal", "file", "step"),
+    ("mesh",): SOURCES,
+    ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
     ("boundary", "*"): ("displacement", "traction", "pressure"),
@@ -44,11 +47,18 @@ def exactly_one(data: Any) -> Iterator[Problem]:
 
 def belongs_to(data: Any) -> Iterator[Problem]:
     """Keys that mean something only beside another one."""
-    for path, key, partner in ((("mesh",), "h", "step"), (("subdomains",), "split_above", "groups")):
-        for _, value in find(data, path):
+    meshes = (("mesh",), ("parts", "*", "mesh"))
+    for pattern, key, partner in (*((mesh, key, "step") for mesh in meshes for key in ("h", "conforming", "exclude")),
+                                  (("subdomains",), "split_above", "groups")):
+        for path, value in find(data, pattern):
             if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
                 yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only",
                               f"remove {key}, or use {partner}")
+    for mesh in meshes:
+        for path, value in find(data, mesh):
+            if isinstance(value, dict) and isinstance(value.get("h"), dict) and value.get("conforming") is not False:
+                yield Problem((*path, "h"), "an element size for each solid, where solids share their faces",
+                              "one number, or solids that share nothing", "write conforming: false beside it")
     for path, tolerance in find(data, ("method", "tolerance")):
         if isinstance(tolerance, dict) and tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
             fixed = next((f"{key}: {_show(tolerance[key])}" for key in ("error", "indicator")
@@ -167,6 +177,52 @@ def heeded(data: Any) -> Iterator[Problem]:
                       "diagonal that their pointwise answers need", "remove kplus")
 
 
+def a_mesh(data: Any) -> Iterator[Problem]:
+    """A mesh or parts, not both, and matter for all of it."""
+    if not isinstance(data, dict):
+        return
+    mesh, parts = data.get("mesh"), data.get("parts")
+    if mesh is None and parts is None:
+        yield Problem(("mesh",), "null" if "mesh" in data else "no mesh", "exactly one of beam, box, polycrystal, file and step; or parts", "add mesh")
+    elif mesh is not None and parts is not None:
+        yield Problem(("parts",), "mesh and parts together", "one of the two",
+                      "make the mesh a part: parts: [{name: base, mesh: {…}}, …]")
+    bare = [part.get("name") for _, part in find(data, ("parts", "*")) if isinstance(part, dict) and not part.get("material")]
+    if data.get("materials") is None and (parts is None or bare):
+        yield Problem(("materials",), ("null" if "materials" in data else "no materials") + (f", and no material of {bare[0]}" if bare else ""),
+                      "at least one, such as {young: 200e3, poisson: 0.3}", "add materials")
+
+
+def parts_fit(data: Any) -> Iterator[Problem]:
+    """Parts have names of their own, at most one element size, and one element."""
+    seen: dict[str, int] = {}
+    for path, part in find(data, ("parts", "*")):
+        if not isinstance(part, dict):
+            continue
+        name = part.get("name")
+        if isinstance(name, str) and seen.setdefault(name, path[1]) != path[1]:
+            yield Problem((*path, "name"), f"a second part called '{name}'", "a name for each part", "give it another name")
+        if part.get("h") is None:
+            continue
+        if get(part, "mesh", "step") is None:
+            yield Problem((*path, "h"), "h of a part whose mesh is not from step", "h beside mesh: {step: …} only",
+                          "remove h; beam and polycrystal have an h of their own")
+        elif get(part, "mesh", "h") is not None:
+            yield Problem((*path, "h"), "h of the part and h of its mesh", "one of the two", "remove one")
+    said = [(("parts", i, "element"), element) for i, element in elements_of(get(data, "parts"))]
+    code = get(data, "blackbox")
+    first = next((entry for entry in (code if isinstance(code, list) else [code]) if isinstance(entry, dict)), {})
+    if said and isinstance(element := first.get("element"), str):
+        said.insert(0, (("blackbox", "element"), element))
+    for path, element in said[1:]:
+        if element != said[0][1]:
+            yield Problem(path, f"{element} beside {said[0][1]} in {_dotted(said[0][0])}", "one element for all parts",
+                          "choose one: parts of different elements in one scene are not supported")
+    for path, axis in find(data, ("parts", "*", "move", "rotate", "axis")):
+        if isinstance(axis, list) and not any(axis):
+            yield Problem(path, _show(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
+
+
 def one_element(data: Any) -> Iterator[Problem]:
     """The same element in all entries of ``blackbox``."""
     elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
@@ -191,7 +247,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
 
 
 RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
-         heeded, one_element]
+         heeded, one_element, a_mesh, parts_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -10,6 +10,9 @@ from orchestrator.config.base import Count, Counts, Name, Part, Positive, Sizes,
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
                    "a number > 0 (a cube's side), or three of them")
+# One element size, or one for each pattern of names.
+Size = either(Annotated[dict[Name, Positive], Field(min_length=1)], Positive, lambda value: isinstance(value, dict),
+              "a number > 0, or {name: number}")
 # a tetrahedron has twelve
 Dofs = auto_or(Annotated[int, Field(ge=12)], "a number of dofs >= 12")
 
@@ -47,7 +50,14 @@ class Mesh(Part):
     polycrystal: Polycrystal | None = Field(None, description="Voronoi grains: {grains, size, h, seed, lloyd}")
     file: Name | None = Field(None, description="a mesh file with tetrahedra, relative to the YAML file")
     step: Name | None = Field(None, description="a STEP or BREP file, relative to the YAML file")
-    h: Positive | None = Field(None, description="element size for `step`; none: the mesher derives one from the shape")
+    h: Size | None = Field(None, description=(
+        "element size for `step`; none: the mesher derives one from the shape; with `conforming: false` also by solid, "
+        "{'*': 5, 'bolt*': 2}, the last match wins"))
+    conforming: bool | None = Field(None, description=(
+        "of `step`: false: each solid is meshed by itself, at its own h, and touching ones share nothing; none: true, "
+        "touching solids share their faces"))
+    exclude: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] | None = Field(None, description=(
+        "of `step`: names of solids that are left out, shell wildcards allowed"))
     scale: Positive = Field(1.0, description="factor on all coordinates; 1 because files are taken as they are")
 
 

@@ -11,6 +11,7 @@ from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_clas
 from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interfaces, everything_perfect
 from orchestrator.config.mesh import Material, Mesh, Subdomains
 from orchestrator.config.method import Method, Output
+from orchestrator.config.parts import OnePart, elements_of
 
 
 class Config(Part):
@@ -22,9 +23,12 @@ class Config(Part):
 
     name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
         description="letters, digits, '-', '_', '.' and spaces, a letter or digit first: it names the results folder")
-    mesh: Mesh = Field(description="exactly one of beam, box, polycrystal, file and step")
+    mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step; or parts")
+    parts: Annotated[list[OnePart], Field(min_length=1)] | None = Field(None, description=(
+        "in place of mesh: several, each part with its own: [{name: base, mesh: {step: base.stp, h: 4}}, …]"))
     subdomains: Subdomains = Field(description="one of {slices: {axis: x, count: 8}}, {grid: [2, 2, 2]}, {metis: 8}, groups")
-    materials: list[Material] = Field(min_length=1, description="at least one, such as {young: 200e3, poisson: 0.3}")
+    materials: Annotated[list[Material], Field(min_length=1)] | None = Field(
+        None, description="at least one, such as {young: 200e3, poisson: 0.3}; none where each part has its own")
     boundary: list[BoundaryCondition] = Field(description="where the body is held and loaded")
     histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
         {}, description="name: factors, one per load step; none: one load step")
@@ -46,6 +50,24 @@ class Config(Part):
         if not isinstance(output, dict) or output.get("directory") is not None:
             return data
         return {**data, "output": {**output, "directory": f"results/{data['name']}"}}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _element_of_parts(cls, data: Any) -> Any:
+        """What all parts that say so agree on holds where ``blackbox`` names no element; disagreement is told by a rule."""
+        named = {element for _, element in elements_of(data.get("parts"))} if isinstance(data, dict) else set()
+        if len(named) != 1:
+            return data
+        given, element = data.get("blackbox"), named.pop()
+        codes = [{"element": element, **code} if isinstance(code, dict) else code
+                 for code in (given if isinstance(given, list) else [{} if given is None else given])]
+        return {**data, "blackbox": codes if isinstance(given, list) else codes[0]}
+
+    @property
+    def matter(self) -> list[Material]:
+        """The materials in the order in which they are given to volumes, parts' own after the general ones."""
+        own = [Material(**part.material.model_dump(), on=[part.name]) for part in self.parts or [] if part.material]
+        return [*(self.materials or []), *own]
 
     @property
     def codes(self) -> list[CodeSettings]:

@@ -25,14 +25,14 @@ NAME = "checkpoint-mesh.npz"
 DEAR = 1.0  # seconds of meshing from which it is worth keeping
 
 
-def kept_mesh(folder: ResultsFolder, section: Any) -> Callable[[Callable[[], Mesh]], Mesh]:
+def kept_mesh(folder: ResultsFolder, sections: list[Any]) -> Callable[[Callable[[], Mesh]], Mesh]:
     """What gives the mesh that an earlier run has left in the folder, or makes it and leaves it there if that was dear.
 
     Parameters
     ----------
-    section : ``mesh`` of the configuration
+    sections : ``mesh`` of the configuration, or its ``parts``
     """
-    key = _key(section)
+    key = _key(sections)
 
     def mesh(make: Callable[[], Mesh]) -> Mesh:
         known = _read(folder, key)
@@ -53,13 +53,16 @@ def forget_mesh(folder: ResultsFolder) -> None:
     folder.remove(NAME)
 
 
-def _key(section: Any) -> str:
-    """Hash of the section, of the files that it names, and of the mesher's version."""
-    digest = hashlib.sha256(section.model_dump_json().encode())
-    for name in (section.file, section.step):
-        if name is not None:
-            with suppress(OSError):  # missing: making the mesh tells
-                digest.update(Path(name).read_bytes())
+def _key(sections: list[Any]) -> str:
+    """Hash of the sections, of the files that they name, and of the mesher's version."""
+    digest = hashlib.sha256()
+    for section in sections:
+        digest.update(section.model_dump_json().encode())
+        mesh = getattr(section, "mesh", section)
+        for name in (mesh.file, mesh.step):
+            if name is not None:
+                with suppress(OSError):  # missing: making the mesh tells
+                    digest.update(Path(name).read_bytes())
     for package in ("gmsh", "orchestrator"):
         with suppress(metadata.PackageNotFoundError):
             digest.update(metadata.version(package).encode())

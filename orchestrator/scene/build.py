@@ -15,7 +15,7 @@ from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
-from orchestrator.scene.mesh.sources import Keeper, make_mesh
+from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
@@ -50,7 +50,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     >>> [interface.subdomains for interface in scene.interfaces]
     [(0, 1), (1, 2), (2, 3)]
     """
-    mesh, faces = make_mesh(config.mesh, kept)
+    mesh, faces = make_mesh(config.mesh, kept) if config.mesh else make_parts(config.parts, kept)
     if config.codes[0].element == "P2":
         check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
                      "use a coarser mesh, or element: P1")
@@ -58,7 +58,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     problems, count = Problems(), steps(config)
     check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
                  "give fewer load steps, or a coarser mesh")
-    materials, cell_material = assign_materials(mesh, config.materials, problems)
+    materials, cell_material = assign_materials(mesh, config.matter, problems)
     vectors = [vectors_per_step(entry, config) for entry in config.boundary]
     boundary = resolve_boundary(mesh, faces, config.boundary, vectors, problems)
     unresolved = any(path[0] == "boundary" for path in (p.path for p in problems.found))

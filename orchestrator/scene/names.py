@@ -7,10 +7,16 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 
+from orchestrator.config.parts import INSIDE
+
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """The names that equal the pattern or match it as a shell wildcard, in their order."""
-    return [name for name in names if name == pattern or fnmatchcase(name, pattern)]
+    """The names that equal the pattern or match it as a shell wildcard, in their order.
+
+    The name of a part stands for all that is in it: base for base/rod.
+    """
+    inside = pattern + INSIDE + "*"
+    return [name for name in names if name == pattern or fnmatchcase(name, pattern) or fnmatchcase(name, inside)]
 
 
 def patterns_of(on: str | Iterable[str] | None) -> list[str]:

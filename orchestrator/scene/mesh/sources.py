@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from orchestrator.errors import InputError, Problem
-from orchestrator.scene.mesh.faces import Faces
+from orchestrator.errors import InputError, KeyPath, Problem, Problems
+from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.placing import joined, placed
 from orchestrator.scene.mesh.quality import checked
 from orchestrator.scene.model import Mesh
+
+if TYPE_CHECKING:
+    from orchestrator.config.parts import OnePart
 
 # key and name of the function → its module in ``orchestrator.scene``
 SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.files",
@@ -33,13 +38,54 @@ def make_mesh(mesh: Any, kept: Keeper = lambda make: make()) -> tuple[Mesh, Face
     ------
     InputError : the source is missing or bad, or what it gives is no valid mesh
     """
+    made = kept(lambda: _made(mesh))
+    scale = getattr(mesh, "scale", None)
+    if scale is not None:
+        made.nodes = made.nodes * float(scale)
+    return checked(made)
+
+
+def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make()) -> tuple[Mesh, Faces]:
+    """Makes the mesh of each part, as ``make_mesh`` does, moves it, and puts all together.
+
+    A part's one volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
+
+    Parameters
+    ----------
+    parts : of the configuration
+    kept : may know the whole from an earlier run
+
+    Raises
+    ------
+    InputError : as ``make_mesh``; all parts' problems, each with its place in the YAML
+    """
+    mesh = kept(lambda: _together(parts))
+    return mesh, faces_of(mesh.cells, len(mesh.nodes))
+
+
+def _together(parts: list[OnePart]) -> Mesh:
+    made, problems = [], Problems()
+    for i, part in enumerate(parts):
+        try:
+            mesh = make_mesh(part.source)[0]
+        except InputError as error:
+            problems.found += [replace(p, path=_in_part(i, part, p.path)) for p in error.problems]
+        else:
+            made.append(placed(mesh, part.name, part.move))
+    problems.raise_if_any()
+    return joined(made)
+
+
+def _in_part(index: int, part: OnePart, path: KeyPath) -> KeyPath:
+    """Where a problem with the mesh of a part stands."""
+    own = part.h is not None and path == ("mesh", "h")
+    return ("parts", index, *(path[1:] if own else path))
+
+
+def _made(mesh: Any) -> Mesh:
     given = [key for key in SOURCES if getattr(mesh, key, None) is not None]
     if len(given) != 1:
         raise InputError(Problem(("mesh",), f"{len(given)} mesh sources" + (f": {', '.join(given)}" if given else ""),
                                  "exactly one of " + ", ".join(SOURCES), "keep one"))
     source = getattr(import_module(f"orchestrator.scene.{SOURCES[given[0]]}"), given[0])
-    made = kept(lambda: source(mesh))
-    scale = getattr(mesh, "scale", None)
-    if scale is not None:
-        made.nodes = made.nodes * float(scale)
-    return checked(made)
+    return source(mesh)
