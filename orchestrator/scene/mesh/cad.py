@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,11 @@ from typing import Any
 import gmsh
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
 from orchestrator.scene.model import Mesh
-from orchestrator.scene.names import unique_names
+from orchestrator.scene.names import matching, suggestion, unique_names
 
 DELAUNAY = 1
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
@@ -26,7 +27,12 @@ def step(mesh: Any) -> Mesh:
 
     Without h, gmsh takes a tenth of the model's size, less where the shape asks for it.
     """
-    return load(locate(str(mesh.step)), None if mesh.h is None else float(mesh.h), str(mesh.step))
+    if getattr(mesh, "conforming", None) is False:
+        from orchestrator.scene.mesh.solids import step_apart
+
+        return step_apart(mesh)
+    return load(locate(str(mesh.step)), None if mesh.h is None else float(mesh.h), str(mesh.step),
+                getattr(mesh, "exclude", None) or [])
 
 
 def locate(name: str) -> Path:
@@ -50,7 +56,7 @@ def locate(name: str) -> Path:
     return Path(name)
 
 
-def load(path: Path, h: float | None, source: str) -> Mesh:
+def load(path: Path, h: float | None, source: str, exclude: Sequence[str] = ()) -> Mesh:
     """Imports, joins and meshes a model.
 
     Volumes carry the solids' product names (bolt_1, bolt_2, … where a name recurs); each geometric surface
@@ -59,15 +65,16 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
     Parameters
     ----------
     source : what the user calls the file, for messages
+    exclude : patterns of names of solids that are left out
 
     Raises
     ------
-    InputError : unreadable, no solids, or gmsh cannot mesh it
+    InputError : unreadable, no solids, names that match none, or gmsh cannot mesh it
     """
     complaint = ""
     for algorithm, per_circle in ATTEMPTS:
         with session():
-            names, owner = _import(path, source, h)
+            names, owner = _import(path, source, h, exclude)
             if h is not None:
                 gmsh.option.setNumber("Mesh.MeshSizeMax", h)
             gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
@@ -87,24 +94,74 @@ def load(path: Path, h: float | None, source: str) -> Mesh:
                              "solids that can be meshed", "try a smaller h, or repair the model"))
 
 
-def _import(path: Path, source: str, h: float | None) -> tuple[list[str], dict[int, int]]:
+def _import(path: Path, source: str, h: float | None, exclude: Sequence[str]) -> tuple[list[str], dict[int, int]]:
     """Names of the solids; and the tag of each piece of the joined model → the solid it comes from."""
+    solids, _ = read_model(path, source, shells=False)
+    names = unique_names([product(*s) or "solid" for s in solids])
+    if exclude:
+        kept = leave_out(source, names, exclude, names)
+        gmsh.model.occ.remove([s for i, s in enumerate(solids) if i not in kept], recursive=True)
+        gmsh.model.occ.synchronize()
+        solids, names = [solids[i] for i in kept], [names[i] for i in kept]
+    if h is not None:
+        check_h(solids, h)
+    return names, _join(solids)
+
+
+def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple[int, int]], list[list[int]]]:
+    """The solids of a model, by dimension and tag, and shells of faces that close none, each the tags of its faces.
+
+    gmsh must be switched on, and holds the model afterwards, its loose faces where ``shells`` are asked for.
+
+    Raises
+    ------
+    InputError : unreadable, no solids
+    """
     try:
-        solids = gmsh.model.occ.importShapes(str(path), highestDimOnly=True)
+        found = gmsh.model.occ.importShapes(str(path), highestDimOnly=not shells)
     except Exception as error:
         raise InputError(Problem(("mesh", "step"), f"{source}: cannot be read: {last_complaint(error)}",
                                  "a STEP or BREP file", "export the model again")) from None
-    solids = [s for s in solids if s[0] == 3]
+    gmsh.model.occ.synchronize()
+    solids = [s for s in found if s[0] == 3]
     if not solids:
         raise InputError(Problem(("mesh", "step"), f"{source}: no solids", "a model with at least one solid",
                                  "export closed solids, not surfaces"))
-    gmsh.model.occ.synchronize()
-    if h is not None:
-        _check_h(solids, h)
-    return unique_names([_product(*s) or "solid" for s in solids]), _join(solids)
+    loose = [tag for _, tag in gmsh.model.getEntities(2) if not len(gmsh.model.getAdjacencies(2, tag)[0])]
+    grown: list[tuple[set[int], list[int]]] = []
+    for tag in loose:
+        edges, faces = {int(e) for e in gmsh.model.getAdjacencies(2, tag)[1]}, [tag]
+        for shell in [shell for shell in grown if shell[0] & edges]:
+            grown.remove(shell)
+            edges, faces = edges | shell[0], [*shell[1], *faces]
+        grown.append((edges, faces))
+    return solids, [faces for _, faces in grown]
 
 
-def _check_h(solids: list[tuple[int, int]], h: float) -> None:
+def leave_out(source: str, names: list[str], exclude: Sequence[str], known: list[str]) -> list[int]:
+    """Indices of the solids that stay.
+
+    Parameters
+    ----------
+    names : of the solids; known : all that ``exclude`` may name
+
+    Raises
+    ------
+    InputError : patterns that match nothing, or all solids
+    """
+    problems = Problems()
+    for pattern in exclude:
+        if not matching(pattern, known):
+            problems.add(("mesh", "exclude"), f"no solid is called {pattern!r}", "names of solids, shell wildcards allowed",
+                         suggestion(pattern, known, "solid"))
+    kept = [i for i, name in enumerate(names) if not any(matching(pattern, [name]) for pattern in exclude)]
+    if not kept:
+        problems.add(("mesh", "exclude"), f"{source}: no solid is left", "at least one solid", "leave fewer out")
+    problems.raise_if_any()
+    return kept
+
+
+def check_h(solids: list[tuple[int, int]], h: float) -> None:
     """Refuses an h that no mesher could follow: larger than the model, or far too small for memory."""
     box = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3))
     extent = float(np.ptp(box, axis=0).max())
@@ -119,7 +176,7 @@ def _check_h(solids: list[tuple[int, int]], h: float) -> None:
     check_size(max(inside, on_faces), ("mesh", "h"), f"h = {h:g}", coarser(h))
 
 
-def _product(dimension: int, tag: int) -> str:
+def product(dimension: int, tag: int) -> str:
     """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``."""
     return gmsh.model.getEntityName(dimension, tag).split("/")[-1].split(" & ")[0].strip()
 

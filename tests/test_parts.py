@@ -1,0 +1,182 @@
+"""Several meshes in one scene: parts with meshes of their own, and CAD assemblies meshed solid by solid."""
+
+import gmsh
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+
+import orchestrator.scene.mesh.solids as solids
+from orchestrator.config import config_from
+from orchestrator.config.mesh import Mesh
+from orchestrator.config.parts import Move
+from orchestrator.errors import InputError
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.geometry import tet_volumes
+from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.mesh.placing import moved
+from orchestrator.scene.mesh.sources import make_mesh
+
+SLAB = {"box": {"size": [1, 1, 0.5], "cells": [4, 4, 2]}}
+STEEL, SOFT = {"young": 200e3, "poisson": 0.3}, {"young": 1e3, "poisson": 0.2}
+BASE, LID = {"name": "base", "mesh": SLAB}, {"name": "lid", "mesh": SLAB, "move": {"translate": [0, 0, 0.5]}}
+AS1 = "gmsh:as1-tu-203.stp"
+
+
+def data(parts=(BASE, LID), **changes) -> dict:
+    """A slab on a slab, pulled."""
+    return {"name": "parts", "parts": list(parts), "subdomains": "groups", "materials": [STEEL], "blackbox": IN_PROCESS,
+            "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "lid/zmax", "traction": [1, 0, 10]}], **changes}
+
+
+def problems(changed: dict) -> list:
+    with pytest.raises(InputError) as caught:
+        build_scene(config_from(changed))
+    return caught.value.problems
+
+
+def test_parts_that_match_are_one_body():
+    """Two slabs that touch give what a box of both gives."""
+    whole = data(mesh={"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, subdomains={"slices": {"axis": "z", "count": 2}},
+                 boundary=[{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "traction": [1, 0, 10]}])
+    del whole["parts"]
+    apart, one = (solve(config_from({**d, "method": {"tolerance": {"error": 1e-10}}})) for d in (data(), whole))
+    for a, b in zip(apart.scene.subdomains, one.scene.subdomains):
+        x, y = apart.scene.mesh.nodes[a.nodes], one.scene.mesh.nodes[b.nodes]
+        same = np.lexsort(np.round(x, 9).T), np.lexsort(np.round(y, 9).T)
+        assert np.abs(apart.parts[a.index][:, same[0]] - one.parts[b.index][:, same[1]]).max() <= 1e-8 * np.abs(one.displacement).max()
+
+
+def test_names_matter_and_places():
+    """A part's name stands for all that is in it; surfaces are part/surface; a part's own matter wins."""
+    grains = {"name": "core", "mesh": {"polycrystal": {"grains": 2, "size": 1.0, "h": 0.5}}, "material": SOFT}
+    made = config_from(data([BASE, {**grains, "move": {"translate": [0, 0, 0.5]}}], interfaces=[
+        {"law": "perfect"}, {"between": ["base", "core"], "law": "contact", "gap": "geometry"}],
+        boundary=[{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "core/*", "displacement": [0, 0, 0]}]))
+    assert config_from(made.complete()) == made
+    matter = {}
+    with pytest.raises(InputError) as caught:  # the entry names the parts well: what fails is that they do not match
+        build_scene(made)
+    assert all("matches no" not in p.found for p in caught.value.problems)
+    scene = build_scene(config_from(data([BASE, {**LID, "material": SOFT}])))
+    for name, material in zip(scene.mesh.volumes, [0, 1]):
+        cells = scene.mesh.volume == scene.mesh.volumes.index(name)
+        matter[name] = scene.materials[int(np.unique(scene.cell_material[cells])[0])].young
+    assert matter == {"base": 200e3, "lid": 1e3}
+    assert {"base/zmin", "lid/zmax"} <= set(scene.mesh.surfaces) and len(scene.mesh.surfaces) == 12
+
+
+def test_moves_are_rigid_and_right_handed():
+    points = np.random.default_rng(3).uniform(size=(20, 3))
+    at = moved(np.array([[1.0, 0, 0]]), Move.model_validate({"rotate": {"axis": "z", "degrees": 90}, "translate": [0, 0, 2]}))
+    assert at.tolist() == [[0, 1, 2]]
+    turn = {"axis": [1, 2, -1], "degrees": 77.0, "about": [1, 0, 3]}
+    there = moved(points, Move.model_validate({"rotate": [turn, {"axis": "x", "degrees": -45}], "translate": [1, 2, 3]}))
+    assert np.allclose(np.linalg.norm(there[:, None] - there, axis=2), np.linalg.norm(points[:, None] - points, axis=2))
+    back = moved(moved(points, Move.model_validate({"rotate": turn})), Move.model_validate({"rotate": {**turn, "degrees": -77.0}}))
+    assert np.allclose(back, points)
+    assert moved(points, Move.model_validate({"rotate": {"axis": "y", "degrees": 450}})) == pytest.approx(
+        np.c_[points[:, 2], points[:, 1], -points[:, 0]], abs=0)
+
+
+@pytest.mark.parametrize("change, path, words", [
+    ({"mesh": SLAB}, ("parts",), "mesh and parts together"),
+    ({"parts": [BASE, BASE]}, ("parts", 1, "name"), "a second part called 'base'"),
+    ({"parts": [{**BASE, "h": 1}]}, ("parts", 0, "h"), "not from step"),
+    ({"parts": [BASE, {**LID, "element": "P2"}], "blackbox": {"element": "P1"}}, ("parts", 1, "element"), "P2 beside P1"),
+    ({"parts": [BASE, {**LID, "name": "a/b"}]}, ("parts", 1, "name"), "a/b"),
+    ({"parts": [BASE, {**LID, "mesh": {}}]}, ("parts", 1, "mesh"), "none of beam"),
+    ({"parts": [BASE, {**LID, "mesh": {**SLAB, "exclude": ["x"]}}]}, ("parts", 1, "mesh", "exclude"), "exclude without step"),
+    ({"parts": [BASE, {**LID, "mesh": {"step": AS1, "h": {"*": 5}}}]}, ("parts", 1, "mesh", "h"), "share their faces"),
+    ({"parts": [BASE, {**LID, "move": {"rotate": {"axis": [0, 0, 0], "degrees": 1}}}]},
+     ("parts", 1, "move", "rotate", "axis"), "[0, 0, 0]"),
+    ({"materials": None, "parts": [{**BASE, "material": SOFT}, LID]}, ("materials",), "no material of lid"),
+    ({"parts": [BASE, {**LID, "mesh": {"file": "nowhere.msh"}}]}, ("parts", 1, "mesh", "file"), "no such file"),
+    ({"parts": [BASE, {**LID, "mesh": {"step": AS1}, "h": 1e9}]}, ("parts", 1, "h"), "h = 1e+09"),
+])
+def test_what_is_wrong_with_parts(change, path, words):
+    found = problems(data(**change))
+    assert any(p.path == path and words in p.found for p in found), found
+
+
+def test_an_element_said_by_parts_holds_for_the_code():
+    assert config_from(data([{**BASE, "element": "P2"}, LID], blackbox={"code": "freefem"})).codes[0].element == "P2"
+    assert config_from({k: v for k, v in data([{**BASE, "element": "P2"}, LID]).items() if k != "blackbox"}).codes[0].element == "P2"
+
+
+# --- solid by solid ---------------------------------------------------------------------------------------
+
+
+def section(**keys) -> Mesh:
+    return Mesh.model_validate({"step": AS1, "conforming": False, **keys})
+
+
+def test_solids_meshed_one_by_one(monkeypatch):
+    """Each as it would be alone, whoever meshes it; at its own size; nothing shared; the volumes those of the model."""
+    mesh, faces = make_mesh(section(h={"*": 12, "bolt*": 6, "nut_1": 4}))
+    assert len(mesh.volumes) == 18 and not mesh.remarks
+    assert (mesh.volume[faces.owner[faces.inner]] == mesh.volume[faces.neighbour[faces.inner]]).all()
+    count = dict(zip(mesh.volumes, np.bincount(mesh.volume)))
+    assert count["nut_1"] > 2 * count["nut_2"] and abs(count["nut_2"] - count["nut_3"]) < 10
+    monkeypatch.setattr(solids, "WORTH", 0)
+    other, _ = make_mesh(section(h={"*": 12, "bolt*": 6, "nut_1": 4}))
+    assert np.array_equal(mesh.nodes, other.nodes) and np.array_equal(mesh.cells, other.cells)
+    assert all(np.array_equal(t, other.surfaces[name]) for name, t in mesh.surfaces.items())
+    fewer, _ = make_mesh(section(h=12, exclude=["bolt*", "nut*"]))
+    assert fewer.volumes == ["rod", "l-bracket_1", "plate", "l-bracket_2"]
+    plate = tet_volumes(fewer.nodes, fewer.cells)[fewer.volume == 2].sum()
+    assert plate == pytest.approx(tet_volumes(mesh.nodes, mesh.cells)[mesh.volume == mesh.volumes.index("plate")].sum(), rel=1e-9)
+    surface = np.concatenate([t for name, t in fewer.surfaces.items() if name.startswith("plate:")])
+    outer = faces_of_volume(fewer, 2)
+    assert len(surface) == outer
+
+
+def faces_of_volume(mesh, volume: int) -> int:
+    """Number of outer faces."""
+    from orchestrator.scene.mesh.faces import faces_of
+
+    return len(faces_of(mesh.cells[mesh.volume == volume], len(mesh.nodes)).outer)
+
+
+@pytest.fixture(scope="module")
+def dirty(tmp_path_factory) -> str:
+    """A box that lacks a face, a whole one, a tiny one, and a face of nothing."""
+    path = str(tmp_path_factory.mktemp("cad") / "dirty.brep")
+    with session():
+        occ = gmsh.model.occ
+        box = occ.addBox(0, 0, 0, 1, 1, 1)
+        occ.synchronize()
+        faces = [tag for _, tag in gmsh.model.getBoundary([(3, box)], oriented=False)]
+        occ.remove([(3, box)])
+        occ.addVolume([occ.addSurfaceLoop(faces[:5])])
+        occ.remove([(2, faces[5])], recursive=True)
+        occ.addBox(2, 0, 0, 1, 1, 1)
+        occ.addBox(4, 0, 0, 1e-3, 1e-3, 1e-3)
+        occ.addRectangle(0, 0, 5, 1, 1)
+        occ.synchronize()
+        gmsh.write(path)
+    return path
+
+
+def test_dirty_models_are_told_by_solid_and_face(dirty):
+    def told(**keys):
+        with pytest.raises(InputError) as caught:
+            make_mesh(section(step=dirty, **keys))
+        return caught.value.problems
+
+    (loose,) = told(h=0.3)
+    assert "close no solid" in loose.found and "exclude: [shell_1]" in loose.cure and "(0.5, 0.5, 5)" in loose.found
+    (wrong,) = told(h=0.3, exclude=["shell_1"])
+    assert "solid_1 cannot be meshed: its faces do not close" in wrong.found and "solid_1:1" in wrong.found
+    assert "exclude: [solid_1]" in wrong.cure
+    mesh, _ = make_mesh(section(step=dirty, h=0.3, exclude=["shell_1", "solid_1"]))
+    assert mesh.volumes == ["solid_2", "solid_3"]
+    (remark,) = mesh.remarks
+    assert remark.startswith("solid_3 is small") and "solid_3:1" in remark
+    assert told(h=0.3, exclude=["sold_1"])[0].path == ("mesh", "exclude")
+    assert told(h={"solid_1": 1}, exclude=["shell_1"])[0].found.startswith("no element size for solid_2")
+
+
+def test_solids_left_out_where_solids_share_faces():
+    mesh, _ = make_mesh(Mesh.model_validate({"step": AS1, "h": 12, "exclude": ["bolt*", "nut*", "rod"]}))
+    assert mesh.volumes == ["l-bracket_1", "plate", "l-bracket_2"]
