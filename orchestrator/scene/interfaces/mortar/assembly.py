@@ -1,0 +1,90 @@
+"""The operators of an interface, from the overlaps of its surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.scene.interfaces.mortar.duals import Weights, cleaned, multipliers
+from orchestrator.scene.interfaces.mortar.link import linked
+from orchestrator.scene.interfaces.mortar.operators import Mortar
+from orchestrator.scene.interfaces.mortar.points import COVERED, merged
+from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
+
+# A point this near its image, in units of the facets around, is where it is but for rounding: no link, no gap.
+ROUNDING = 1e-12
+# Units in the last place of the coordinates that may add up on the way.
+PLACES = 64 * np.finfo(float).eps
+TURNED = [0, 2, 1, 5, 4, 3]
+
+
+def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray) -> Mortar:
+    """Points and transfer operators.
+
+    Parameters
+    ----------
+    surfaces : slave and master
+    perfect : whether the law is; ten-node faces then keep their quadratic functions
+    free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
+    crossed : (n₁,) bool, slave nodes on which several interfaces without matching nodes meet
+    """
+    weights = weights_of(surfaces, perfect)
+    triangles = surfaces.triangles
+    wanted = free[0].all(axis=1) & ~crossed & (weights.share >= COVERED)
+    candidates = weights.area > 0
+    if candidates.any() and not (wanted & candidates).any():  # all is hardly covered, or crossed: better those than none
+        wanted = free[0].all(axis=1)
+    points, sums = merged(candidates, wanted, triangles[0][:, :3])
+    area = sums @ weights.area
+    scale = sp.diags_array(1 / area)
+    own, other, facets = (cleaned(sp.csr_array(scale @ sums @ m), np.ones(len(points)))
+                          for m in (weights.own, weights.other, weights.facets))
+    x1, x2 = surfaces.points
+    offset = own @ x1 - other @ x2
+    offset[np.linalg.norm(offset, axis=1) <= rounding(x1, triangles[0])[points]] = 0.0
+    normal = point_normals(x1, triangles[0])[points]
+    gap = -np.einsum("pi,pi->p", normal, offset)
+    turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
+    return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
+                  linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal, gap, turned,
+                  surfaces.behind[1], free[1])
+
+
+def weights_of(surfaces: Surfaces, perfect: bool) -> Weights:
+    """What the multipliers integrate to; on ten-node faces under a law that is not perfect, with the corners alone."""
+    quadratic = perfect and surfaces.triangles[0].shape[1] == 6
+    return multipliers(surfaces.segments, *(t if quadratic else t[:, :3] for t in surfaces.triangles), surfaces.area,
+                       tuple(len(x) for x in surfaces.points), dual=not quadratic)
+
+
+def rounding(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) distances that are rounding at the nodes of a surface."""
+    return np.maximum(ROUNDING * local_size(points, triangles), PLACES * np.abs(points).max())
+
+
+def point_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n, 3) unit normals, mean of the facets' weighted by their area; zero at nodes that are no corners."""
+    vectors = area_vectors(points, triangles)
+    total = np.zeros_like(points)
+    for corner in triangles[:, :3].T:
+        np.add.at(total, corner, vectors)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return total / np.where(length > 0, length, 1.0)
+
+
+def sagitta(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) how far flat facets may be from the surface that they are chords of, at their corners.
+
+    Between two corners whose normals n differ, a chord c of an arc is off by |Δn·c|/8; the largest of the edges around.
+    """
+    normal, corners = point_normals(points, triangles), triangles[:, :3]
+    result = np.zeros(len(points))
+    for a, b in TRIANGLE_EDGES:
+        i, j = corners[:, a], corners[:, b]
+        off = np.abs(np.einsum("ki,ki->k", normal[j] - normal[i], points[j] - points[i])) / 8
+        for end in (i, j):
+            np.maximum.at(result, end, off)
+    return result
