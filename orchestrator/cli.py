@@ -19,8 +19,22 @@ from orchestrator.interrupts import heard, interrupt, raise_waiting
 from orchestrator.registry import CODES
 from orchestrator.streams import guard_streams, lost_output
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
-                  help="Multiscale domain decomposition around an untouched finite element code.")
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from orchestrator import __version__
+
+        print(f"orchestrator {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def every_command(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
+                                                        help="print the version and end")] = False) -> None:
+    """Multiscale domain decomposition around an untouched finite element code."""
+
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
@@ -150,6 +164,18 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '
         from orchestrator.blackbox.trial.trial import try_out
 
         return try_out(code, transport, timeout)
+
+    _guarded(action)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of configurations, for editors that complete and check as one types."""
+    def action() -> int:
+        from orchestrator.config.schema import schema as write
+
+        print(write(), end="")
+        return CONVERGED
 
     _guarded(action)
 

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import (AfterValidator, BaseModel, ConfigDict, Discriminator, Field, SerializeAsAny, Tag, WrapValidator,
-                      create_model)
+from pydantic import (AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, GetJsonSchemaHandler,
+                      SerializeAsAny, Tag, WrapValidator, create_model)
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError
 
 # Marks the alternative of a union in pydantic's error locations; what follows is the sentence
@@ -77,6 +78,18 @@ class ByName:
         return create_model(self.base.__name__, __base__=loose, **{
             self.key: (Annotated[str, AfterValidator(self._refused)], Field(description=field.description))})
 
+    def __get_pydantic_json_schema__(self, _: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Any of the names' models, each with its own name; where others are taken, any keys go with them."""
+        default = self.base.model_fields[self.key].default
+        forms = []
+        for name, thing in self.registry.items():
+            named = {"properties": {self.key: {"const": name}}, **({} if name == default else {"required": [self.key]})}
+            forms.append({"allOf": [handler(self.model_of(thing).__pydantic_core_schema__), named]})
+        if self.others():
+            other = {"type": "string", "not": {"enum": list(self.registry)}}
+            forms.append({"type": "object", "properties": {self.key: other}, "required": [self.key]})
+        return {"anyOf": forms}
+
     def _refused(self, name: str) -> str:
         expected = ", ".join(filter(None, [f"one of {', '.join(self.registry)}", self.others()]))
         raise PydanticCustomError(UNKNOWN_NAME, "an unknown name", {"known": list(self.registry), "expected": expected})
@@ -126,3 +139,4 @@ Sizes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 AutoCount = auto_or(Count, "a whole number >= 1")
 Counts = Annotated[list[Count], Field(min_length=3, max_length=3)]
 Name = Annotated[str, Field(min_length=1)]
+Names = Annotated[list[Name], BeforeValidator(as_list, json_schema_input_type=list[Name] | Name), Field(min_length=1)]

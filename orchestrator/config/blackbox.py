@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from orchestrator.config.base import AutoCount, ByName, Name, Part, Positive, as_list, either
+from orchestrator.config.base import AutoCount, ByName, Name, Names, Part, Positive, either
 from orchestrator.errors import KeyPath
 from orchestrator.registry import CODES, DEFAULT_CODE
 
@@ -30,7 +30,7 @@ class CodeSettings(Part):
 
     code: Name = Field(DEFAULT_CODE, description=(
         "the finite element code, or a solver of your own; none: the one that is the fastest here"))
-    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
+    on: Names = Field(
         ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
     element: Literal["P1", "P2"] = Field("P1", description=(
         "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from orchestrator.config.base import ByName, Name, Part, PartlyFree, Vector, as_list, either, one_or_per_step
+from orchestrator.config.base import ByName, Name, Names, Part, PartlyFree, Vector, either, one_or_per_step
 from orchestrator.config.entry import Entry
 from orchestrator.registry import LAWS
 
@@ -39,7 +39,7 @@ class BoundaryCondition(Part):
 class BodyForce(Part):
     """A force per volume on the volumes it names; several add up."""
 
-    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
+    on: Names = Field(
         ["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")
     body_force: Traction = Field(description="force per volume")
     history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, GetJsonSchemaHandler, model_validator
+from pydantic.json_schema import JsonSchemaValue
 
-from orchestrator.config.base import Count, Counts, Name, Part, Positive, Sizes, as_list, auto_or, either
+from orchestrator.config.base import Count, Counts, Name, Names, Part, Positive, Sizes, auto_or, either
 
 CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
                    "a number > 0 (a cube's side), or three of them")
@@ -82,6 +83,10 @@ class Subdomains(Part):
     def _word(cls, value: Any) -> Any:
         return {"groups": True} if value == "groups" else value
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {"anyOf": [handler(core), {"const": "groups"}]}
+
 
 class Material(Part):
     """Isotropic linear elasticity on the volumes it names; the last match wins."""
@@ -90,5 +95,5 @@ class Material(Part):
     poisson: float = Field(gt=-1, lt=0.5, description=(
         "Poisson's ratio, between -1 and 0.5, both excluded: displacement elements lock at 0.5; "
         "take 0.49 at most for rubber-like matter"))
-    on: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] = Field(
+    on: Names = Field(
         ["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")
