@@ -57,7 +57,7 @@ class Mesh(Part):
     conforming: bool | None = Field(None, description=(
         "of `step`: false: each solid is meshed by itself, at its own h, and touching ones share nothing; none: true, "
         "touching solids share their faces"))
-    exclude: Annotated[list[Name], BeforeValidator(as_list), Field(min_length=1)] | None = Field(None, description=(
+    exclude: Names | None = Field(None, description=(
         "of `step`: names of solids that are left out, shell wildcards allowed"))
     scale: Positive = Field(1.0, description="factor on all coordinates; 1 because files are taken as they are")
 

@@ -27,7 +27,8 @@ class Move(Part):
     """Where a part's mesh goes: turned first, then shifted."""
 
     rotate: Annotated[list[Rotate], Field(min_length=1), BeforeValidator(
-        lambda value: [value] if isinstance(value, (dict, Rotate)) else value)] | None = Field(
+        lambda value: [value] if isinstance(value, (dict, Rotate)) else value,
+        json_schema_input_type=list[Rotate] | Rotate)] | None = Field(
         None, description="a turn {axis, degrees, about}, or several, one after another")
     translate: Vector | None = Field(None, description="a shift [x, y, z], after the turns")
 
