@@ -85,7 +85,7 @@ def _digest(key: str, arrays: dict[str, np.ndarray]) -> str:
 def _write(folder: ResultsFolder, key: str, mesh: Mesh) -> None:
     arrays = _content(mesh)
     names = {"volumes": mesh.volumes, "surfaces": list(mesh.surfaces), "source": mesh.source,
-             "remarks": mesh.remarks}
+             "remarks": mesh.remarks, "smooth": mesh.smooth}
     with suppress(InputError), folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
         np.savez(file, about=np.array([json.dumps(names), key, _digest(key, arrays)]), **arrays)
 
@@ -105,4 +105,4 @@ def _read(folder: ResultsFolder, key: str) -> Mesh | None:
     about = json.loads(str(names))
     surfaces = {name: arrays[f"surface_{i}"] for i, name in enumerate(about["surfaces"])}
     return Mesh(arrays["nodes"], arrays["cells"], arrays["volume"], about["volumes"], surfaces, about["source"],
-                about["remarks"])
+                about["remarks"], about["smooth"])

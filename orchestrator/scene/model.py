@@ -30,6 +30,7 @@ class Mesh:
     surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
     source : what it was made from, for messages
     remarks : sentences on how it differs from what was asked for
+    smooth : names of the surfaces that are each a single face of a CAD model, without a crease
     """
 
     nodes: np.ndarray
@@ -39,6 +40,7 @@ class Mesh:
     surfaces: dict[str, np.ndarray] = field(default_factory=dict)
     source: str = ""
     remarks: list[str] = field(default_factory=list)
+    smooth: list[str] = field(default_factory=list)
 
     def __repr__(self) -> str:
         return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "

@@ -46,7 +46,7 @@ def near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | N
     low, high = np.minimum(low, high), np.maximum(low, high)
     a, b = one.near(low, high), two.near(low, high)
     a, b = a[mine[a]], b[theirs[b]]
-    if not _may_face(one.normal[a], two.normal[b]):
+    if not may_face(one.normal[a], two.normal[b]):
         return None
     size = one.size[a]
     # centres of faces in front of each other are no farther apart than that
@@ -74,13 +74,13 @@ def near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | N
     return Near(len(np.unique(i)), x[level][at], float(distance[at]), len(np.unique(i[touches])), worst)
 
 
-def _may_face(one: np.ndarray, two: np.ndarray) -> bool:
-    """Whether any of the normals (n, 3) and (m, 3) may be opposite."""
+def may_face(one: np.ndarray, two: np.ndarray, opposite: float = OPPOSITE) -> bool:
+    """Whether any of the normals (n, 3) and (m, 3) may be opposite: the cosine between them below a limit."""
     if not len(one) or not len(two):
         return False
     rounded = [_DIRECTIONS[np.flatnonzero(np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
                for normal in (one, two)]
-    return bool((rounded[0] @ rounded[1].T < OPPOSITE + 2 * COARSE).any())
+    return bool((rounded[0] @ rounded[1].T < opposite + 2 * COARSE).any())
 
 
 def _in_front(points: np.ndarray, corners: np.ndarray, normal: np.ndarray) -> np.ndarray:

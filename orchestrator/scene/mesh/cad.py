@@ -212,4 +212,4 @@ def _arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
         surfaces[f"{name}:{counts[name]}"] = np.searchsorted(used, elements(TRIANGLE, [tag])[0])
     kept, volume_index = np.unique(np.array([owner[tag] for tag in pieces])[piece], return_inverse=True)
     return Mesh(points(used), inverse.reshape(-1, 4), volume_index,
-                [names[i] for i in kept], surfaces, source)
+                [names[i] for i in kept], surfaces, source, smooth=list(surfaces))

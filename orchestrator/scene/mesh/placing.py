@@ -20,7 +20,8 @@ def placed(mesh: Mesh, name: str, move: Move | None) -> Mesh:
     volumes = [name] if len(mesh.volumes) == 1 else [inside + volume for volume in mesh.volumes]
     nodes = mesh.nodes if move is None else moved(mesh.nodes, move)
     return replace(mesh, nodes=nodes, volumes=volumes, surfaces={inside + s: t for s, t in mesh.surfaces.items()},
-                   source=f"{name} ({mesh.source})", remarks=[f"{name}: {text}" for text in mesh.remarks])
+                   source=f"{name} ({mesh.source})", remarks=[f"{name}: {text}" for text in mesh.remarks],
+                   smooth=[inside + s for s in mesh.smooth])
 
 
 def moved(nodes: np.ndarray, move: Move) -> np.ndarray:
@@ -58,4 +59,5 @@ def joined(meshes: list[Mesh]) -> Mesh:
                 np.concatenate([m.volume + start for m, start in zip(meshes, volumes)]),
                 [name for m in meshes for name in m.volumes],
                 {name: t + start for m, start in zip(meshes, nodes) for name, t in m.surfaces.items()},
-                " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks])
+                " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks],
+                [name for m in meshes for name in m.smooth])

@@ -93,7 +93,7 @@ def step_apart(mesh: Any) -> Mesh:
     return Mesh(np.concatenate([one.points for one in made]),
                 np.concatenate([one.cells + start for one, start in zip(made, starts)]),
                 np.repeat(np.arange(len(made)), [len(one.cells) for one in made]), [solid.name for solid in solids],
-                surfaces, source, remarks)
+                surfaces, source, remarks, list(surfaces))
 
 
 def _survey(path: Path, source: str, h: Any, exclude: list[str]) -> tuple[list[Solid], list[str]]:
