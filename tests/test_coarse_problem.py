@@ -6,7 +6,6 @@ from contact_case import contact
 from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
-from orchestrator.method.interface.pairs import PairTraces
 from orchestrator.scene.build import build_scene
 
 
@@ -36,7 +35,7 @@ def steps(coarse):
     """Per load step what the coarse contact problem is asked at the first iteration."""
     stage = coarse.stage
     fields = stage(np.zeros((len(stage.loaded), stage.space.size)))
-    F0 = coarse.predict.predicted(PairTraces.of(coarse.pairs, *fields.extended))
+    F0 = coarse.pairs.traces(*fields.extended).predicted()
     return list(zip(F0, coarse._of_all(coarse._resultants(fields.f)).swapaxes(0, 1)))
 
 

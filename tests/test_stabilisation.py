@@ -8,7 +8,6 @@ from method_case import box_of, prepared
 from test_contact_verification import slider
 
 from orchestrator.method.coarse.load_step import LoadStep
-from orchestrator.method.interface.pairs import PairTraces
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.load_cases import load_cases
 from orchestrator.results.summary.short_form import summary_rows
@@ -79,7 +78,7 @@ def test_the_local_stage_blends_the_laws_with_the_step_before(decomposed):
     d, rng = decomposed, np.random.default_rng(3)
     fields = d.stage(1e3 * rng.normal(size=(d.steps, d.space.size)))
     local, pairs = d.local(fields), d.local.pairs
-    F = d.local.predicted(PairTraces.of(pairs, *fields.extended))
+    F = pairs.traces(*fields.extended).predicted()
     before = np.concatenate([np.zeros_like(local.jump[:1]), local.jump[:-1]])
     keq = pairs.points.stiffness
     assert len(set(local.status.ravel())) == 3

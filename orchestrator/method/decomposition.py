@@ -18,7 +18,7 @@ from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_basis import interface_basis
+from orchestrator.method.linear.macro_basis import interface_basis, jump_free_basis
 from orchestrator.method.interface.pairs import make_pairs
 from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
@@ -177,13 +177,19 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     points = [scene.points(i) for i in scene.interfaces]
     first = range(len(points))
     if method.skip.congruent:
-        first = first_congruent([i.free.tobytes() for i in scene.interfaces], points)
+        keys = [i.free.tobytes() if i.mortar is None else i.index for i in scene.interfaces]
+        first = first_congruent(keys, points)
     bases: list[np.ndarray] = []
     for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
         if taken and wanted[first[index]] and first[index] < index:
             bases.append(bases[first[index]])
             continue
-        basis = interface_basis(points[index], interface.free, "affine" if kind in ("auto", "modes") else kind)
+        plain = "affine" if kind in ("auto", "modes") else kind
+        if interface.mortar is None:
+            basis = interface_basis(points[index], interface.free, plain)
+        else:
+            free = ~scene.subdomains[interface.subdomains[0]].fixed[interface.nodes[0]]
+            basis = jump_free_basis(interface.mortar, tuple(scene.side_points(interface, side) for side in (0, 1)), free, plain)
         bases.append(basis if taken else basis[:, :0])
     spent = 0.0
     if kind in ("auto", "modes"):

@@ -26,7 +26,7 @@ from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.memory import Memory
 from orchestrator.method.coarse.pair_fields import FIELDS, MONOMIALS, PairFields
-from orchestrator.method.interface.pairs import Pairs, PairTraces
+from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.scene.model import Scene
@@ -90,9 +90,7 @@ class CoarseCorrection:
         K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
         # (P, 3, 24): the fields of the first body, then of the second
-        transfer, keq = pairs.transfer, pairs.points.stiffness
-        L = pairs.masked(np.concatenate([0.5 * transfer.first(F) - keq(transfer.first(W)),
-                                         keq(transfer.second(W)) - 0.5 * transfer.second(F)]))
+        L = pairs.masked(np.concatenate(pairs.responses(W, F)))
         L = np.ascontiguousarray(L.transpose(2, 1, 0), dtype=np.float32)  # see ``PairFields``
         ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
         at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
@@ -120,7 +118,7 @@ class CoarseCorrection:
         y = np.zeros((steps, self.bodies, FIELDS))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous
-        F0 = self.predict.predicted(PairTraces.of(self.pairs, *fields.extended))
+        F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(steps):
             y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
             force = self.pairs.force(F, previous).force

@@ -13,7 +13,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.laws.status import BONDED
-from orchestrator.method.interface.pairs import PairTraces, node_areas, pair_normals
+from orchestrator.method.interface.pairs import node_areas, pair_normals
 from orchestrator.method.delivery.recovery import delivered
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.model import Interface
@@ -97,8 +97,8 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
-    at = PairTraces.of(pairs, *iterated.fields.extended)
-    jumps, forces = (x.transpose(0, 2, 1) for x in (at.w2 - at.w1, 0.5 * (at.f1 - at.f2)))
+    at = pairs.traces(*iterated.fields.extended)
+    jumps, forces = (x.transpose(0, 2, 1) for x in (at.jump, at.force))
     mine = pairs.mine
     parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], iterated.local.status[:, mine]))
     if parts is None:

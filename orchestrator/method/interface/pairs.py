@@ -15,6 +15,8 @@ import scipy.sparse as sp
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Points
 from orchestrator.laws.status import Status, table
+from orchestrator.method.interface.general_transfer import General
+from orchestrator.method.interface.point_traces import GeneralTraces, NodeCompliance, PairTraces, inverses, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.scene.mesh.geometry import area_vectors
@@ -49,7 +51,8 @@ class Pairs:
     ----------
     interfaces : the interfaces, in order
     bounds : (interfaces + 1,) int, where each one's pairs start
-    transfer : between the sides, with points (3, P); none where prescribed
+    transfer : between the sides, with points (3, P); none where prescribed. Some pairs of a general one have none
+    free : (3, P) bool, components that are not prescribed
     runs : the laws and their points, in order
     mine : (P,) bool, pairs of interfaces whose first side is on this rank
     laws : all laws of the scene that have measures
@@ -57,11 +60,13 @@ class Pairs:
     stabilisation : (P,) ε of every pair, see ``stabilisation``; None where contacts are not stabilised
     tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (T, q) and k⁺
         tie_stiffness (q,)
+    nodes : (k⁺)⁻¹ of all these interfaces, where the nodes of some do not match
     """
 
     interfaces: list[Interface]
     bounds: np.ndarray
-    transfer: Matching
+    transfer: Matching | General | None
+    free: np.ndarray
     runs: list[Run]
     mine: np.ndarray
     laws: list[type[Law]]
@@ -70,6 +75,7 @@ class Pairs:
     tied: np.ndarray
     targets: np.ndarray
     tie_stiffness: np.ndarray
+    nodes: NodeCompliance | None = None
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -84,10 +90,19 @@ class Pairs:
         return Points(*(np.concatenate([getattr(points, name) for points in [none, *own]], axis=-1)
                         for name in ("normal", "stiff_n", "stiff_t", "area")))
 
-    @property
-    def free(self) -> np.ndarray:
-        """(3, P) bool, components that are not prescribed."""
-        return self.transfer.exists
+    def traces(self, w: np.ndarray, f: np.ndarray) -> PairTraces | GeneralTraces:
+        """Traces (T, D + G) at the pairs."""
+        return PairTraces.of(self, w, f) if self.nodes is None else GeneralTraces(self, w, f)
+
+    def responses(self, W: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What fields W, F (m, D + G) of the bodies change F by, those of the first sides and of the second: (m, 3, P) each."""
+        if self.nodes is None:
+            transfer, keq = self.transfer, self.points.stiffness
+            return (0.5 * transfer.first(F) - keq(transfer.first(W)), keq(transfer.second(W)) - 0.5 * transfer.second(F))
+        second = np.zeros(self.transfer.total, dtype=bool)
+        for i in self.interfaces:
+            second[self.transfer.sides[i.index][1]] = True
+        return tuple(self.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
     def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law."""
@@ -126,7 +141,8 @@ class Pairs:
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
         runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
-        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs,
+        transfer = self.transfer.some(chosen) if self.nodes is None else None  # laws need none, and products are dear
+        return replace(self, transfer=transfer, free=self.free[:, chosen], mine=self.mine[chosen], runs=runs,
                        bounds=np.searchsorted(chosen, self.bounds), stabilisation=_at(self.stabilisation, chosen),
                        tied=self.tied[:0], targets=self.targets[:, :0], tie_stiffness=self.tie_stiffness[:0])
 
@@ -137,8 +153,9 @@ class Pairs:
         if count == len(self.interfaces):
             return self
         first = np.arange(self.bounds[count])
-        return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1],
+        return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1], free=self.free[:, first],
                        transfer=self.transfer.some(first), mine=self.mine[first], stabilisation=_at(self.stabilisation, first),
+                       nodes=None if self.nodes is None else self.nodes.of_laws,
                        runs=[run for run in self.runs if not run.law.perfect])
 
     def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -157,22 +174,6 @@ class Pairs:
     @cached_property
     def _all_free(self) -> bool:
         return bool(self.free.all())
-
-
-@dataclass
-class PairTraces:
-    """Traces at the node pairs, of both sides and all load steps, (T, 3, P) each; zero where prescribed."""
-
-    w1: np.ndarray
-    w2: np.ndarray
-    f1: np.ndarray
-    f2: np.ndarray
-
-    @classmethod
-    def of(cls, pairs: Pairs, w: np.ndarray, f: np.ndarray) -> PairTraces:
-        """From traces (T, D + G)."""
-        transfer = pairs.transfer
-        return cls(transfer.first(w), transfer.second(w), transfer.first(f), transfer.second(f))
 
 
 def _nothing(derivative: bool) -> Answer:
@@ -200,6 +201,11 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
                     key=lambda i: (i.law.perfect, i.law.name, i.index))
     one, two, free, normal, area, own = ([] for _ in range(6))
     for i in wanted:
+        if i.mortar is not None:
+            for found, value in zip((one, two, free, normal, area), _mortar_points(i)):
+                found.append(value)
+            own.append(i.law.parameters(i.mortar.points, np.ones(len(i.mortar)), i.mortar.area))
+            continue
         sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
         for side in (0, 1):
             sides[side][i.free] = space.sides[i.index][side]
@@ -228,13 +234,72 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
     stiff_n = np.where(free.all(axis=1), stiff_n, np.maximum(stiff_n, trace / 3))
     stiff_t = (trace - stiff_n) / 2
     points = Points(np.ascontiguousarray(normal.T), stiff_n / 2, stiff_t / 2, np.concatenate([none[:, 0], *area]))
+    nodes, exists = None, transfer.exists
+    if isinstance(space.transfer, General):
+        transfer, exists, nodes = _general(scene, space, k, wanted, transfer, points)
     if stabilisation is not None:  # on all ranks, or on none
         stabilisation = _beside_laws(stabilisation, wanted, bounds, points) if stabilisation.any() else None
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
-    return Pairs(wanted, bounds, transfer, _runs(wanted, bounds, points, own), mine,
-                 [law for law in laws if law.measures], table(laws), stabilisation, *ties)
+    return Pairs(wanted, bounds, transfer, exists, _runs(wanted, bounds, points, own), mine,
+                 [law for law in laws if law.measures], table(laws), stabilisation, *ties, nodes)
+
+
+def _mortar_points(interface: Interface) -> tuple[np.ndarray, ...]:
+    """Of an interface whose nodes do not match: no trace dofs of pairs (p, 3) twice, nor free ones, normals and areas."""
+    mortar = interface.mortar
+    nowhere = np.zeros((len(mortar), 3), dtype=int)
+    return nowhere, nowhere, nowhere.astype(bool), mortar.normal, mortar.area
+
+
+def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[Interface], matching: Matching,
+             points: Points) -> tuple[General, np.ndarray, NodeCompliance]:
+    """The transfer at the points, which components they have, and (k⁺)⁻¹; sets the search direction of points whose nodes
+    do not match.
+
+    Parameters
+    ----------
+    interfaces : in the order of the points; matching : pairs of those whose nodes match; points : of all
+    """
+    flat, rows, mortars = space.transfer, np.full(matching.one.shape, -1), []
+    dofs: list[tuple] = []
+    held = space.held_everywhere
+    for i, a, b in zip(interfaces, matching.bounds[:-1], matching.bounds[1:]):
+        start, lawful = flat.bounds[i.index], not i.law.perfect
+        if i.mortar is None:
+            mobile, number = i.free.any(axis=1), np.full(i.free.shape, -1)
+            number[i.free] = start + np.arange(i.free.sum())
+            if lawful:
+                mobile &= np.isin(np.arange(len(mobile)), i.corners)
+            rows[:, a:b] = number[mobile].T
+            part = points.some(slice(a, b))
+            half = part.compliance(np.repeat(np.eye(3)[:, :, None], b - a, axis=2)).transpose(2, 0, 1) / 2
+            there = matching.exists[:, a:b].T
+            half = np.where(there[:, :, None] & there[:, None, :], half, 0.0)
+            for side in (matching.one, matching.two):
+                dofs.append((side[:, a:b].T, half, there, lawful))
+        else:
+            mortars.append(slice(int(a), int(b)))
+            rows[:, a:b] = start + np.arange(3 * (b - a)).reshape(-1, 3).T
+            for side, own in enumerate(space.sides[i.index]):
+                at = own.reshape(-1, 3)
+                if lawful:  # mid-edge nodes are tied
+                    triangles = i.triangles if side == 0 else i.mortar.triangles
+                    at = at[np.unique(triangles[:, :3])]
+                row, column = np.repeat(at[:, :, None], 3, axis=2), np.repeat(at[:, None, :], 3, axis=1)
+                stiffness = np.asarray(k[row.ravel(), column.ravel()]).reshape(-1, 3, 3)
+                dofs.append((at, inverses(stiffness, ~held[at]), np.ones(at.shape, bool), lawful))
+    transfer = flat.at(rows, matching.bounds)
+    nodes = NodeCompliance.of_interfaces(dofs, len(space.owner))
+    if mortars:
+        chosen = np.concatenate([np.arange(part.start, part.stop) for part in mortars])
+        B = sp.csr_array(transfer.B[(np.arange(3)[:, None] * rows.shape[1] + chosen).ravel()])
+        ends = np.cumsum([0] + [part.stop - part.start for part in mortars])
+        points.stiff_n[chosen], points.stiff_t[chosen] = search_stiffness(
+            sp.csr_array(B @ nodes.compliance @ B.T), points.normal[:, chosen],
+            [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
+    return transfer, transfer.exists, nodes
 
 
 def _beside_laws(stabilisation: np.ndarray, wanted: list[Interface], bounds: np.ndarray, points: Points) -> np.ndarray:

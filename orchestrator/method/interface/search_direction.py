@@ -19,7 +19,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.placed import placed
 from orchestrator.method.interface.rows import times
-from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.traces import TraceSpace, traced
 from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 
@@ -90,7 +90,7 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     blocks, slots, known = [], [], {}
     for stiffness, (_, (index, side)) in zip(
             assembled([model for model, _ in requests], blackbox, workers, share, savings), requests):
-        free = scene.interfaces[index].free.ravel()
+        free = traced(scene.interfaces[index], side).ravel()
         key = id(stiffness), free.tobytes()  # congruent soles share their stiffness
         if key not in known:
             chosen = np.flatnonzero(free)  # the outer nodes are clamped

@@ -29,9 +29,10 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import Ties, make_ties
+from orchestrator.method.interface.general_transfer import General, make_transfer
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.model import Interface, Scene, Subdomain
 
 
 @dataclass
@@ -56,7 +57,8 @@ class TraceSpace:
     number : (D,) int, trace dofs in the numbering of the whole scene
     boundary_number : (B,) int, boundary dofs in the numbering of the whole scene
     total, subdomain_count : trace dofs and subdomains of all parts
-    label : (B,) int, boundary dofs that perfect interfaces make one and the same
+    label : (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same
+    labels : (classes,) int, ascending, what these are called in the numbering of the whole scene
     team : whom the other parts belong to
     sends, receives : per neighbouring rank, trace dofs to send and ghosts to receive
     shared : per rank that has boundary dofs of the same labels, these labels
@@ -66,7 +68,7 @@ class TraceSpace:
     boundary: list[slice]
     global_dof: np.ndarray
     gather: np.ndarray
-    transfer: Matching
+    transfer: Matching | General
     sides: list[tuple[np.ndarray, np.ndarray]]
     owner: np.ndarray
     perfect: list[bool]
@@ -75,6 +77,7 @@ class TraceSpace:
     total: int
     subdomain_count: int
     label: np.ndarray
+    labels: np.ndarray
     held: np.ndarray
     held_at: np.ndarray
     dof: np.ndarray
@@ -97,7 +100,7 @@ class TraceSpace:
         boundary = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
         global_dof = [3 * s.nodes[t // 3] + t % 3 for s, t in zip(scene.subdomains, traces)]
         listed = [(e, scene.interfaces[index], side) for e, pairs in enumerate(sides) for index, side in pairs]
-        free = _joined([i.free for _, i, _ in listed], (0, 3)).astype(bool)
+        free = _joined([traced(i, side) for _, i, side in listed], (0, 3)).astype(bool)
         at = np.repeat([e for e, _, _ in listed], [len(i.nodes[side]) for _, i, side in listed]).astype(int)
         nodes = _joined([i.nodes[side] for _, i, side in listed])
         dofs, owner = (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free]
@@ -118,11 +121,12 @@ class TraceSpace:
         for (_, interface, side), a, b in zip(listed, stop[:-1].tolist(), stop[1:].tolist()):
             own_sides[interface.index][side] = number[a:b]
         perfect = [i.law.perfect for i in scene.interfaces]
-        transfer = Matching.of(own_sides, count)
+        transfer = make_transfer(scene.interfaces, own_sides, count)
+        label = _labels(transfer.matching, perfect, gather, int(ends[-1]))
         return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
                    [tuple(s) for s in own_sides], owner, perfect, np.arange(count),
                    np.arange(ends[-1]), count, len(sides),
-                   _labels(transfer, perfect, gather, int(ends[-1])), held, held_at, trace_dof,
+                   label, np.arange(label.max(initial=-1) + 1), held, held_at, trace_dof,
                    make_ties(scene, own_sides, count))
 
     def part(self, rank_of: np.ndarray, team: Team) -> "TraceSpace":
@@ -168,7 +172,7 @@ class TraceSpace:
         return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
                           self.global_dof[chosen], position[self.gather[own]],
                           self.transfer.renumbered(place, len(own), len(held)), sides, self.owner[held], self.perfect, own,
-                          chosen, self.total, self.subdomain_count, label, np.flatnonzero(np.isin(own, self.held)),
+                          chosen, self.total, self.subdomain_count, label, labels, np.flatnonzero(np.isin(own, self.held)),
                           self.held_at[np.isin(self.held, own)], self.dof[own],
                           self.ties and self.ties.part(held, len(own)), team, sends, receives, shared)
 
@@ -193,6 +197,13 @@ class TraceSpace:
     def across(self, field: np.ndarray) -> np.ndarray:
         """(rows, D) what the other sides have where a field (rows, D) has its own."""
         return self.transfer.across(self.extended(field)[0])
+
+    @cached_property
+    def held_everywhere(self) -> np.ndarray:
+        """(D + G,) bool, trace dofs whose displacement is prescribed, ghosts included; all ranks have to ask."""
+        mask = np.zeros((1, self.size))
+        mask[:, self.held] = 1.0
+        return self.extended(mask)[0][0] > 0
 
     @cached_property
     def scatter(self) -> sp.csr_array:
@@ -264,6 +275,12 @@ class TraceSpace:
             else:
                 total[:, self.shared[r]] += arrived[r]
         return total
+
+
+def traced(interface: Interface, side: int) -> np.ndarray:
+    """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where nodes do not match, all of them,
+    so that the other side meets what is prescribed."""
+    return interface.free if interface.mortar is None else np.ones((len(interface.nodes[side]), 3), dtype=bool)
 
 
 def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:

@@ -75,6 +75,14 @@ class Matching:
         """(…, D) of traces (…, D + G): at every trace dof what the other side has there."""
         return x.take(self.partner, axis=-1)
 
+    def mismatch(self, w: np.ndarray) -> np.ndarray:
+        """(…, D) what the sides of traces (…, D + G) are apart, at both nodes of a pair."""
+        return self.across(w) - w[..., : self.size]
+
+    def imbalance(self, f: np.ndarray) -> np.ndarray:
+        """(…, D) what the sides' forces (…, D + G) do not cancel, at both nodes of a pair."""
+        return f[..., : self.size] + self.across(f)
+
     # ---- matrices ------------------------------------------------------------------------------
 
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:
@@ -120,7 +128,20 @@ class Matching:
         return sp.csr_array((np.repeat(sign_of, filled) * flat[np.repeat(source, filled) + within],
                              np.repeat(column, filled) + within, ends), shape=(self.size, int(widths.sum())))
 
+    def displacements(self, bases: Sequence[np.ndarray]) -> sp.csr_array:
+        """(D, sum of m) fields of every interface without any jump: (points, m) each, the same on both its sides."""
+        return self.both_sides(bases, (1.0, 1.0))
+
     # ---- parts ---------------------------------------------------------------------------------
+
+    def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2."""
+        return self.first(diagonal), self.second(diagonal)
+
+    @property
+    def matching(self) -> Matching:
+        """The interfaces whose nodes match: all of them."""
+        return self
 
     def opposite(self, dofs: np.ndarray) -> np.ndarray:
         """Trace dofs, ascending, that meet some of the given ones."""
@@ -145,6 +166,10 @@ class Matching:
         return replace(self, one=self.one[..., chosen], two=self.two[..., chosen],
                        bounds=np.searchsorted(chosen, self.bounds),
                        exists=None if self.exists is None else self.exists[..., chosen])
+
+    def matches(self, index: int) -> bool:
+        """Whether the nodes of an interface of the scene match."""
+        return True
 
     @cached_property
     def dofs(self) -> np.ndarray:

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -55,9 +56,11 @@ class Macro:
     def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
                  strategy: str, blackbox: BlackBox):
         self.space, self.strategy = space, strategy
-        C = both_sides(space, bases, (1.0, 1.0))
+        C = moved(space, bases)
         if strategy == "equilibrium":
             self.G = sp.csr_array(direction.k @ C)
+        elif isinstance(space.transfer, General):
+            self.G = _at_points(space, direction, bases)
         else:
             mirrored = direction.k + direction.other  # A k Aᵀ, written on either side
             self.G = sp.csr_array(mirrored @ both_sides(space, bases, (-1.0, 1.0)))
@@ -95,6 +98,20 @@ class Macro:
         for block in self.blocks:
             block.displace(alpha, result)
         return result
+
+
+def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
+    """(D, size) C, displacements without jump, of all interfaces on both sides."""
+    both = space.transfer.displacements(bases)
+    return both if space.ties is None else sp.csr_array(space.ties.change @ both)
+
+
+def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray]) -> sp.csr_array:
+    """(D, size) G = BᵀF where the nodes of some interfaces do not match: F = k G₁C, forces of the points."""
+    transfer = space.transfer
+    first, second = transfer.at_points(direction.whole)
+    forces = sp.csr_array((first + second) @ transfer.on_points(bases))
+    return sp.csr_array((transfer.B.T @ forces)[: space.size])
 
 
 def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:

@@ -16,14 +16,18 @@ References: Spillane, Dolean, Hauret, Nataf, Pechstein & Scheichl, Numer. Math. 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.macro import known_widths
+from orchestrator.method.interface.nearest import Nearest
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.transfer import Matching
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
 BLOCK = 16  # right-hand sides per subdomain and message
@@ -130,19 +134,45 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     traces, = space.extended(space.gathered(at_dofs))
     transfer, result, given = space.transfer, [], {}
     both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
+    held = None if isinstance(transfer, Matching) else space.held_everywhere
     for index, (a, b, basis) in enumerate(zip(transfer.bounds[:-1], transfer.bounds[1:], bases)):
         if a == b or not transfer.mine[a]:
             result.append(np.zeros((0, 0)))
             continue
         widths = [counts[space.owner[side[0]]] for side in space.sides[index]]
-        parts = [side[:n, a:b].T for side, n in zip(both, widths) if n]
-        result.append(_with_modes(own[a:b, a:b], basis, parts))
+        if transfer.matches(index):
+            parts = [side[:n, a:b].T for side, n in zip(both, widths) if n]
+            result.append(_with_modes(own[a:b, a:b], basis, parts))
+        else:
+            result.append(_with_modes(*_without_jump(space, k, index, traces, widths, held, basis)))
         if space.sides[index][1][0] >= space.size:
             given[index] = result[-1]
     for gift in team.all_gather(given):
         for index, basis in gift.items():
             result[index] = basis
     return known_widths(result, team)
+
+
+def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.ndarray, widths: Sequence[int],
+                  held: np.ndarray, basis: np.ndarray) -> tuple[sp.csr_array, np.ndarray, list[np.ndarray]]:
+    """Search direction of both sides of an interface whose nodes do not match, and the modes of either side on it: what is
+    nearest to them, and to nothing on the other side, without a jump.
+
+    Parameters
+    ----------
+    traces : (modes, D + G) of all subdomains; widths : how many either side's has; held : (D + G,) bool
+    basis : handed on
+    """
+    transfer, sides = space.transfer, space.sides[index]
+    dofs = np.concatenate(sides)
+    points = slice(transfer.bounds[index], transfer.bounds[index + 1])
+    own = sp.csr_array(k[dofs][:, dofs])
+    nearest, parts = Nearest(own, sp.csr_array(transfer.B[points][:, dofs]), held[dofs]), []
+    for side, n in zip(sides, widths):
+        if n:
+            alone = np.where(np.isin(dofs, side), traces[:n, dofs], 0.0)
+            parts.append((alone + nearest.moves(alone, np.zeros_like(alone))).T)
+    return own, basis, parts
 
 
 def _with_modes(own: sp.csr_array, basis: np.ndarray, parts: list[np.ndarray]) -> np.ndarray:

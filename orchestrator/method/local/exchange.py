@@ -10,6 +10,8 @@ Three choices of k⁺:
   optimised Schwarz method. With symmetric soles it is the same as ``full``.
 - ``full``: one's own sole, k⁺ = k⁻; a factorisation per interface.
 - ``diagonal``: its diagonal, which makes the stage pointwise, as the paper does.
+
+Where nodes do not match there is no exchange; see ``tied``, whose k⁺ is one's own sole whatever is chosen here.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
+from orchestrator.method.local.tied import Tied
 
 
 class Exchange:
@@ -36,36 +39,55 @@ class Exchange:
     """
 
     def __init__(self, direction: SearchDirection, kplus: str = "exchange"):
-        self.direction, self.kplus = direction, kplus
+        self.direction, self.kplus, self.tied = direction, kplus, Tied(direction)
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
         w, f = fields.w, fields.f
         if self.kplus == "exchange":
             return LocalState(self.exchanged(*fields.extended)[0])
-        w_hat, f_hat = self.hats(w, f)
+        w_hat, f_hat = self.hats(*fields.extended)
         k_hat = self.direction.times(w_hat)
         return LocalState(f_hat + k_hat, (w_hat, f_hat, k_hat))
 
     def exchanged(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(T, D) s = k⁻ w' − f' of ``exchange``, w' and f', from traces with ghosts (T, D + G)."""
+        """(T, D) s = k⁻ w' − f' of ``exchange``, w' and f', from traces with ghosts (T, D + G).
+
+        Where nodes do not match, s is that of ``tied``, and w' = 2ŵ − w, f' = f − 2f̂ as they are elsewhere.
+        """
         across = self.direction.space.transfer.across
-        w, f = across(w), across(f)
-        return self.direction.times(w) - f, w, f
+        w_other, f_other = across(w), across(f)
+        s = self.direction.times(w_other) - f_other
+        if len(self.tied):
+            own, at = self.tied.own, self.tied.dofs[self.tied.own]
+            s[:, at], w_hat, f_hat = (x[:, own] for x in self.tied(w, f))
+            w_other[:, at], f_other[:, at] = 2 * w_hat - w[:, at], f[:, at] - 2 * f_hat
+        return s, w_other, f_other
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ŵ and f̂, each (T, D), eq. 10."""
+        """ŵ and f̂, each (T, D), eq. 10, from traces with ghosts (T, D + G)."""
         k, solve = self._factors
-        kw = times(k, w) - f
+        size = self.direction.space.size
+        own_w, own_f = w[:, :size], f[:, :size]
+        kw = times(k, own_w) - own_f
         w_hat = solve(kw + self.direction.space.across(kw))
-        return w_hat, f - times(k, w - w_hat)
+        return self._with_tied(w, f, w_hat, own_f - times(k, own_w - w_hat))
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation."""
+        """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation; parameters as of ``hats``."""
         k, theirs = self.direction.diagonal, self.direction.other_diagonal
-        kw = k * w - f
+        own_w, own_f = w[:, : len(k)], f[:, : len(k)]
+        kw = k * own_w - own_f
         w_hat = (kw + self.direction.space.across(kw)) / (k + theirs)
-        return w_hat, f - k * (w - w_hat)
+        return self._with_tied(w, f, w_hat, own_f - k * (own_w - w_hat))
+
+    def _with_tied(self, w: np.ndarray, f: np.ndarray, w_hat: np.ndarray,
+                   f_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same with what belongs to interfaces whose nodes do not match."""
+        if len(self.tied):
+            own, at = self.tied.own, self.tied.dofs[self.tied.own]
+            _, w_hat[:, at], f_hat[:, at] = (x[:, own] for x in self.tied(w, f))
+        return w_hat, f_hat
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Nothing to count: perfect interfaces have one status."""

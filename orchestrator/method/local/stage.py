@@ -3,11 +3,9 @@
 The laws' history lives here alone: the linear stage stays parallel over the load steps. Perfect interfaces of the
 same scene keep their exchange.
 
-With k = k⁺ on both sides, d = w₂ − w₁ and n from side 1 to side 2:
+At points with the jump d, from the predicted force F to the traces as ``point_traces`` has it:
 
-    F = ½(f₁ − f₂) + ½k(w₂ − w₁),   f̂ = law(F),   d = (F − f̂)/keq,   keq = k/2
-    stabilised:                     f̂ = (1 − ε) law(F) + ε (F − keq d_before)
-    f̂₁ = f̂, f̂₂ = −f̂,   ŵ₁ = ½(w₁ + w₂) − (f₁ + f₂)/(2k) − d/2,   ŵ₂ = ŵ₁ + d
+    f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
 
 Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """
@@ -20,7 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.laws.status import BONDED
-from orchestrator.method.interface.pairs import Pairs, PairTraces
+from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.exchange import Exchange
@@ -44,6 +42,11 @@ class LawStage:
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
         pairs, points = self.pairs, self.pairs.points
+        if pairs.nodes is not None:
+            root = pairs.nodes.root
+            at = np.flatnonzero(root.diagonal() > 0)
+            root = root[at][:, at]
+            return conditioning(self.direction.whole[at][:, at], lambda x: root @ x)
         roots = replace(points, stiff_n=1 / np.sqrt(2 * points.stiff_n), stiff_t=1 / np.sqrt(2 * points.stiff_t))
         transfer = pairs.transfer
         at = transfer.dofs
@@ -59,14 +62,10 @@ class LawStage:
     @cached_property
     def perfect(self) -> np.ndarray:
         """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
-        rest = np.ones(self.pairs.transfer.total, bool)
-        rest[self.pairs.transfer.dofs] = rest[self.pairs.tied] = False
+        pairs = self.pairs
+        rest = np.ones(pairs.transfer.total, bool)
+        rest[pairs.transfer.dofs if pairs.nodes is None else pairs.nodes.there] = rest[pairs.tied] = False
         return np.flatnonzero(rest[: self.direction.space.size])
-
-    def predicted(self, at: PairTraces) -> np.ndarray:
-        """(T, 3, P) F, the search direction of eq. 10 with no jump."""
-        half_jump = self.pairs.points.stiffness(at.w2 - at.w1)
-        return self.pairs.masked(0.5 * (at.f1 - at.f2) + half_jump)
 
     def jump(self, F: np.ndarray, force: np.ndarray) -> np.ndarray:
         """(3, P) d that goes with f̂."""
@@ -74,10 +73,10 @@ class LawStage:
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Local stage for the fields of all steps."""
-        pairs, own, steps = self.pairs, self.direction.space.size, len(fields.s)
+        pairs, steps = self.pairs, len(fields.s)
         w, f = fields.extended
-        at = PairTraces.of(pairs, w, f)
-        F, previous = self.predicted(at), self.previous
+        at = pairs.traces(w, f)
+        F, previous = at.predicted(), self.previous
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
@@ -85,11 +84,7 @@ class LawStage:
             lawful[t], status[t] = answer.force, answer.status
             force[t] = pairs.stabilised(answer.force, F[t], previous)
             previous = jump[t] = self.jump(F[t], force[t])
-        first = 0.5 * (at.w1 + at.w2 - jump) - pairs.points.compliance(at.f1 + at.f2) / 4
-
-        # of ghosts, what the laws give is left out
-        w_hat = pairs.transfer.spread(first, first + jump)[:, :own]
-        f_hat = pairs.transfer.spread(force, -force)[:, :own]
+        w_hat, f_hat = at.hats(force, jump)
         tied = pairs.tied
         w_hat[:, tied] = pairs.targets
         f_hat[:, tied] = f[:, tied] - pairs.tie_stiffness * (w[:, tied] - pairs.targets)

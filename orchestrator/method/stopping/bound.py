@@ -24,10 +24,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.linear.loading import Loading
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.balancing import Balancing
+from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import dual_energy
 from orchestrator.method.stopping.repositioning import Repositioning, RigidModes
 
@@ -89,16 +91,19 @@ class ErrorBound:
         self.team, transfer = self.space.team, self.space.transfer
         self.stiffness, self.external = stiffness, external
         self.weight = stiffness.diagonal()
-        self.class_weight = self.space.class_sums(self.weight[None])
-        trace_weight, = self.space.extended(self.weight.take(self.space.gather)[None])
-        one, two = transfer.first(trace_weight[0]), transfer.second(trace_weight[0])
+        self.continuity = Continuity(self.space, self.weight)
+        trace_weight, = self.space.extended(self.space.gathered(self.weight[None]))
+        one, two = transfer.stiffnesses(trace_weight[0])
         self.share = self._shares(one, two)
+        if isinstance(transfer, General):
+            self.share[:, np.repeat(~transfer.matched, np.diff(transfer.bounds))] = [[0.0], [1.0]]
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
         self.softness = np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY))
         first, second = transfer.at_points(stage.direction.whole)
         softness = sp.diags_array(self.softness)
         self.modes = RigidModes(self.space, modes)
-        self.reposition = Repositioning(self.space, self.modes, softness @ ((first + second) / 2) @ softness)
+        self.soles = softness @ ((first + second) / 2) @ softness
+        self.reposition = Repositioning(self.space, self.modes, self.soles)
         self.balance = Balancing(self.space, self.modes)
         self.weights: np.ndarray | None = None
 
@@ -147,8 +152,7 @@ class ErrorBound:
         """
         c = self.reposition(fields.extended[0])
         u = fields.u + times(self.modes.boundary, c)
-        mean = self.space.class_sums(self.weight * u) / self.class_weight
-        delta = mean.take(self.space.label, axis=1) - u
+        delta = self.continuity(u, self.stage.known)
 
         forces = self.space.loads(fields.f)
         robin = self.space.loads(self.stage.robin_force(fields.s, fields.alpha))
@@ -176,10 +180,16 @@ class ErrorBound:
 
         The second term is what the local stage would exchange on top of balancing, opposite on both sides: any such
         pair keeps f̃ balanced; this one brings û closer. The repositioning has made it free of resultants on
-        floating subdomains, since both use the same weight.
+        floating subdomains, since both use the same weight. Where nodes do not match, the forces of the points are those
+        of the first side, and the second takes all of the imbalance: forces of fewer or more nodes cannot be undone.
         """
         transfer = self.space.transfer
         f = fields.extended[1]
+        if isinstance(transfer, General):
+            w, = self.space.extended(self.stage.trace(u))
+            q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
+            q = q - self.share[0] * (transfer.first(f) + transfer.second(f))
+            return (transfer.opposed(q) - f)[:, : self.space.size]
         imbalance = transfer.first(f) + transfer.second(f)
         w, = self.space.extended(u.take(self.space.gather, axis=1))
         soft = self.softness * transfer.jump(w)

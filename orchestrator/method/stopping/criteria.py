@@ -32,6 +32,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from orchestrator.method.stopping.bound import Bound
+from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.stopping.indicator import Measures, energy_residual
@@ -168,6 +169,7 @@ class LawCriterion:
         self.name = "law_residual" if self.by_error else "indicator"
         self.done = np.zeros(d.steps, dtype=bool)  # history joins the steps: none is done before the others
         self.lengths = LengthScale(d)
+        self.continuity = Continuity(d.space, np.ones(len(d.space.global_dof)))
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         lengths, bound = self.lengths(fields.u), None
@@ -189,8 +191,7 @@ class LawCriterion:
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
         space, d = self.d.space, self.d
-        mean = space.class_sums(fields.u) / space.class_sums(np.ones((1, fields.u.shape[1])))
-        delta = mean.take(space.label, axis=1) - fields.u
+        delta = self.continuity(fields.u, d.stage.known)
         energy, = space.team.sum(d.loading.energy_of(
             space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, space.loads(fields.f)))
         modes = sum(m.shape[1] for m in d.modes)

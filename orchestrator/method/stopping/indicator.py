@@ -57,9 +57,9 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
     counted = local_stage.counts(local)
-    w_other, f_other = (space.transfer.across(x) for x in fields.extended)
+    apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
     parts = [*latin_parts(stage, local_stage, fields, local, exact),
-             _square(w_other - w, k), _square(w, k), _square(f + f_other, 1 / k), _square(f, 1 / k),
+             _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
              _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(list(counted.values()))]
     if macro is not None:
         parts += [times(macro.C.T, f), times(macro.sizes.T, np.abs(f))]
@@ -98,7 +98,7 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats
     else:
-        w_hat, f_hat = local_stage.hats(w, f) if exact else local_stage.lumped_hats(w, f)
+        w_hat, f_hat = (local_stage.hats if exact else local_stage.lumped_hats)(*fields.extended)
         kw_hat = direction.times(w_hat)
 
     def size(w: np.ndarray, kw: np.ndarray, f: np.ndarray) -> float:

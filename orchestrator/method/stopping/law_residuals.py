@@ -20,7 +20,8 @@ import numpy as np
 
 from orchestrator.laws.base import Stages
 from orchestrator.laws.points import dot
-from orchestrator.method.interface.pairs import Pairs, PairTraces
+from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.lengths import Lengths
 from orchestrator.parallel.team import ALONE, Team
@@ -65,17 +66,8 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     first_previous : (3, P) jump before the first step
     team : the ranks over which to sum and to take the largest
     """
-    points, at = pairs.points, PairTraces.of(pairs, w, f)
-
-    def squared(x: np.ndarray, scaled: np.ndarray) -> float:
-        """Σ x · scaled, once for pairs between ranks."""
-        return float((np.einsum("tip,tip->p", x, scaled) * pairs.mine).sum())
-
-    def norm2(x: np.ndarray) -> float:
-        return squared(x, points.compliance(x))
-
-    top = norm2(at.f1 - local.force) + norm2(at.f2 + local.force)
-    bottom, unbalanced = norm2(at.f1) + norm2(at.f2), norm2(at.f1 + at.f2)
+    points, at = pairs.points, pairs.traces(w, f)
+    top, bottom, unbalanced = at.squares(local.force)
     stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
     tied = pairs.tied
     if len(tied):
@@ -86,7 +78,7 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
                         _measured(pairs, at, local, lengths, first_previous, team))
 
 
-def _measured(pairs: Pairs, at: PairTraces, local: LocalState, lengths: Lengths, before: np.ndarray,
+def _measured(pairs: Pairs, at: PairTraces | GeneralTraces, local: LocalState, lengths: Lengths, before: np.ndarray,
               team: Team) -> dict[str, float]:
     """The measures of all laws of the scene; of measures that laws share, the largest."""
     here = {run.law: run for run in pairs.runs}
@@ -96,7 +88,7 @@ def _measured(pairs: Pairs, at: PairTraces, local: LocalState, lengths: Lengths,
         if law in here:
             part, points = here[law].part, here[law].points
             pressure, values = law.residuals(points, Stages(
-                0.5 * (at.f1 - at.f2)[..., part], (at.w2 - at.w1)[..., part], local.jump[..., part], before[:, part],
+                at.force[..., part], at.jump[..., part], local.jump[..., part], before[:, part],
                 local.status[:, part]))
             found = [_largest(points.stiff_n / points.area) * lengths.of_rest, *map(_largest, (
                 pressure, *(values[measure.name] for measure in law.measures)))]
