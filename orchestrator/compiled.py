@@ -4,15 +4,25 @@ For loops over node pairs or blocks that numpy could only do by writing large ar
 compiler is numba; it is imported by the first call of such a function, so that what calls none does without it. The
 machine code is kept beside the source or, where that may not be written, in the user's cache directory or what
 ``NUMBA_CACHE_DIR`` names; where nothing can be written each process compiles for itself, some seconds long.
+
+Other threads run while such a function does. ``in_parts`` has several of them work on parts of long arrays: between two
+questions to the codes their cores have nothing else to do.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from itertools import count
 from typing import Any
 
 # Sums may be formed in any order that the compiler likes, which is the same in every call; nan and inf stay what they are.
 SUMS = {"reassoc", "contract"}
+# Columns of a part: some rows of it stay in a core's own cache from one use to the next, and a part takes much longer than
+# to hand it out. It does not depend on the number of cores, nor do then sums of the parts.
+PART = 1 << 14
 
 
 class Compiled:
@@ -48,3 +58,39 @@ class Compiled:
 def compiled(function: Callable[..., Any]) -> Compiled:
     """Decorator: see ``Compiled``."""
     return Compiled(function)
+
+
+def in_parts(function: Compiled, size: int, *arguments) -> list:
+    """What ``function(start, stop, *arguments)`` returns for parts of ``range(size)``, in their order; on all cores.
+
+    Parameters
+    ----------
+    function : writes to entries of its own part alone
+    """
+    starts = range(0, size, PART)
+    if len(starts) <= 1:
+        return [function(0, size, *arguments)]
+    results: list = [None] * len(starts)
+    results[0] = function(0, min(PART, size), *arguments)  # compiled before several threads want it
+    left = count(1)
+
+    def work() -> None:
+        while (part := next(left)) < len(starts):
+            results[part] = function(starts[part], min(starts[part] + PART, size), *arguments)
+
+    helpers = [_helpers().submit(work) for _ in range(min(_cores(), len(starts) - 1) - 1)]
+    try:
+        work()
+    finally:
+        for helper in helpers:
+            helper.result()
+    return results
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0))
+
+
+@cache
+def _helpers() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max(1, _cores() - 1), "parts")
