@@ -86,8 +86,8 @@ class Decomposition:
         steps : slice or (r,) int
         previous : (3, P) jump of the pairs that are not perfect at the end of the step before; None at the start
         """
-        loading, stage = self.loading.batch(steps), copy(self.stage)
-        stage.loaded, stage.known = loading.boundary, loading.known
+        loading = self.loading.batch(steps)
+        stage = self.stage.under(loading.boundary, loading.known)
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:
             local.pairs = local.pairs.batch(steps)

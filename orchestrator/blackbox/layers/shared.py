@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class SharedModels(Layer):
         self.model_of = np.empty(0, int)
         self._last: dict[int, tuple[_Rows, np.ndarray]] = {}
         self._parts: Sequence[slice] | None = None
-        self._columns: dict[int, np.ndarray] = {}
+        self._columns: dict[int, np.ndarray | slice] = {}
 
     def load(self, models: Sequence[Model]) -> None:
         """Load one of each kind; of a kind with much to solve, one per worker that shares the work."""
@@ -73,21 +73,29 @@ class SharedModels(Layer):
             self._parts, self._columns = parts, self._columns_of(parts)
         count, rows = len(forces), {}
         for model, columns in self._columns.items():
-            rows[model] = forces[:, columns].transpose(1, 0, 2).reshape(-1, columns.shape[1])
+            if isinstance(columns, slice):
+                rows[model] = np.array(forces[:, columns])  # a copy: it is remembered
+            else:
+                rows[model] = forces[:, columns].transpose(1, 0, 2).reshape(-1, columns.shape[1])
         answers, result = self._answered(rows, self.inner.traces, remember=True), np.zeros(forces.shape)
         for model, columns in self._columns.items():
-            result[:, columns] = answers[model].reshape(len(columns), count, -1).transpose(1, 0, 2)
+            if isinstance(columns, slice):
+                result[:, columns] = answers[model]
+            else:
+                result[:, columns] = answers[model].reshape(len(columns), count, -1).transpose(1, 0, 2)
         return result
 
-    def _columns_of(self, parts: Sequence[slice]) -> dict[int, np.ndarray]:
-        """Per model that has any: (subdomains, t) the columns of those that it stands for."""
+    def _columns_of(self, parts: Sequence[slice]) -> dict[int, np.ndarray | slice]:
+        """Per model that has any, the columns of the subdomains that it stands for: (subdomains, t), or those of the one."""
         starts, ends = np.array([(part.start, part.stop) for part in parts], dtype=int).reshape(-1, 2).T
         order = np.argsort(self.model_of, kind="stable")
         models, first = np.unique(self.model_of[order], return_index=True)
-        found = {}
+        found: dict[int, np.ndarray | slice] = {}
         for model, members in zip(models.tolist(), np.split(order, first[1:])):
             size = ends[members[0]] - starts[members[0]]
-            if size:
+            if size and len(members) == 1:
+                found[model] = parts[members[0]]
+            elif size:
                 found[model] = starts[members][:, None] + np.arange(size)
         return found
 
@@ -110,7 +118,7 @@ class SharedModels(Layer):
         if not self.repeated:
             return solve(rows)
         plans = {model: _Plan(r, self._last.get(model) if remember else None) for model, r in rows.items()}
-        asked = {model: rows[model][plan.solved] for model, plan in plans.items() if len(plan.solved)}
+        asked = {model: plan.chosen for model, plan in plans.items() if len(plan.solved)}
         new = solve(asked) if asked else {}
         answers = {model: plan.answers(new.get(model)) for model, plan in plans.items()}
         if remember:
@@ -127,38 +135,41 @@ class _Rows:
         self.rows = rows
 
     @cached_property
-    def keys(self) -> np.ndarray:
-        """(n,) a sum of each row's bits with weights, modulo 2⁶⁴: the same for equal rows wherever they are."""
-        size = self.rows.shape[1]
-        weights = np.random.default_rng(0).integers(0, 2**63, size, dtype=np.uint64) * np.uint64(2) + np.uint64(1)
-        return np.ascontiguousarray(self.rows + 0.0).view(np.uint64) @ weights  # + 0.0: minus zero is zero
+    def keys(self) -> list[float]:
+        """(n,) each row's product with random numbers, summed in one order: the same for equal rows wherever they are."""
+        return np.einsum("ij,j->i", self.rows, _weights(self.rows.shape[1])).tolist()
 
     @cached_property
-    def _index(self) -> tuple[np.ndarray, np.ndarray]:
-        """Keys in order, and the first place of each."""
-        return np.unique(self.keys, return_index=True)
+    def _first(self) -> dict[float, int]:
+        """Key to the first row that has it."""
+        return {key: place for place, key in reversed([*enumerate(self.keys)])}
 
     def find(self, other: _Rows, chosen: np.ndarray) -> np.ndarray:
         """(m,) int, where the chosen rows (m,) of others are; −1 where they are not."""
         if len(self.rows) == 1:
             return np.where((other.rows[chosen] == self.rows).all(axis=1), 0, -1)
-        keys, place = self._index
-        at = np.minimum(np.searchsorted(keys, other.keys[chosen]), len(keys) - 1)
-        found = np.where(keys[at] == other.keys[chosen], place[at], -1)
+        found = np.array([self._first.get(other.keys[i], -1) for i in chosen.tolist()], dtype=int)
         known = np.flatnonzero(found >= 0)
-        found[known[(self.rows[found[known]] != other.rows[chosen[known]]).any(axis=1)]] = -1
+        if len(known):
+            found[known[(self.rows[found[known]] != other.rows[chosen[known]]).any(axis=1)]] = -1
         return found
 
     def firsts(self, chosen: np.ndarray) -> np.ndarray:
         """(m,) int, for each of the chosen rows (m,) the first of them that is equal."""
         if len(chosen) <= 1:
             return chosen
-        _, first, group = np.unique(self.keys[chosen], return_index=True, return_inverse=True)
-        twin = chosen[first[group]]
+        first: dict[float, int] = {}
+        twin = np.array([first.setdefault(self.keys[i], i) for i in chosen.tolist()])
         again = np.flatnonzero(twin != chosen)
-        different = again[(self.rows[twin[again]] != self.rows[chosen[again]]).any(axis=1)]  # by chance of equal keys
-        twin[different] = chosen[different]
+        if len(again):
+            different = again[(self.rows[twin[again]] != self.rows[chosen[again]]).any(axis=1)]  # by chance of equal keys
+            twin[different] = chosen[different]
         return twin
+
+
+@lru_cache(maxsize=1024)
+def _weights(size: int) -> np.ndarray:
+    return np.random.default_rng(0).uniform(1.0, 2.0, size)
 
 
 class _Plan:
@@ -182,7 +193,17 @@ class _Plan:
         if last is not None and len(last[1]) and len(new):
             self.recalled[new] = last[0].find(self.asked, new)
             new = new[self.recalled[new] < 0]
-        self.solved, self.source[new] = np.unique(self.asked.firsts(new), return_inverse=True)
+        twin = self.asked.firsts(new)
+        if (twin == new).all():
+            self.solved, self.source[new] = new, np.arange(len(new))
+        else:
+            self.solved, self.source[new] = np.unique(twin, return_inverse=True)
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """(m, size) the rows to solve."""
+        rows = self.asked.rows
+        return rows if len(self.solved) == len(rows) else rows[self.solved]
 
     def answers(self, new: np.ndarray | None) -> np.ndarray:
         """(n, size) the answers to all rows, given those (m, size) to the solved ones."""

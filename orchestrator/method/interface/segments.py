@@ -31,7 +31,9 @@ class Segments:
 
     def largest(self, x: np.ndarray) -> np.ndarray:
         """(…, S) largest magnitude of values (…, columns)."""
-        return np.maximum.reduceat(np.abs(x), self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+        if not len(self.starts):
+            return np.zeros((*x.shape[:-1], 0))
+        return np.maximum(np.maximum.reduceat(x, self.starts, axis=-1), -np.minimum.reduceat(x, self.starts, axis=-1))
 
     def spread(self, values: np.ndarray) -> np.ndarray:
         """(…, columns) to each column what its subdomain has of (…, S)."""
@@ -39,4 +41,6 @@ class Segments:
 
     def rows(self, x: np.ndarray, which: np.ndarray) -> np.ndarray:
         """(columns,) of values (rows, columns) another row for each subdomain, which (S,)."""
-        return x[0] if len(x) == 1 else x[self.spread(which), np.arange(x.shape[1])]
+        if len(x) == 1 or len(which) and (which == which[0]).all():
+            return x[which[0] if len(which) else 0]
+        return x[self.spread(which), np.arange(x.shape[1])]

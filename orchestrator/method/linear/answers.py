@@ -4,12 +4,14 @@ For boundary loads f and answers u = C f of one subdomain, C = N M⁻¹ Nᵀ = (
 
 - reciprocity (Betti): fᵀu' = f'ᵀu for two loads f, f' and their answers;
 - strain energy: fᵀu − uᵀk u = uᵀS u ≥ 0: what the soles do not store, the subdomain itself does.
+
+Traces w = N u and what the soles answer to them, k w, are formed on the way; ``answered`` hands them on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,6 +26,7 @@ from orchestrator.method.interface.segments import Segments
 # Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below 1e-5.
 CONSISTENT = 1e-3
 DIGITLESS = np.finfo(float).tiny / np.finfo(float).eps  # below it numbers lose digits
+ORDINARY = 1e100  # loads and answers whose products, and products of these, are numbers: above one over it, and below it
 
 
 class GuardedTraces(Layer):
@@ -45,6 +48,13 @@ class GuardedTraces(Layer):
         self.all = Segments(self.parts)
         self.own: dict[int, sp.csr_array] = {}
 
+    @cached_property
+    def owned(self) -> Segments:
+        """The trace dofs of the subdomains, which lie together as their boundary dofs do."""
+        space = self.direction.space
+        ends = np.searchsorted(space.owner[: space.size], [*space.subdomains, np.inf])
+        return Segments([slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
+
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.
 
@@ -63,19 +73,37 @@ class GuardedTraces(Layer):
                 judged[which] = e
                 if e not in self.own:
                     self.own[e] = self.direction.robin_block(part)
-                self._judge(f, u, Segments([slice(0, f.shape[1])]), [e], part, partial(times, self.own[e]))
+                alone = Segments([slice(0, f.shape[1])])
+                self._judge(f, u, alone, [e], part, lambda x, e=e, of=alone: of.sums(x * times(self.own[e], x)))
         return answers
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
         """As ``Layer`` says, and as ``traces`` does, all subdomains at once."""
+        return self.answered(forces)[0]
+
+    def answered(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Answers u (rows, B) of all subdomains to boundary forces (rows, B), with w = N u and k w, (rows, D) each.
+
+        They are the caller's to change.
+        """
         inner = self.inner if isinstance(self.inner, Layer) else Layer(self.inner)
-        answers = inner.all_traces(forces, parts)
+        answers, space = inner.all_traces(forces, self.parts), self.direction.space
+        w = space.trace(answers)
+        kw = self.direction.times(w)
         if len(forces):
-            self._judge(forces, answers, self.all, self.all.subdomains, slice(None), self.direction.robin)
-        return answers
+            self._judge(forces, answers, self.all, self.all.subdomains, slice(None),
+                        lambda u: self._in_soles(w, kw) if u is answers else self._in_soles(
+                            x := space.trace(u), self.direction.times(x)))
+        return answers, w, kw
+
+    def _in_soles(self, w: np.ndarray, kw: np.ndarray) -> np.ndarray:
+        """(rows, S) twice the energy of the soles of each subdomain, wᵀk w."""
+        result = np.zeros((len(w), len(self.parts)))
+        result[:, self.owned.subdomains] = self.owned.sums(w * kw)
+        return result[:, self.all.subdomains]
 
     def _judge(self, f: np.ndarray, u: np.ndarray, of: Segments, subdomains: Sequence[int], part: slice,
-               robin: Callable[[np.ndarray], np.ndarray]) -> None:
+               in_soles: Callable[[np.ndarray], np.ndarray]) -> None:
         """Loads and answers (rows, columns).
 
         Parameters
@@ -83,17 +111,22 @@ class GuardedTraces(Layer):
         of : whose the columns are, one after the other
         subdomains : which these are
         part : the boundary dofs that the columns are
-        robin : (rows, columns) to NᵀkN of them
+        in_soles : u to (rows, S) uᵀk u of each subdomain
         """
         # per unit of the load: products of small ones would underflow, and denormal numbers have no digits to compare
         unit, size = of.largest(f), of.largest(u)
         sound = (unit > DIGITLESS) & (size > DIGITLESS)
         if not sound.any():
             return
-        inverse = of.spread(np.where(sound, 1 / np.where(sound, unit, 1.0), 0.0))
-        f, u = f * inverse, u * inverse
-        work, size = of.sums(f * u), of.sums(np.abs(f * u))
-        least = np.minimum(work, work - of.sums(u * robin(u)))
+        inverse = np.where(sound, 1 / np.where(sound, unit, 1.0), 0.0)
+        largest, smallest = (x(np.concatenate([unit[sound], size[sound]])) for x in (np.max, np.min))
+        if not 1 / ORDINARY < smallest <= largest < ORDINARY:
+            f, u = (x * of.spread(inverse) for x in (f, u))
+            inverse = sound.astype(float)
+        products = f * u
+        work, stored = of.sums(products), in_soles(u)
+        work, stored, size = (x * inverse**2 for x in (work, stored, of.sums(np.abs(products, out=products))))
+        least = np.minimum(work, work - stored)
         wrong = sound & (least < -CONSISTENT * size)
         if wrong.any():
             t, e = np.argwhere(wrong)[0]
@@ -101,8 +134,14 @@ class GuardedTraces(Layer):
                                 f"work of up to {size[t, e]:.1e}", self.names[subdomains[e]])
         first, last = sound.argmax(axis=0), len(sound) - 1 - sound[::-1].argmax(axis=0)
         any_sound, known = sound.any(axis=0), of.spread(self.known[subdomains])
-        old_f, old_u = (np.where(known, old, of.rows(x, first)) for old, x in zip(self.earlier[:, part], (f, u)))
-        new_f, new_u = (of.rows(x, last) for x in (f, u))
+
+        def chosen(x: np.ndarray, which: np.ndarray) -> np.ndarray:
+            return of.rows(x, which) * of.spread(inverse[which, np.arange(len(which))])
+
+        new_f, new_u = chosen(f, last), chosen(u, last)
+        old_f, old_u = self.earlier[:, part]
+        if not known.all():
+            old_f, old_u = np.where(known, old_f, chosen(f, first)), np.where(known, old_u, chosen(u, first))
         one, other = of.sums(old_f * new_u), of.sums(new_f * old_u)
 
         def norm(x: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.blackbox.layers.layer import Layer
+from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
@@ -82,28 +82,41 @@ class LinearStage:
     macro : the macro problem, or None (mono-scale)
     loaded : (T, B) boundary values of M⁻¹f_d, computed once
     known : (T, D) prescribed traces, None where there are none
-    blackbox : the solver, in a layer
+    blackbox : the solver, its answers judged
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, macro: Macro | None,
-                 loaded: np.ndarray, known: np.ndarray | None, blackbox: Layer):
+                 loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces):
         self.space, self.direction, self.macro = space, direction, macro
         self.loaded, self.known, self.blackbox = loaded, known, blackbox
+
+    def under(self, loaded: np.ndarray, known: np.ndarray | None) -> LinearStage:
+        """The same for other load steps."""
+        return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox)
 
     def __call__(self, s: np.ndarray) -> Admissible:
         """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and row.
 
         A zero state needs none: the loads' part is known.
         """
-        u = self.loaded.copy()
+        of_loads, alpha = self._of_loads, np.zeros((len(s), 0))
         if s.any():
-            u += self.solve(self.space.loads(s))
-        alpha = np.zeros((len(s), 0))
-        if self.macro is not None:
-            w = self.trace(u)
-            alpha = self.macro.multiplier(w, s - self.direction.times(w))
-            u -= self.macro.displacement(alpha)
+            u, w, kw = self.blackbox.answered(self.space.loads(s))
+            for mine, theirs in zip((u, w, kw), of_loads):
+                mine += theirs
+        else:
+            u, w, kw = (x.copy() for x in of_loads)
+        if self.macro is None:
+            return Admissible(s, u, alpha, w, s - kw, self.space)
+        alpha = self.macro.multiplier(w, s - kw)
+        u -= self.macro.displacement(alpha)
         return self.complete(s, u, alpha)
+
+    @cached_property
+    def _of_loads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """u (T, B), w and k w (T, D) of the loads alone."""
+        w = self.trace(self.loaded)
+        return self.loaded, w, self.direction.times(w)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
