@@ -18,7 +18,6 @@ from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.placed import placed
-from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace, traced
 from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
@@ -50,7 +49,7 @@ class SearchDirection:
 
     def times(self, w: np.ndarray) -> np.ndarray:
         """(T, D) k⁻ w."""
-        return times(self.k, w)
+        return self.space.times(self.k, w)
 
     def robin(self, u: np.ndarray) -> np.ndarray:
         """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the stiffness there."""
