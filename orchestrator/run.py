@@ -16,11 +16,11 @@ from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
-from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.load_cases import common_load_cases
+from orchestrator.method.part import Part
 from orchestrator.method.solver import check_iterations, iterate
 from orchestrator.method.start import Start, numbers_of
-from orchestrator.parallel.placement import Placement, with_workers
+from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.figures.artist import Artist
 from orchestrator.results.folder import ResultsFolder
@@ -55,8 +55,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
     start : where an earlier run stood, to resume from
     watch : where seconds are counted
-    team : the ranks that solve it together; each calls this with the same scene, only rank 0 gets the solution,
-        and only its subscribers see whole states
+    team : the ranks that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only
+        rank 0 gets the solution, and only its subscribers see whole states
     ahead : where the codes' processes may have been started already
 
     Returns
@@ -87,7 +87,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     """
     told, watch = Subscribers(subscribers), watch or Stopwatch()
     try:
-        if scene is None:
+        if scene is None and team.rank == 0:
             told.stage("meshing")
             with watch("mesh"):
                 scene = build_scene(config)
@@ -97,48 +97,51 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         raise
 
 
-def _solve(config: Config, scene: Scene, told: Subscribers, reference: bool, start: Start | None,
+def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bool, start: Start | None,
            watch: Stopwatch, team: Team, ahead: Ahead | None) -> Solution | None:
-    """The stages of a solution: prepare, iterate, deliver, summarise."""
+    """The stages of a solution: prepare, iterate, deliver, summarise; the whole scene is on rank 0."""
     method, savings, codes = config.method, Savings(), with_workers(config.codes, team)
     workers = max(code.workers for code in codes)
-    exact = _undecomposed(codes, scene, told, watch, team) if reference else None
-    placement = Placement.of(scene, team)
+    exact = _undecomposed(codes, whole, told, watch, team) if reference else None
+    cases = common_load_cases(whole, method, savings, team)
+    rank_of = team.share(None if team.rank else ranks_of(whole, team.size))
+    with watch("parts"):
+        part = Part.handed_out(whole, rank_of, team)
+    scene, placement = part.scene, Placement.of(part.scene, rank_of, team)
     with watch("soles"):
         soles = make_soles(scene, method.sole, method.skip.congruent, placement.touched)
     told.stage("assembling and factorising")
-    cases = common_load_cases(scene, method.skip, savings, team, bool(stabilisation(scene, method).any()))
     check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method)
     with watch("start"):
         blackbox = with_layers(make_blackbox(codes, placement.codes, ahead), method.skip, workers, len(cases.chosen), savings)
     with blackbox:
         workload = Workload(blackbox.usage, watch, team)
-        d = prepare(scene, soles, method, blackbox, workers, watch, savings, team, placement.rank_of)
+        d = prepare(scene, soles, method, blackbox, workers, watch, savings, part)
         workload.end("set_up")
 
-        chosen, estimate = cases.part_of(d), DiscretisationEstimate(scene, cases)
-        true_error = TrueError(chosen, cases, exact, watch) if reference else None
+        chosen, estimate = cases.part_of(d), DiscretisationEstimate(whole, cases)
+        true_error = TrueError(chosen, whole, cases, exact, watch) if reference else None
         numbers = numbers_of(chosen)
-        begin = start.of_rank(chosen, numbers) if start else Start()
+        begin = Start.handed_out(start, chosen, numbers)
         iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
                            estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen])
         workload.end("iterations")
 
         wanted = method.tolerance.error == "auto" or config.output.fields
-        delivered = deliver(d, chosen, cases, iterated, method.tolerance, estimate if wanted else None, watch)
+        delivered = deliver(d, chosen, cases, iterated, method.tolerance, estimate if wanted else None, watch, whole)
         ranks = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                      true_error.asked if true_error else 0.0))
     if ranks is None:
         return None
-    summary = summarise(config, scene, delivered, d.setup_sweeps, exact, ranks, watch)
-    return Solution.of(scene, delivered, summary, exact)
+    summary = summarise(config, whole, delivered, d.setup_sweeps, exact, ranks, watch)
+    return Solution.of(whole, delivered, summary, exact)
 
 
-def _undecomposed(codes: Sequence, scene: Scene, told: Subscribers, watch: Stopwatch, team: Team) -> Reference | None:
+def _undecomposed(codes: Sequence, scene: Scene | None, told: Subscribers, watch: Stopwatch, team: Team) -> Reference | None:
     """The reference, on rank 0."""
-    check_reference(scene)
     if team.rank:
         return None
+    check_reference(scene)
     told.stage("solving undecomposed")
     with watch("reference"), make_blackbox(codes[0]) as whole:
         return solve_reference(scene, whole)
@@ -171,7 +174,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             with watch("mesh"):
                 scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]))
             with Record(folder, config, scene, watch, resume=resume) as record:
-                team.share((config, scene, reference, record.start))
+                team.share((config, reference))
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
                                  start=record.start, watch=watch, team=team, ahead=ahead)
                 progress.close()
@@ -182,7 +185,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
 
 
 def follow(team: Team) -> int:
-    """What the other ranks do: the same scene as rank 0, without a word. Returns 0; the exit code is rank 0's."""
-    config, scene, reference, start = team.share(None)
-    solve(config, scene, reference=reference, start=start, team=team)
+    """What the other ranks do: their parts of rank 0's scene, without a word. Returns 0; the exit code is rank 0's."""
+    config, reference = team.share(None)
+    solve(config, reference=reference, team=team)
     return CONVERGED

@@ -67,8 +67,7 @@ CASES = {
 def found(name: str, team: Team = ALONE) -> dict[str, np.ndarray] | None:
     """What a case comes out as; on rank 0."""
     config = config_from({"name": name, **CASES[name]})
-    scene = team.share(build_scene(config) if team.rank == 0 else None)
-    solved = solve(config, scene, team=team)
+    solved = solve(config, build_scene(config) if team.rank == 0 else None, team=team)
     if solved is None:
         return None
     summary = solved.summary

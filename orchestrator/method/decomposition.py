@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.blackbox.models.extended import boundary_dofs, extended_model, sides_by_subdomain
+from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.stopping.bound import ErrorBound
@@ -18,15 +18,14 @@ from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_basis import interface_basis, jump_free_basis
+from orchestrator.method.linear.macro_basis import interface_bases
 from orchestrator.method.interface.pairs import make_pairs
 from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.parallel.team import ALONE, Team
+from orchestrator.method.part import Part
 from orchestrator.savings import Savings
-from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.conditions.rigid import rigid_modes
@@ -105,8 +104,7 @@ class Decomposition:
 
 
 def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int,
-            watch: Stopwatch, savings: Savings | None = None, team: Team = ALONE,
-            rank_of: np.ndarray | None = None) -> Decomposition:
+            watch: Stopwatch, savings: Savings | None = None, part: Part | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
     Parameters
@@ -115,7 +113,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     method : ``method`` of the configuration
     workers : number of packets small requests are joined in
     savings : where it is noted what need not be done
-    team, rank_of : the ranks and, per subdomain, which of them owns it; each prepares its own, and both sides of
+    part : what this rank has been given, whose scene this then is; each prepares its own subdomains, and both sides of
         their interfaces
 
     Raises
@@ -124,9 +122,8 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     InputError : the macro problem is singular
     """
     savings, share = savings or Savings(), method.skip.congruent
-    sides = sides_by_subdomain(scene)
-    space = TraceSpace.of(scene, sides, [boundary_dofs(scene, s, sides[s.index]) for s in scene.subdomains])
-    space = space.part(rank_of, team)
+    part = part or Part.of_all(scene)
+    space, sides = part.space, sides_by_subdomain(scene)
     own = [scene.subdomains[e] for e in space.subdomains]
     models = [extended_model(scene, s, sides[s.index], soles) for s in own]
     traces = [m.trace for m in models]
@@ -143,7 +140,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if space.ties is not None:
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
     with watch("linear_stage"):
-        loading = apply_loads(scene, direction, models, traces, rims, blackbox)
+        loading = apply_loads(scene, direction, models, traces, rims, blackbox, part.carried)
     sweeps = loading.sweeps
     with watch("macro"):
         guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
@@ -174,23 +171,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     if method.macro.strategy == "none" or not any(wanted):
         return None
     kind = method.macro.basis
-    points = [scene.points(i) for i in scene.interfaces]
-    first = range(len(points))
-    if method.skip.congruent:
-        keys = [i.free.tobytes() if i.mortar is None else i.index for i in scene.interfaces]
-        first = first_congruent(keys, points)
-    bases: list[np.ndarray] = []
-    for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
-        if taken and wanted[first[index]] and first[index] < index:
-            bases.append(bases[first[index]])
-            continue
-        plain = "affine" if kind in ("auto", "modes") else kind
-        if interface.mortar is None:
-            basis = interface_basis(points[index], interface.free, plain)
-        else:
-            free = ~scene.subdomains[interface.subdomains[0]].fixed[interface.nodes[0]]
-            basis = jump_free_basis(interface.mortar, tuple(scene.side_points(interface, side) for side in (0, 1)), free, plain)
-        bases.append(basis if taken else basis[:, :0])
+    bases = interface_bases(scene, space, "affine" if kind in ("auto", "modes") else kind, wanted, method.skip.congruent)
     spent = 0.0
     if kind in ("auto", "modes"):
         chosen = difficulty(scene).incompressible_or_slender if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)

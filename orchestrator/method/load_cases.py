@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg as la
 
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.bound import Bound
@@ -74,14 +75,15 @@ def load_cases(scene: Scene, skip, anchored: bool = False) -> LoadCases:
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 
 
-def common_load_cases(scene: Scene, skip, savings: Savings, team: Team, anchored: bool = False) -> LoadCases:
-    """The same for all ranks: rank 0 decides, since rounding may differ from machine to machine.
+def common_load_cases(scene: Scene | None, method, savings: Savings, team: Team) -> LoadCases:
+    """The same for all ranks: rank 0 decides, which has the scene.
 
     Parameters
     ----------
+    method : ``method`` of the configuration
     savings : where the steps left out are noted
     """
-    cases = team.share(load_cases(scene, skip, anchored) if team.rank == 0 else None)
+    cases = team.share(None if team.rank else load_cases(scene, method.skip, bool(stabilisation(scene, method).any())))
     if team.rank == 0:
         savings.add(cases.switch, "load steps", cases.left_out)
     return cases

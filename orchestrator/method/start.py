@@ -32,31 +32,47 @@ class Start:
     ended: Sequence[Memory] = ()
     latest: Sequence[Memory] = ()
 
-    def of_rank(self, d: Decomposition, numbers: Numbers) -> Start:
-        """A rank's part of what is known of the whole scene.
+    @staticmethod
+    def handed_out(start: Start | None, d: Decomposition, numbers: Numbers) -> Start:
+        """A rank's part of what rank 0 knows of the whole scene.
 
         Parameters
         ----------
+        start : on rank 0; None: the beginning
         numbers : which columns of the whole scene's arrays are this rank's
 
         Raises
         ------
         InputError : it does not fit to the decomposition
         """
-        self._check(d, numbers)
-        if d.space.team.size == 1:
-            return self
+        team = d.space.team
+        everyone = team.gather(numbers)
+        if start is None and not team.rank:
+            start = Start()
+        if start is not None:
+            start._check(d.steps, everyone)
+            if team.size == 1:
+                return start
+        return team.hand_out(lambda rank: start._of_rank(everyone[rank]))
+
+    def _of_rank(self, numbers: Numbers) -> Start:
+        """The columns that are a rank's."""
         return replace(self, state=None if self.state is None else self.state[:, numbers["trace"]],
                        ended=[m.of_rank(numbers) for m in self.ended], latest=[m.of_rank(numbers) for m in self.latest])
 
-    def _check(self, d: Decomposition, numbers: Numbers) -> None:
+    def _check(self, steps: int, everyone: Sequence[Numbers]) -> None:
         """Shapes and values.
+
+        Parameters
+        ----------
+        steps : load steps that are solved
+        everyone : per rank, its columns
 
         Raises
         ------
         InputError : an array has another shape, or values that are no numbers
         """
-        totals = {kind: 1 + int(d.space.team.max(number.max(initial=-1))[0]) for kind, number in numbers.items()}
+        totals = {kind: 1 + max(int(numbers[kind].max(initial=-1)) for numbers in everyone) for kind in everyone[0]}
         given = [(m.iteration, m.arrays) for m in (*self.ended, *self.latest)]
         if self.state is not None:
             given.append((self.iteration, {"trace/state": self.state}))
@@ -66,7 +82,7 @@ class Start:
                 wrong = None
                 if array.ndim != (1 if name.startswith("common/factorised") else 2):
                     wrong = f"{array.ndim} dimensions"
-                elif kind != COMMON and array.shape[1] != totals[kind] or name == "trace/state" and len(array) != d.steps:
+                elif kind != COMMON and array.shape[1] != totals[kind] or name == "trace/state" and len(array) != steps:
                     wrong = f"shape {array.shape} where there are {totals[kind]:,} columns"
                 elif kind != "interface" and not np.isfinite(array).all():
                     wrong = "values that are not finite"

@@ -23,7 +23,7 @@ from mpi4py import MPI
 from orchestrator.errors import OrchestratorError
 from orchestrator.parallel.team import Elsewhere, Team
 
-_TRACES, _FAILURE, _GATHER = 1, 2, 3  # tags
+_TRACES, _FAILURE, _GATHER, _HANDED = 1, 2, 3, 4  # tags
 _SHORT = 1 << 15  # bytes that travel together with their number
 _EAGER = 50e-6  # seconds of polling without a nap
 _NAPS = (20e-6, 1e-3)  # shortest and longest
@@ -102,14 +102,23 @@ class Ranks(Team):
             self._count(np.frombuffer(packed, np.uint8))
             self._wait(self._world.Isend(np.frombuffer(packed, np.uint8), 0, _GATHER))
             return None
-        return [part] + [pickle.loads(self._received(rank)) for rank in range(1, self.size)]
+        return [part] + [pickle.loads(self._received(rank, _GATHER)) for rank in range(1, self.size)]
 
-    def _received(self, rank: int) -> np.ndarray:
+    def hand_out(self, make: Callable[[int], Any]) -> Any:
+        if self.rank:
+            return pickle.loads(self._received(0, _HANDED))
+        for rank in range(1, self.size):
+            packed = np.frombuffer(pickle.dumps(make(rank)), np.uint8)
+            self._count(packed)
+            self._wait(self._world.Isend(packed, rank, _HANDED))
+        return make(0)
+
+    def _received(self, rank: int, tag: int) -> np.ndarray:
         """The next part that a rank has sent, of whatever length."""
         status = MPI.Status()
-        self._poll(lambda: self._world.Iprobe(rank, _GATHER, status))
+        self._poll(lambda: self._world.Iprobe(rank, tag, status))
         packed = np.empty(status.Get_count(MPI.BYTE), np.uint8)
-        self._wait(self._world.Irecv(packed, rank, _GATHER))
+        self._wait(self._world.Irecv(packed, rank, tag))
         return packed
 
     def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:

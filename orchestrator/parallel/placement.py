@@ -37,22 +37,27 @@ class Placement:
     codes: list[int]
 
     @classmethod
-    def of(cls, scene: Scene, team: Team) -> Placement:
-        """By predicted cost and neighbourhood.
+    def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Placement:
+        """As a rank sees it.
 
-        Raises
-        ------
-        InputError : more ranks than subdomains
+        Parameters
+        ----------
+        scene : all of it, or this rank's part
+        rank_of : of every subdomain, see ``ranks_of``
         """
-        rank_of = _ranks_of(scene, team.size)
         touched = [team.rank in rank_of[list(i.subdomains)] for i in scene.interfaces]
         near = {e for i, here in zip(scene.interfaces, touched) if here for e in i.subdomains}
         near |= set(np.flatnonzero(rank_of == team.rank))
         return cls(rank_of, touched, sorted({scene.subdomains[e].code for e in near}))
 
 
-def _ranks_of(scene: Scene, ranks: int) -> np.ndarray:
-    """(subdomains,) int."""
+def ranks_of(scene: Scene, ranks: int) -> np.ndarray:
+    """(subdomains,) int, by predicted cost and neighbourhood.
+
+    Raises
+    ------
+    InputError : more ranks than subdomains
+    """
     count = len(scene.subdomains)
     if ranks > count:
         raise InputError(Problem(("subdomains",), f"{ranks} ranks for {count} subdomain{'s' if count > 1 else ''}",

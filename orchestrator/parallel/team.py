@@ -63,6 +63,10 @@ class Team:
         """Rank 0's object, on all ranks."""
         return thing
 
+    def hand_out(self, make: Callable[[int], Any]) -> Any:
+        """What rank 0 makes for each rank, one after the other: nobody holds more than one of them."""
+        return make(0)
+
     def cores(self) -> float:
         """Cores this process may count as its own."""
         return float(len(os.sched_getaffinity(0)))

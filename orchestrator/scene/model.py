@@ -176,6 +176,23 @@ class BoundaryEntry:
     values: np.ndarray
 
 
+@dataclass(frozen=True)
+class Overview:
+    """What a part of a scene knows of all of it: a number per subdomain or interface.
+
+    Parameters
+    ----------
+    sizes : (subdomains,) as of the ``Scene``
+    loose : (subdomains,) bool, bodies that nothing but contact could hold
+    mixed_moduli, incompressible_or_slender : (interfaces,) and (subdomains,) bool, what is difficult about them
+    """
+
+    sizes: np.ndarray
+    loose: np.ndarray
+    mixed_moduli: np.ndarray
+    incompressible_or_slender: np.ndarray
+
+
 @dataclass
 class Scene:
     """Everything the method needs to know of the problem.
@@ -193,6 +210,8 @@ class Scene:
     steps : number of load steps
     warnings : sentences on what is no error but may be meant otherwise
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
+    overview : of the whole scene, where this is a part of it
+    number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
     """
 
     name: str
@@ -209,6 +228,8 @@ class Scene:
     steps: int
     warnings: list[str] = field(default_factory=list)
     near: list[tuple[int, int]] = field(default_factory=list)
+    overview: Overview | None = None
+    number: np.ndarray | None = None
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""
@@ -235,6 +256,8 @@ class Scene:
     @cached_property
     def sizes(self) -> np.ndarray:
         """(subdomains,) cube root of each subdomain's volume, a length."""
+        if self.overview is not None:
+            return self.overview.sizes
         volume = np.abs(tet_volumes(self.mesh.nodes, self.mesh.cells))
         return np.cbrt(np.bincount(self.cell_subdomain, weights=volume, minlength=len(self.subdomains)))
 

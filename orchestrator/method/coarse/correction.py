@@ -96,7 +96,7 @@ class CoarseCorrection:
         at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
         self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
                                      [np.ascontiguousarray(W[:, part].T) for part in self.parts])
-        self.prescribed = max(np.abs(s.prescribed).max(initial=0.0) for s in scene.subdomains)
+        self.prescribed = self.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.own))[0]
         self.radius: float | None = None
 
     def start_from(self, local: LawStage) -> None:

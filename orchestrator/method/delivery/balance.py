@@ -41,19 +41,21 @@ class Balance:
 
 def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces: InterfaceFields | None,
             length: np.ndarray | None) -> Balance:
-    """All bodies' balance; on rank 0, elsewhere a part of it.
+    """All bodies' balance.
 
     Parameters
     ----------
     parts : per subdomain (T, n_E, 3), as recovered
     f : (T, D) interface forces
-    interfaces : fields of the interfaces that are not perfect, if there are any
+    interfaces : fields of this rank's interfaces that are not perfect, if the scene has any
     length : (N,) what is left of their normals within the components that are free
     """
     scene = d.scene
     joined = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
     count, body = components(*joined.T, len(scene.subdomains))
-    low, high = scene.mesh.nodes.min(axis=0), scene.mesh.nodes.max(axis=0)
+    nodes = scene.mesh.nodes
+    ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)), (2, 3))
+    low, high = -ends[0], ends[1]
     centre, extent = (low + high) / 2, size_of(np.array([low, high]))
     left, size = np.zeros((scene.steps, count, 6)), np.zeros((scene.steps, count))
 
@@ -71,10 +73,10 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
             add(body[s.index], s.nodes, support)
         if s.loads.any():
             add(body[s.index], s.nodes, s.loads)
-    left, size = d.space.team.sum(left, size)
     for one, two, nodes, others, forces in () if interfaces is None else _carried(interfaces, length):
         add(body[one], nodes, forces)
         add(body[two], others, -forces)
+    left, size = d.space.team.sum(left, size)
     return Balance(_names(scene, body), left, size)
 
 

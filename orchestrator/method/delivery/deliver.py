@@ -10,14 +10,15 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interior import interior
-from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
-from orchestrator.method.delivery.recovery import reactions, recover
+from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, mean_of_sides
+from orchestrator.method.delivery.recovery import delivered, of_all, on_mesh, reactions, recover
 from orchestrator.method.delivery.stabilised import Stabilised, stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
 from orchestrator.method.stopping.criteria import LawCriterion
 from orchestrator.method.stopping.discretisation import Estimate
 from orchestrator.method.stopping.law_residuals import LawResiduals
+from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
 
@@ -30,7 +31,7 @@ class Delivered:
     iterated : what the iterations ended with, for all load steps, with the noise of the answers in its bound; not
         converged where a guard is broken
     displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean
-        of the sides
+        of the sides; None but on rank 0
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
     sides : per subdomain (T, n_E, 3), continuous over perfect interfaces; None where no interface opens
     interfaces : what happens on the interfaces that are not perfect; None where there are none
@@ -41,7 +42,7 @@ class Delivered:
     """
 
     iterated: Iterated
-    displacement: np.ndarray
+    displacement: np.ndarray | None
     parts: list[np.ndarray | None]
     sides: list[np.ndarray | None] | None
     interfaces: InterfaceFields | None
@@ -52,7 +53,7 @@ class Delivered:
 
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, tolerance,
-            estimate: DiscretisationEstimate | None, watch: Stopwatch) -> Delivered:
+            estimate: DiscretisationEstimate | None, watch: Stopwatch, whole: Scene | None) -> Delivered:
     """Recover what is delivered, and judge it.
 
     Parameters
@@ -60,11 +61,11 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
     tolerance : ``method.tolerance`` of the configuration
     estimate : estimates the discretisation error; None: it is not wanted
+    whole : the scene of all ranks, on rank 0
     """
     with watch("linear_stage"):
-        displacement, parts = recover(chosen, iterated.fields, iterated.bound)
-        displacement = cases.all_steps(displacement)
-        parts = [part if part is None else cases.all_steps(part) for part in parts]
+        continuous, parts = ([part if part is None else cases.all_steps(part) for part in each]
+                             for each in recover(chosen, iterated.fields, iterated.bound))
         iterated = expanded(d, iterated, cases)
     discretisation = own = laws = lengths = None
     if estimate is not None:
@@ -74,11 +75,17 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
     else:
-        displacement, own = sides(d, iterated, parts)
+        own = delivered(d, iterated.bound, parts)
         criterion = LawCriterion(d, tolerance)
         laws, lengths = criterion.laws(iterated.fields, iterated.local), criterion.lengths(iterated.fields.u)
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
-    return Delivered(iterated, displacement, parts, own, interfaces, laws, stabilised(d, iterated), reactions(d, parts, iterated.fields.f),
-                     discretisation)
+    carried, acting = stabilised(d, iterated), reactions(d, parts, iterated.fields.f)
+    parts, own, interfaces = of_all(d, parts), own and of_all(d, own), all_interfaces(d, interfaces)
+    displacement = None
+    if own is None:
+        continuous = of_all(d, continuous)
+    if whole is not None:
+        displacement = on_mesh(whole, continuous) if own is None else mean_of_sides(whole, own)
+    return Delivered(iterated, displacement, parts, own, interfaces, laws, carried, acting, discretisation)

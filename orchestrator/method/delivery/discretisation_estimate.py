@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import delivered, recover
+from orchestrator.method.delivery.recovery import delivered, of_all, recover
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.load_cases import LoadCases
 from orchestrator.method.stopping.bound import Bound
@@ -20,11 +20,11 @@ class DiscretisationEstimate:
 
     Parameters
     ----------
-    scene : of four-node or ten-node tets
+    scene : the whole one, of four-node or ten-node tets; on rank 0
     cases : how all load steps follow from those that are solved
     """
 
-    def __init__(self, scene: Scene, cases: LoadCases):
+    def __init__(self, scene: Scene | None, cases: LoadCases):
         self.scene, self.cases = scene, cases
 
     @cached_property
@@ -41,7 +41,7 @@ class DiscretisationEstimate:
         ----------
         d : for the load steps of the fields
         """
-        parts = delivered(d, bound, recover(d, fields, bound)[1])
+        parts = of_all(d, recover(d, fields, bound)[0])
         if d.space.team.rank:
             return d.space.team.share(None)
         if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
@@ -50,5 +50,5 @@ class DiscretisationEstimate:
 
     def of_parts(self, d: Decomposition, bound: Bound, parts: list[np.ndarray | None]) -> Estimate | None:
         """Of recovered displacements, on rank 0; None elsewhere."""
-        whole = delivered(d, bound, parts)
+        whole = of_all(d, delivered(d, bound, parts))
         return None if d.space.team.rank else self.estimator(whole)

@@ -24,7 +24,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interior import Interior, interior
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.interface.pairs import pair_normals
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.lengths import Lengths
@@ -45,14 +45,14 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
     Parameters
     ----------
     parts : per subdomain (T, n_E, 3), as recovered
-    interfaces, lengths : fields of the interfaces that are not perfect, if there are any, and what they are
-        compared with
+    interfaces, lengths : fields of this rank's interfaces that are not perfect, if the scene has any, and what they
+        are compared with
     inside : of these parts; None: it is found here
     """
     inside = inside or interior(d, iterated, parts)
     found = _works(d, iterated, parts, inside)
     length = None if interfaces is None else np.concatenate(
-        [pair_normals(d.scene.points(i), i)[1][i.corners] for i in d.scene.interfaces if not i.law.perfect])
+        [np.zeros(0), *(pair_normals(d.scene.points(i), i)[1][i.corners] for i in own_interfaces(d))])
     claimed = iterated.bound.relative if d.all_perfect else iterated.last.law_residual
     allowed = LAWS * max(claimed, ROUNDING)
     unbalanced = _balances(d, iterated, parts, interfaces, length, lengths, allowed)
@@ -172,7 +172,7 @@ def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], int
 
 def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, lengths: Lengths,
           allowed: float) -> list[str]:
-    chosen, worst = [i for i in d.scene.interfaces if not i.law.perfect], {}
+    chosen, worst = own_interfaces(d), {}
     pressures = _pressures(d, interfaces, lengths)
     for i, start in zip(chosen, interfaces.offsets):
         mobile = np.flatnonzero(i.free[i.corners].any(axis=1))
@@ -182,6 +182,7 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
                           length[at])
         for what, value in i.law.violations(written, lengths.of_displacements, pressures[i.law.name]).items():
             worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
+    worst = _largest(d, worst)
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
             for what, value in worst.items() if not value <= allowed]
 
@@ -191,5 +192,16 @@ def _pressures(d: Decomposition, interfaces: InterfaceFields, lengths: Lengths) 
     points = d.local.pairs.points
     resting = lengths.of_rest * (points.stiff_n / points.area).max(initial=0.0)
     size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
-    return {str(law): max(size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0), resting) or 1.0
-            for law in set(interfaces.laws)}
+    largest = {str(law): size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0)
+               for law in set(interfaces.laws)}
+    resting, = d.space.team.max(resting)
+    return {law: max(value, resting) or 1.0 for law, value in _largest(d, largest).items()}
+
+
+def _largest(d: Decomposition, own: dict[str, float]) -> dict[str, float]:
+    """Of all ranks; nan stays."""
+    result: dict[str, float] = {}
+    for found in d.space.team.all_gather(own):
+        for name, value in found.items():
+            result[name] = np.maximum(result.get(name, 0.0), value)
+    return result

@@ -6,7 +6,8 @@ only the status (open, stick, slip) is the local stage's. T load steps, N interf
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,9 +15,8 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.laws.status import BONDED
 from orchestrator.method.interface.pairs import node_areas, pair_normals
-from orchestrator.method.delivery.recovery import delivered
 from orchestrator.method.iterated import Iterated
-from orchestrator.scene.model import Interface
+from orchestrator.scene.model import Interface, Scene
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,33 @@ class InterfaceFields:
     kind_colours: np.ndarray
     resultant: np.ndarray
 
+    @classmethod
+    def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
+        """Those of several sets of interfaces.
+
+        Parameters
+        ----------
+        order : (I,) int, which of all interfaces, set after set, comes first, second, …
+        """
+        counts, faces = (np.concatenate([c(p) for p in parts]) for c in (
+            lambda p: np.diff(p.offsets), lambda p: np.bincount(p.owner, minlength=len(p.names))))
+        node, face = (_segments(c, order) for c in (counts, faces))
+        offsets = np.concatenate([[0], np.cumsum(counts[order])])
+        starts = np.concatenate([[0], np.cumsum([len(p.nodes) for p in parts])])
+        place = np.empty(len(node), dtype=int)
+        place[node] = np.arange(len(node))
+        triangles = np.concatenate([p.triangles + a for p, a in zip(parts, starts)])
+
+        def chosen(name: str, which: np.ndarray, axis: int = 0) -> np.ndarray:
+            return np.concatenate([getattr(p, name) for p in parts], axis=axis).take(which, axis=axis)
+
+        return cls(*(chosen(name, order) for name in ("names", "laws", "subdomains")), offsets,
+                   *(chosen(name, node) for name in ("nodes", "others")), place[triangles[face]],
+                   np.repeat(np.arange(len(order)), faces[order]),
+                   *(chosen(name, node) for name in ("normal", "area", "initial_gap")),
+                   *(chosen(name, node, 1) for name in ("gap", "slip", "pressure", "friction_traction", "status")),
+                   parts[0].kinds, parts[0].kind_names, parts[0].kind_colours, chosen("resultant", order, 1))
+
     @property
     def steps(self) -> int:
         return len(self.gap)
@@ -81,41 +108,65 @@ class InterfaceFields:
                         for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
 
 
+def own_interfaces(d: Decomposition) -> list[Interface]:
+    """Those that are not perfect and whose first side is this rank's, in the order of the scene."""
+    here = set(d.space.subdomains)
+    return [i for i in d.scene.interfaces if not i.law.perfect and i.subdomains[0] in here]
+
+
 def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | None:
-    """Fields of the interfaces that are not perfect, on rank 0; None elsewhere, and where all are."""
+    """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are."""
     if d.all_perfect:
         return None
-    pairs, steps = d.local.pairs, d.scene.steps
-    chosen = [i for i in d.scene.interfaces if not i.law.perfect]
+    pairs, steps, scene = d.local.pairs, d.scene.steps, d.scene
+    chosen = own_interfaces(d)
     corners = [i.corners for i in chosen]  # mid-edge nodes are tied to them
     offsets = np.cumsum([0] + [len(c) for c in corners])
-    place = _places(pairs.interfaces, {i.index: a for i, a in zip(chosen, offsets)})
-    normal, length = (np.concatenate([x[c] for x, c in zip(both, corners)])
-                      for both in zip(*(pair_normals(d.scene.points(i), i) for i in chosen)))
-    area = np.concatenate([node_areas(d.scene.points(i), i.triangles)[c] for i, c in zip(chosen, corners)])
-    initial = np.concatenate([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
+    start = {i.index: a for i, a in zip(chosen, offsets)}
+    place = _places([i for i in pairs.interfaces if i.index in start], start)
+    both = [pair_normals(scene.points(i), i) for i in chosen]
+    normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
+    length = _joined([l[c] for (_, l), c in zip(both, corners)])
+    area = _joined([node_areas(scene.points(i), i.triangles)[c] for i, c in zip(chosen, corners)])
+    initial = _joined([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
     at = pairs.traces(*iterated.fields.extended)
     jumps, forces = (x.transpose(0, 2, 1) for x in (at.jump, at.force))
     mine = pairs.mine
-    parts = d.space.team.gather((place[mine], jumps[:, mine], forces[:, mine], iterated.local.status[:, mine]))
-    if parts is None:
-        return None
-    for place, jumps, forces, kinds in parts:
-        jump[:, place], force[:, place], status[:, place] = jumps, forces, kinds
+    jump[:, place], force[:, place], status[:, place] = jumps[:, mine], forces[:, mine], iterated.local.status[:, mine]
     opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force))
     traction = (force - push[:, :, None] * normal) / area[:, None]
-    resultant = np.stack([force[:, a:b].sum(axis=1) for a, b in zip(offsets[:-1], offsets[1:])], axis=1)
+    resultant = np.zeros((steps, len(chosen), 3))
+    for index, (a, b) in enumerate(zip(offsets[:-1], offsets[1:])):
+        resultant[:, index] = force[:, a:b].sum(axis=1)
     return InterfaceFields(
-        np.array([i.name for i in chosen]), np.array([i.law.name for i in chosen]),
-        np.array([i.subdomains for i in chosen]), offsets,
-        *(np.concatenate([d.scene.side_nodes(i, side)[c] for i, c in zip(chosen, corners)]) for side in (0, 1)),
-        np.concatenate([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)]),
+        np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
+        np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets,
+        *(_joined([scene.side_nodes(i, side)[c] for i, c in zip(chosen, corners)]).astype(int) for side in (0, 1)),
+        _joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)).astype(int),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
         initial + length * opening, jump - opening[:, :, None] * normal, -push / (length * area), traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant)
+
+
+def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFields | None:
+    """The fields of all ranks on rank 0, in the order of the scene and with its numbers of nodes; as given elsewhere."""
+    if own is None or d.space.team.size == 1:
+        return own
+    told = replace(own, nodes=d.scene.number[own.nodes], others=d.scene.number[own.others])
+    everyone = d.space.team.gather(([i.index for i in own_interfaces(d)], told))
+    if everyone is None:
+        return own
+    index = np.concatenate([numbers for numbers, _ in everyone]).astype(int)
+    return InterfaceFields.joined([fields for _, fields in everyone], np.argsort(index))
+
+
+def _segments(counts: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Where the entries of segments of these lengths are, if the segments are put in another order."""
+    starts = np.cumsum(counts) - counts
+    return np.concatenate([np.empty(0, int)] + [np.arange(starts[i], starts[i] + counts[i]) for i in order])
 
 
 def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
@@ -124,23 +175,21 @@ def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
     return np.concatenate(places) if places else np.zeros(0, int)
 
 
-def sides(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Displacements where interfaces open: the bodies' own, and one per node of the input mesh.
+def mean_of_sides(scene: Scene, sides: list[np.ndarray]) -> np.ndarray:
+    """(T, n, 3) one displacement per node of the mesh where interfaces open: the mean of its copies.
 
     Parameters
     ----------
-    parts : per subdomain (T, n_E, 3), as recovered
-
-    Returns
-    -------
-    displacement : (T, n, 3), the mean of the copies of each node
+    scene : the whole one
     sides : per subdomain (T, n_E, 3), continuous over perfect interfaces
     """
-    total = np.zeros((d.scene.steps, len(d.scene.mesh.nodes), 3))
-    copies = np.zeros(len(d.scene.mesh.nodes))
-    result = delivered(d, iterated.bound, parts)
-    for s, own in zip(d.scene.subdomains, result):
-        if own is not None:
-            total[:, s.nodes] += own
-            copies[s.nodes] += 1
-    return total / np.maximum(copies, 1)[:, None], result
+    total = np.zeros((scene.steps, len(scene.mesh.nodes), 3))
+    copies = np.zeros(len(scene.mesh.nodes))
+    for s, own in zip(scene.subdomains, sides):
+        total[:, s.nodes] += own
+        copies[s.nodes] += 1
+    return total / np.maximum(copies, 1)[:, None]
+
+
+def _joined(parts: list[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
+    return np.concatenate(parts) if parts else np.zeros(empty)

@@ -8,22 +8,22 @@ from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.model import Scene
 
 
-def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Displacement of the whole structure, and of each subdomain before averaging.
+def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[list[np.ndarray | None], list[np.ndarray | None]]:
+    """Displacement of each subdomain of this rank, None for others.
 
     Returns
     -------
-    displacement : (T, n, 3) u_D on the nodes of the input mesh, continuous over perfect interfaces; on rank 0
-    parts : per subdomain of the scene (T, n_E, 3), in equilibrium with their interface forces; on rank 0 all, on
-        the others their own, None for the rest
+    continuous : per subdomain of the scene (T, n_E, 3) u_D, continuous over perfect interfaces
+    parts : the same before averaging, in equilibrium with their interface forces
 
     Notes
     -----
     One back-substitution per subdomain and load step for the fields inside the subdomains.
     """
-    scene, steps = d.scene, d.steps
+    steps = d.steps
     robin = d.space.loads(d.stage.robin_force(fields.s, fields.alpha))
     requests = {}
     for e, (trace, forces) in enumerate(zip(d.traces, d.loading.forces)):
@@ -33,47 +33,56 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[np.ndar
         if full.any():
             requests[e] = full
     answers = d.blackbox.fields(requests)
-    parts, continuous, mode = [], [], 0
+    parts, mode = [None] * len(d.scene.subdomains), 0
     for e, s in enumerate(d.own):
         size = 3 * len(s.nodes)
         u = d.loading.lift[e] + (answers[e][:, :size] if e in answers else 0.0)
         count = d.modes[e].shape[1]
         u = u + bound.repositioned[:, mode : mode + count] @ d.modes[e].T
         mode += count
-        parts.append(u.reshape(steps, -1, 3).copy())
-        u[:, d.traces[e]] += bound.correction[:, d.space.boundary[e]]
-        continuous.append(u.reshape(steps, -1, 3))
-    parts, continuous = gathered(d, parts), gathered(d, continuous)
-    displacement = np.zeros((steps, len(scene.mesh.nodes), 3))
-    for s, u in zip(scene.subdomains, continuous):
-        if u is not None:
-            displacement[:, s.nodes] = u
-    return displacement, parts
+        parts[s.index] = u.reshape(steps, -1, 3)
+    return delivered(d, bound, parts), parts
 
 
 def delivered(d: Decomposition, bound: Bound, parts: list) -> list:
-    """Per subdomain (T, n_E, 3) its own displacement, continuous over perfect interfaces.
+    """Per subdomain (T, n_E, 3) its own displacement, continuous over perfect interfaces; None where not this rank's.
 
     Parameters
     ----------
-    parts : as recovered, None where not known
+    parts : as recovered
     """
-    result = []
+    result = [None] * len(parts)
     for e, s in enumerate(d.own):
         part = parts[s.index]
         own = part.reshape(len(part), -1).copy()
         own[:, d.traces[e]] += bound.correction[:, d.space.boundary[e]]
-        result.append(own.reshape(part.shape))
-    return gathered(d, result)
+        result[s.index] = own.reshape(part.shape)
+    return result
 
 
-def gathered(d: Decomposition, own: list) -> list:
-    """Something per subdomain: of all on rank 0, of a rank's own elsewhere (None for the rest)."""
-    everything = [None] * len(d.scene.subdomains)
-    for subdomains, things in d.space.team.gather((d.space.subdomains, own)) or [(d.space.subdomains, own)]:
-        for e, thing in zip(subdomains, things):
+def of_all(d: Decomposition, own: list) -> list:
+    """Something per subdomain of the scene: of all on rank 0, elsewhere as given, None for other ranks'."""
+    team = d.space.team
+    if team.size == 1:
+        return own
+    everything = list(own)
+    for things in team.gather({e: own[e] for e in d.space.subdomains}) or ():
+        for e, thing in things.items():
             everything[e] = thing
     return everything
+
+
+def on_mesh(scene: Scene, everyone: list[np.ndarray]) -> np.ndarray:
+    """(T, n, 3) on the nodes of the mesh, from the subdomains' own (T, n_E, 3), where these are continuous.
+
+    Parameters
+    ----------
+    scene : the whole one
+    """
+    displacement = np.zeros((everyone[0].shape[0], len(scene.mesh.nodes), 3))
+    for s, u in zip(scene.subdomains, everyone):
+        displacement[:, s.nodes] = u
+    return displacement
 
 
 def support_forces(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[np.ndarray | None]:
@@ -124,16 +133,15 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
         for c in () if forces is None else range(3):
             held = np.flatnonzero(s.fixed[:, c])
             np.add.at(supported[:, :, c], (slice(None), s.held_by[held, c]), forces[:, held, c])
-    supported, = d.space.team.sum(supported)
+    # every face is on one rank
+    area = [area_vectors(scene.mesh.nodes, entry.triangles) for entry in scene.boundary]
+    whole, sizes = np.array([a.sum(axis=0) for a in area]), np.array([np.linalg.norm(a, axis=1).sum() for a in area])
+    supported, whole, sizes = d.space.team.sum(supported, whole, sizes)
     result = []
-    for entry in scene.boundary:
+    for entry, area, size in zip(scene.boundary, whole, sizes):
         if entry.kind == "displacement":
             total = supported[:, entry.index]
         else:
-            area = area_vectors(scene.mesh.nodes, entry.triangles)
-            if entry.kind == "pressure":
-                total = -entry.values[:, :1] * area.sum(axis=0)
-            else:
-                total = entry.values * np.linalg.norm(area, axis=1).sum()
+            total = -entry.values[:, :1] * area if entry.kind == "pressure" else entry.values * size
         result.append(total.tolist())
     return result

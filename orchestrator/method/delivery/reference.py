@@ -11,7 +11,7 @@ from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import recover
+from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.load_cases import LoadCases
 from orchestrator.method.stopping.bound import Bound
@@ -89,24 +89,26 @@ class TrueError:
     Parameters
     ----------
     d : the decomposition that is iterated
+    scene : the whole one, on rank 0
     cases : how all load steps follow from its own
-    exact : the undecomposed solution; on rank 0
+    exact : the undecomposed solution, of the whole scene; on rank 0
 
     Attributes
     ----------
     asked : seconds that the black box has been asked for it
     """
 
-    def __init__(self, d: Decomposition, cases: LoadCases, exact: Reference | None, watch: Stopwatch):
-        self.d, self.cases, self.exact, self.watch = d, cases, exact, watch
+    def __init__(self, d: Decomposition, scene: Scene | None, cases: LoadCases, exact: Reference | None, watch: Stopwatch):
+        self.d, self.scene, self.cases, self.exact, self.watch = d, scene, cases, exact, watch
         self.asked = 0.0
 
     def __call__(self, fields: Admissible, bound: Bound) -> float:
         """Of what would be delivered; costs one back-substitution per subdomain and load step."""
         asked = self.d.blackbox.usage.asked
         with self.watch("reference"):
-            found = self.cases.all_steps(recover(self.d, fields, bound)[0])
-            error = self.d.space.team.share(self.exact and self.exact.relative_error(found))
+            found = of_all(self.d, recover(self.d, fields, bound)[0])
+            error = self.d.space.team.share(self.exact and self.exact.relative_error(
+                self.cases.all_steps(on_mesh(self.scene, found))))
         self.asked += self.d.blackbox.usage.asked - asked
         return error
 

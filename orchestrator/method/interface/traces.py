@@ -44,11 +44,11 @@ class TraceSpace:
     ----------
     subdomains : those numbered here, ascending
     boundary : for each, the slice of its boundary dofs
-    global_dof : (B,) int, 3 * global node + component
+    global_dof : (B,) int, 3 * node of the scene, or of the rank's part of it, + component
     gather : (D,) int, boundary dof of each trace dof; anything where it is held
     held : (h,) int, ascending, trace dofs whose displacement is prescribed
     held_at : (h, 2) int, the subdomain of each of these, and its dof there, 3 * node + component
-    dof : (D,) int, 3 * global node + component of each trace dof
+    dof : (D,) int, 3 * node + component of each trace dof, in the same numbering
     transfer : how the two sides of all interfaces meet, with a point for every component that is free on both
     sides : per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2; empty where neither
         is of this part
@@ -130,31 +130,31 @@ class TraceSpace:
                    label, np.arange(label.max(initial=-1) + 1), held, held_at, trace_dof,
                    make_ties(scene, own_sides, count))
 
-    def part(self, rank_of: np.ndarray, team: Team) -> "TraceSpace":
-        """A rank's part of the numbering of a whole scene.
+    def part(self, rank_of: np.ndarray, this: int, nodes: np.ndarray) -> "TraceSpace":
+        """A rank's part of the numbering of a whole scene; the rank itself enters its ``team``.
 
         Parameters
         ----------
         rank_of : (subdomains,) int, the rank of each
+        this : which rank
+        nodes : (n,) int, ascending, the nodes of its part of the scene, in which ``global_dof`` and ``dof`` then count
 
         Notes
         -----
         Both sides of a message list its dofs in the order of the whole numbering: nothing has to be agreed on.
         """
-        if team.size == 1:
-            return self
-        mine = np.flatnonzero(rank_of == team.rank)
+        mine = np.flatnonzero(rank_of == this)
         rank = rank_of[self.owner]
-        own = np.flatnonzero(rank == team.rank)
+        own = np.flatnonzero(rank == this)
         far = self.transfer.opposite(own)
-        far = far[rank[far] != team.rank]
+        far = far[rank[far] != this]
         held = np.concatenate([own, far])
         place = np.full(self.size, -1)
         place[held] = np.arange(len(held))
         theirs = {int(r): far[rank[far] == r] for r in np.unique(rank[far])}
         receives = {r: place[ghosts] for r, ghosts in theirs.items()}
         met = {r: self.transfer.opposite(ghosts) for r, ghosts in theirs.items()}
-        sends = {r: place[dofs[rank[dofs] == team.rank]] for r, dofs in met.items()}
+        sends = {r: place[dofs[rank[dofs] == this]] for r, dofs in met.items()}
         none = np.empty(0, int)
         sides = [(place[a], place[b]) if len(a) and place[a[0]] >= 0 else (none, none) for a, b in self.sides]
 
@@ -165,17 +165,17 @@ class TraceSpace:
         labels, label = np.unique(self.label[chosen], return_inverse=True)
         shared = {}
         rank_of_dof = np.repeat(rank_of, [s.stop - s.start for s in self.boundary])
-        for r in range(team.size):
-            if r != team.rank:
+        for r in range(int(rank_of.max()) + 1):
+            if r != this:
                 common = np.flatnonzero(np.isin(labels, self.label[rank_of_dof == r]))
                 if len(common):
                     shared[r] = common
         return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
-                          self.global_dof[chosen], position[self.gather[own]],
+                          _on_nodes(self.global_dof[chosen], nodes), position[self.gather[own]],
                           self.transfer.renumbered(place, len(own), len(held)), sides, self.owner[held], self.perfect, own,
                           chosen, self.total, self.subdomain_count, label, labels, np.flatnonzero(np.isin(own, self.held)),
-                          self.held_at[np.isin(self.held, own)], self.dof[own],
-                          self.ties and self.ties.part(held, len(own)), team, sends, receives, shared)
+                          self.held_at[np.isin(self.held, own)], _on_nodes(self.dof[own], nodes),
+                          self.ties and self.ties.part(held, len(own)), ALONE, sends, receives, shared)
 
     @property
     def size(self) -> int:
@@ -286,6 +286,11 @@ def traced(interface: Interface, side: int) -> np.ndarray:
     """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where nodes do not match, all of them,
     so that the other side meets what is prescribed."""
     return interface.free if interface.mortar is None else np.ones((len(interface.nodes[side]), 3), dtype=bool)
+
+
+def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Dofs 3 * node + component where nodes are numbered by their place among some, ascending."""
+    return 3 * np.searchsorted(nodes, dofs // 3) + dofs % 3
 
 
 def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:

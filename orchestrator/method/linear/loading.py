@@ -118,20 +118,25 @@ class Loading:
 
 
 def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], traces: list[np.ndarray],
-                rims: list[RimStiffness], blackbox: BlackBox) -> Loading:
-    """Solve the extended subdomains under the loads alone, all load steps at once: M⁻¹f_d of eq. 30."""
+                rims: list[RimStiffness], blackbox: BlackBox, bodies: Carried) -> Loading:
+    """Solve the extended subdomains under the loads alone, all load steps at once: M⁻¹f_d of eq. 30.
+
+    Parameters
+    ----------
+    bodies : the rigid motions of what is held together, of the whole scene
+    """
     space, steps = direction.space, scene.steps
     own = [scene.subdomains[e] for e in space.subdomains]
     known = space.known(scene.subdomains)
     soles = None if known is None else space.loads(direction.times(known))
     forces, lifts, requests, energy = [], [], {}, np.zeros(steps)
     lifted_any = bool(space.team.max(any(s.prescribed.any() for s in own))[0])
-    working_forces, carried, bodies = [], np.zeros((steps, len(space.global_dof))), _Carried(scene)
+    working_forces, carried = [], np.zeros((steps, len(space.global_dof)))
     for e, (s, rim, model) in enumerate(zip(own, rims, models)):
         external = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
         lift = np.where(s.fixed, s.prescribed, 0.0).reshape(steps, -1)
         reaction, strained = np.zeros((2, *lift.shape))
-        parts = bodies.split(s, lift)
+        parts = bodies.split(s, scene.mesh.nodes[s.nodes], lift)
         if parts is not None:
             rigid, left = parts
             carried[:, space.boundary[e]] = rigid[:, traces[e]]
@@ -161,38 +166,50 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
     return Loading(forces, lifts, known, boundary, carried, working, energy, 2.0 if lifted_any else 1.0)
 
 
-class _Carried:
+@dataclass(frozen=True)
+class Carried:
     """The rigid motion that comes closest to what is prescribed on each body, of all that joining laws hold together.
 
     Parameters
     ----------
-    scene : all of it, on every rank
+    body : (subdomains,) int, the body of each
+    frames : body that is moved → centre, size, and (6, T) coefficients of its motions
     """
 
-    def __init__(self, scene: Scene):
-        self.scene = scene
+    body: np.ndarray
+    frames: dict[int, tuple[np.ndarray, float, np.ndarray]]
+
+    @classmethod
+    def of(cls, scene: Scene) -> Carried:
+        """Of a whole scene."""
         joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins]).reshape(-1, 2)
-        self.body = components(*joined.T, len(scene.subdomains))[1]
-        self.frames = {body: self._fit([s for s, b in zip(scene.subdomains, self.body) if b == body]) for body in
-                       np.unique([self.body[s.index] for s in scene.subdomains if s.prescribed.any()])}
+        body = components(*joined.T, len(scene.subdomains))[1]
+        return cls(body, {b: _fit(scene, [s for s, other in zip(scene.subdomains, body) if other == b]) for b in
+                          np.unique([body[s.index] for s in scene.subdomains if s.prescribed.any()])})
 
-    def _fit(self, pieces: list[Subdomain]) -> tuple[np.ndarray, float, np.ndarray]:
-        """Centre, size, and (6, T) coefficients of the motions."""
-        held = [s for s in pieces if s.fixed.any()]
-        points = np.concatenate([self.scene.mesh.nodes[s.nodes[s.fixed.any(axis=1)]] for s in held])
-        centre, size = points.mean(axis=0), size_of(points)
-        rows = np.concatenate([motions_about(self.scene.mesh.nodes[s.nodes], centre, size)[s.fixed] for s in held])
-        values = np.concatenate([s.prescribed[:, s.fixed] for s in held], axis=1)
-        return centre, size, np.linalg.lstsq(rows, values.T, rcond=HELD)[0]
-
-    def split(self, s: Subdomain, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    def split(self, s: Subdomain, points: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """The motion (T, 3n) of a subdomain, zero on prescribed dofs, and what it leaves there of the lift (T, 3n); None
-        where nothing moves."""
+        where nothing moves.
+
+        Parameters
+        ----------
+        points : (n, 3) where its nodes are
+        """
         if self.body[s.index] not in self.frames:
             return None
         centre, size, coefficients = self.frames[self.body[s.index]]
-        rigid = (motions_about(self.scene.mesh.nodes[s.nodes], centre, size).reshape(-1, 6) @ coefficients).T
+        rigid = (motions_about(points, centre, size).reshape(-1, 6) @ coefficients).T
         fixed = s.fixed.ravel()
         left = np.where(fixed, lift - rigid, 0.0)
         left[np.abs(left) <= ROUNDING * np.abs(rigid).max(initial=0.0)] = 0.0
         return np.where(fixed, 0.0, rigid), left
+
+
+def _fit(scene: Scene, pieces: list[Subdomain]) -> tuple[np.ndarray, float, np.ndarray]:
+    """Centre, size, and (6, T) coefficients of the motions of one body."""
+    held = [s for s in pieces if s.fixed.any()]
+    points = np.concatenate([scene.mesh.nodes[s.nodes[s.fixed.any(axis=1)]] for s in held])
+    centre, size = points.mean(axis=0), size_of(points)
+    rows = np.concatenate([motions_about(scene.mesh.nodes[s.nodes], centre, size)[s.fixed] for s in held])
+    values = np.concatenate([s.prescribed[:, s.fixed] for s in held], axis=1)
+    return centre, size, np.linalg.lstsq(rows, values.T, rcond=HELD)[0]

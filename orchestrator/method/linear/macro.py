@@ -120,14 +120,6 @@ def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, f
     return both if space.ties is None else sp.csr_array(space.ties.change @ both)
 
 
-def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
-    """The bases, those of interfaces of other ranks empty, but with as many columns as they have there."""
-    if team.size == 1:
-        return bases
-    widths = team.max(*(b.shape[1] for b in bases))
-    return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]
-
-
 def _positive_definite_solver(lower: sp.csr_array):
     """Factorise the macro matrix, given its lower triangle, or say what its failure means."""
     scale = lower.diagonal()

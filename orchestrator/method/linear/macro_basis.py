@@ -6,11 +6,18 @@ mean strains of an interface fade within its own size (paper, section 4.1.1, fig
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.scene.interfaces.mortar.operators import Mortar
+
+from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.parallel.team import Team
+from orchestrator.scene.congruence import first_congruent
+from orchestrator.scene.model import Scene
 
 DROP = 1e-8  # singular values below this fraction of the largest are dependent fields
 
@@ -82,3 +89,60 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
     fields[mortar.dofs] = jump / mortar.own.diagonal()[:, None] if mortar.diagonal else \
         sla.splu(sp.csc_array(mortar.own)).solve(jump)
     return independent(fields)
+
+
+def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence[bool], share: bool) -> list[np.ndarray]:
+    """Per interface (d, m) macro basis, without columns where none is wanted; of interfaces of other ranks alone (0, m).
+
+    Parameters
+    ----------
+    share : interfaces equal up to a translation share theirs
+    """
+    points = [scene.points(i) for i in scene.interfaces]
+    alike: list[object] = list(range(len(points)))
+    if share:  # what is met here from other ranks is made apart, see ``as_given``
+        alike = [i.index if i.mortar is not None or _ghosts(space, i.index) else (bool(taken), i.free.tobytes())
+                 for i, taken in zip(scene.interfaces, wanted)]
+    first = first_congruent(alike, points) if share else alike
+    bases: list[np.ndarray] = []
+    for index, (interface, taken) in enumerate(zip(scene.interfaces, wanted)):
+        if first[index] < index:
+            bases.append(bases[first[index]])
+        elif not len(points[index]):
+            bases.append(np.zeros((0, 0)))
+        else:
+            if interface.mortar is None:
+                basis = interface_basis(points[index], interface.free, kind)
+            else:
+                free = ~scene.subdomains[interface.subdomains[0]].fixed[interface.nodes[0]]
+                basis = jump_free_basis(interface.mortar, tuple(scene.side_points(interface, side) for side in (0, 1)), free, kind)
+            bases.append(basis if taken else basis[:, :0])
+    return known_widths(as_given(space, bases), space.team)
+
+
+def as_given(space: TraceSpace, bases: list[np.ndarray]) -> list[np.ndarray]:
+    """The same; between ranks, the rank of the first side has made the basis and gives it to the other.
+
+    Made on both, it would be the same up to rounding only, and some of its columns up to a rotation.
+    """
+    if space.team.size == 1:
+        return bases
+    given = {index: bases[index] for index, (_, two) in enumerate(space.sides) if len(two) and two[0] >= space.size}
+    result = list(bases)
+    for gift in space.team.all_gather(given):
+        for index, basis in gift.items():
+            if len(space.sides[index][0]):
+                result[index] = basis
+    return result
+
+
+def _ghosts(space: TraceSpace, interface: int) -> bool:
+    return any(len(side) and side[0] >= space.size for side in space.sides[interface])
+
+
+def known_widths(bases: list[np.ndarray], team: Team) -> list[np.ndarray]:
+    """The bases, those of interfaces of other ranks empty, but with as many columns as they have there."""
+    if team.size == 1:
+        return bases
+    widths = team.max(*(b.shape[1] for b in bases))
+    return [b if b.shape[1] == n else np.zeros((0, int(n))) for b, n in zip(bases, widths)]

@@ -23,7 +23,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.linear.macro import known_widths
+from orchestrator.method.linear.macro_basis import as_given, known_widths
 from orchestrator.method.interface.nearest import Nearest
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -120,8 +120,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
 
     Notes
     -----
-    Between ranks, the rank of the first side makes the basis and gives it to the other: made on both, it would
-    be the same up to rounding only, and some of its columns up to their sign.
+    Between ranks, the rank of the first side makes the basis and gives it to the other, see ``as_given``.
     """
     team, counts = space.team, np.zeros(space.subdomain_count)
     counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
@@ -132,7 +131,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     for e, mode in modes.items():
         at_dofs[: mode.shape[1], space.boundary[e]] = mode.T
     traces, = space.extended(space.gathered(at_dofs))
-    transfer, result, given = space.transfer, [], {}
+    transfer, result = space.transfer, []
     both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
     held = None if isinstance(transfer, Matching) else space.held_everywhere
     for index, (a, b, basis) in enumerate(zip(transfer.bounds[:-1], transfer.bounds[1:], bases)):
@@ -145,12 +144,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
             result.append(_with_modes(own[a:b, a:b], basis, parts))
         else:
             result.append(_with_modes(*_without_jump(space, k, index, traces, widths, held, basis)))
-        if space.sides[index][1][0] >= space.size:
-            given[index] = result[-1]
-    for gift in team.all_gather(given):
-        for index, basis in gift.items():
-            result[index] = basis
-    return known_widths(result, team)
+    return known_widths(as_given(space, result), team)
 
 
 def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.ndarray, widths: Sequence[int],

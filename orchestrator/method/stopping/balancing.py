@@ -11,7 +11,8 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.method.linear.macro import both_sides, known_widths
+from orchestrator.method.linear.macro import both_sides
+from orchestrator.method.linear.macro_basis import known_widths
 from orchestrator.method.stopping.repositioning import RigidModes
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
 

@@ -75,9 +75,11 @@ class LengthScale:
         self.own = self.body[d.space.subdomains]
         nodes = d.scene.mesh.nodes
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-        for s, body in zip(subdomains, self.body):
+        for s, body in zip(d.own, self.own):
             x = nodes[s.nodes]
             low[body], high[body] = np.minimum(low[body], x.min(axis=0)), np.maximum(high[body], x.max(axis=0))
+        ends = np.reshape(self.team.max(*-low.ravel(), *high.ravel()), (2, count, 3))
+        low, high = -ends[0], ends[1]
         centre, size = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
         self.count, self.size = count, size
         self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(count)]

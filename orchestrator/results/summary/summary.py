@@ -25,7 +25,7 @@ KEYS = ["name", "converged", "stop_reason", "advice", "iterations", "sweeps", "n
         "asking_seconds", "orchestrator_seconds", "versions", "memory_peak_mb",
         "rank_memory_peak_mb", "skipped", "config"]
 # key in ``timing`` → what it is called; in the order of a run
-STAGES = {"startup": "starting Python", "mesh": "mesh", "soles": "soles", "start": "starting the black box",
+STAGES = {"startup": "starting Python", "mesh": "mesh", "parts": "numbering, parts of ranks", "soles": "soles", "start": "starting the black box",
           "load": "assembling and factorising", "search_direction": "search direction", "macro": "macro problem",
           "linear_stage": "linear stage", "coarse": "coarse contact problem", "local_stage": "local stage",
           "acceleration": "acceleration", "bound": "error measures", "reference": "undecomposed solution",

@@ -15,6 +15,8 @@ def loose_bodies(scene: Scene) -> np.ndarray:
     What contact may do for them depends on the load, and is not looked at: a block that is pressed on another one and
     rubs is loose.
     """
+    if scene.overview is not None:
+        return scene.overview.loose
     joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins], dtype=int).reshape(-1, 2)
     count, body = components(*joined.T, len(scene.subdomains))
     loose = np.zeros(count, dtype=bool)

@@ -37,6 +37,8 @@ class Difficulty:
 
 def difficulty(scene: Scene) -> Difficulty:
     """Judge every interface and every subdomain."""
+    if scene.overview is not None:
+        return Difficulty(scene.overview.mixed_moduli, scene.overview.incompressible_or_slender)
     young, poisson = np.array([[m.young, m.poisson] for m in scene.materials]).T
     mixed = np.zeros(len(scene.interfaces), dtype=bool)
     if young.max() > CONTRAST * young.min():

@@ -27,7 +27,7 @@ from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config, config_from
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.delivery.held_bodies import held_bodies
-from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, sides
+from orchestrator.method.delivery.interface_fields import InterfaceFields, interface_fields, mean_of_sides
 from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.method.interface.traces import TraceSpace
@@ -198,11 +198,10 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
         trail = Trail(d.space)
         iterated = iterate(d, method, (shown,), watch, true_error=trail)
         with watch("linear_stage"):
-            displacement, parts = recover(d, iterated.fields, iterated.bound)
+            continuous, _ = recover(d, iterated.fields, iterated.bound)
         interfaces = interface_fields(d, iterated)
         if wants_fields:
-            displacement, own = sides(d, iterated, parts)
-            fields = Fields.of(scene, displacement, own, interfaces)
+            fields = Fields.of(scene, mean_of_sides(scene, continuous), continuous, interfaces)
         seconds, clock = watch.total, blackbox.usage.clock()
         memory = memory_peak_mb() + blackbox.usage.memory_peak_mb()
         if towards is not None:

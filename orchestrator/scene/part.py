@@ -1,0 +1,106 @@
+"""A part of a scene: some subdomains, their interfaces, and of the neighbours what meets these. Nothing else of size.
+
+Of other subdomains and interfaces only the places in the lists are left, with names, laws and codes, so that numbers
+mean the same everywhere. A neighbour keeps the cells that touch a common interface, be it in a single node: soles and
+laws ask for no more of it. What concerns the whole scene and is a number per body or subdomain is in the ``Overview``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orchestrator.scene.conditions.loose import loose_bodies
+from orchestrator.scene.model import BoundaryEntry, Interface, Mesh, Overview, Scene, Subdomain
+from orchestrator.scene.soles.difficulty import difficulty
+from orchestrator.scene.soles.overlap import first_row
+
+
+def overview(scene: Scene) -> Overview:
+    """What every part of a scene has to know of all of it."""
+    hard = difficulty(scene)
+    opens = any(not i.law.joins for i in scene.interfaces)
+    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool),
+                    hard.mixed_moduli, hard.incompressible_or_slender)
+
+
+def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
+    """The part that belongs to some of the subdomains, with a mesh and a numbering of nodes and cells of its own.
+
+    Parameters
+    ----------
+    scene : the whole one
+    mine : numbers of the subdomains
+    known : its overview
+    """
+    own = np.zeros(len(scene.subdomains), dtype=bool)
+    own[np.asarray(mine, dtype=int)] = True
+    touched = [bool(own[list(i.subdomains)].any()) for i in scene.interfaces]
+    rows = _rows(scene, own, touched)
+    cells = np.sort(np.concatenate([s.cells[rows[s.index]] for s in scene.subdomains]))
+    kept = {e: np.unique(scene.subdomains[e].connectivity[rows[e]]) for e in np.flatnonzero(~own) if len(rows[e])}
+    near = [s.nodes if own[s.index] else s.nodes[kept[s.index]] for s in scene.subdomains if own[s.index] or s.index in kept]
+    # where sides share no nodes an interface's nodes may be on no cell that is kept
+    near += [scene.side_nodes(i, side) for i, here in zip(scene.interfaces, touched) if here for side in (0, 1)]
+    nodes = np.unique(np.concatenate(near))
+    for e in kept:
+        kept[e] = np.flatnonzero(np.isin(scene.subdomains[e].nodes, nodes))
+
+    mesh = Mesh(scene.mesh.nodes[nodes], np.searchsorted(nodes, scene.mesh.cells[cells]), scene.mesh.volume[cells],
+                scene.mesh.volumes, {}, scene.mesh.source)
+    subdomains = [_subdomain(s, rows[s.index], nodes, cells, None if own[s.index] else kept.get(s.index, np.empty(0, int)))
+                  for s in scene.subdomains]
+    interfaces = [_interface(i, nodes, cells, kept) if here else _hollow(i)
+                  for i, here in zip(scene.interfaces, touched)]
+    return Scene(scene.name, mesh, scene.cell_subdomain[cells], scene.cell_material[cells], scene.materials, subdomains,
+                 interfaces, [_entry(b, scene, own, nodes) for b in scene.boundary], scene.fixed[nodes],
+                 scene.prescribed[:, nodes], scene.loads[:, nodes], scene.steps, overview=known, number=nodes)
+
+
+def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.ndarray]:
+    """Per subdomain which of its cells are kept: all of its own, none, or those that touch a common interface."""
+    chosen: dict[int, list[np.ndarray]] = {}
+    for i, here in zip(scene.interfaces, touched):
+        for side, e in enumerate(i.subdomains):
+            if here and not own[e]:
+                chosen.setdefault(e, []).append(first_row(scene, i, side))
+    return [np.arange(len(s.cells)) if own[s.index] else np.unique(np.concatenate(chosen[s.index]))
+            if s.index in chosen else np.empty(0, int) for s in scene.subdomains]
+
+
+def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndarray, kept: np.ndarray | None) -> Subdomain:
+    """One subdomain in the numbering of a part.
+
+    Parameters
+    ----------
+    rows : which of its cells
+    nodes, cells : of the part, by their numbers in the whole scene, ascending
+    kept : which of its nodes, None: all
+    """
+    if kept is None:
+        return replace(s, nodes=np.searchsorted(nodes, s.nodes), cells=np.searchsorted(cells, s.cells))
+    return replace(s, nodes=np.searchsorted(nodes, s.nodes[kept]), cells=np.searchsorted(cells, s.cells[rows]),
+                   connectivity=np.searchsorted(kept, s.connectivity[rows]), material=s.material[rows], fixed=s.fixed[kept],
+                   prescribed=s.prescribed[:, kept], loads=s.loads[:, kept], held_by=s.held_by[kept])
+
+
+def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[int, np.ndarray]) -> Interface:
+    sides = tuple(np.searchsorted(kept[e], own) if e in kept else own for e, own in zip(i.subdomains, i.nodes))
+    mortar = i.mortar and replace(i.mortar, cells=np.searchsorted(cells, i.mortar.cells))
+    return replace(i, global_nodes=np.searchsorted(nodes, i.global_nodes), nodes=sides, cells=np.searchsorted(cells, i.cells),
+                   mortar=mortar)
+
+
+def _hollow(i: Interface) -> Interface:
+    none = np.empty(0, int)
+    return replace(i, global_nodes=none, nodes=(none, none), triangles=i.triangles[:0], cells=i.cells[:0], free=i.free[:0],
+                   normals=None, mortar=None)
+
+
+def _entry(b: BoundaryEntry, scene: Scene, own: np.ndarray, nodes: np.ndarray) -> BoundaryEntry:
+    """What of a boundary entry is on own subdomains: every face belongs to one."""
+    faces = np.flatnonzero(own[scene.cell_subdomain[b.cells[:, 0]]])
+    triangles = np.searchsorted(nodes, b.triangles[faces])
+    return replace(b, triangles=triangles, cells=np.full((len(faces), 2), -1), nodes=np.unique(triangles))
