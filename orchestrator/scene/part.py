@@ -88,7 +88,7 @@ def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndar
 
 def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[int, np.ndarray]) -> Interface:
     sides = tuple(np.searchsorted(kept[e], own) if e in kept else own for e, own in zip(i.subdomains, i.nodes))
-    mortar = i.mortar and replace(i.mortar, cells=np.searchsorted(cells, i.mortar.cells))
+    mortar = None if i.mortar is None else replace(i.mortar, cells=np.searchsorted(cells, i.mortar.cells))
     return replace(i, global_nodes=np.searchsorted(nodes, i.global_nodes), nodes=sides, cells=np.searchsorted(cells, i.cells),
                    mortar=mortar)
 
