@@ -85,7 +85,9 @@ def find_segments(slave: np.ndarray, master: np.ndarray, reach: np.ndarray, dept
     frame = _Frame.of(slave)
     normal = _unit(cross(master[:, 1] - master[:, 0], master[:, 2] - master[:, 0]))
     found = [_clipped(frame, master, normal, i, j, reach, depth, facing)
-             for i, j in _candidates(slave, master, np.maximum(reach, depth))]
+             for i, j in _candidates(slave, master, np.maximum(reach, depth))] if len(slave) and len(master) else []
+    if not found:
+        return Segments(*np.zeros((2, 0), int), *np.zeros((2, 0, 6, 3)), *np.zeros((2, 0)))
     joined = Segments(*(np.concatenate([getattr(f, name) for f in found]) for name in Segments.__dataclass_fields__))
     return joined.some(np.lexsort((joined.master, joined.slave)))
 
@@ -125,7 +127,6 @@ def _candidates(slave: np.ndarray, master: np.ndarray, reach: np.ndarray) -> Ite
     x, y = slave.mean(axis=1), master.mean(axis=1)
     one, two = (np.linalg.norm(c - m[:, None], axis=2).max(axis=1) for c, m in ((slave, x), (master, y)))
     number = np.floor(np.log(two / two.min()) / np.log(CLASS) + SNAP).astype(int)
-    tree = cKDTree(x)
     for each in np.unique(number):
         chosen = np.flatnonzero(number == each)
         far = two[chosen].max()
