@@ -12,11 +12,12 @@ from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import leave_free
+from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
-from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.model import BoundaryEntry, Material, Mesh, Scene, Subdomain
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
 
@@ -72,12 +73,13 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     else:
         whole = False
     numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
+    interfaces, near = ([], []) if whole else make_interfaces(
+        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set,
+        _matter(mesh, materials, cell_material, boundary))
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
                problems)
-    interfaces, near = ([], []) if whole else make_interfaces(
-        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
@@ -94,6 +96,16 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     assign_codes(mesh, subdomains, config.codes)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
                  fixed, prescribed, _joined(split, numbering), count, problems.warnings, near)
+
+
+def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:
+    """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
+    young = np.array([m.young for m in materials] or [1.0])[np.maximum(cell_material, 0) if materials else 0 * cell_material]
+    held = np.zeros(len(mesh.nodes), dtype=bool)
+    for entry in boundary:
+        if entry.fixed.any():
+            held[entry.nodes] = True
+    return Matter(young, held)
 
 
 def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray,

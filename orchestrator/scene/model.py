@@ -14,6 +14,7 @@ from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.interfaces.mortar.operators import Mortar
+from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import tet_volumes
 
 
@@ -106,6 +107,7 @@ class Interface:
     normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
         larger one between bodies that are cut further
     mortar : points and transfer operators between sides that do not match; None where nodes are paired
+    surfaces : what the operators are made of, until they are: boundary conditions have a say in it
     """
 
     index: int
@@ -120,6 +122,12 @@ class Interface:
     normals: np.ndarray | None = None
     entry: int = -1
     mortar: Mortar | None = None
+    surfaces: Surfaces | None = None
+
+    @property
+    def matching(self) -> bool:
+        """Whether its nodes are paired."""
+        return self.mortar is None and self.surfaces is None
 
     @property
     def corners(self) -> np.ndarray:

@@ -60,10 +60,10 @@ def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.
     ----------
     interfaces : all there are, with their laws
     """
-    perfect = [i for i in interfaces if i.law.perfect]
+    perfect = [i for i in interfaces if i.law.perfect and i.matching]
     pairs = [[numbering.offsets[e] + own for e, own in zip(i.subdomains, i.nodes)] for i in perfect]
     one, two = (np.concatenate([np.empty(0, int), *side]) for side in (zip(*pairs) if pairs else ((), ())))
-    if len(perfect) < len(interfaces):
+    if not all(i.law.perfect for i in interfaces):
         return components(one, two, len(numbering.nodes))[1]
     # nothing opens: copies of a node are one, and nodes that are numbered separately only where they are paired
     one, two = numbering.nodes[one], numbering.nodes[two]

@@ -62,6 +62,10 @@ class Laws:
         """The key of an entry that has distances read from the geometry; empty where sides must touch."""
         return self.entries[index].apart if index >= 0 else ""
 
+    def as_one(self, index: int) -> bool:
+        """Whether the sides deform as one under an entry's law."""
+        return index < 0 or LAWS[self.entries[index].law].as_one
+
     def reach(self, index: int) -> float | None:
         """How far apart an entry has sides sought, if it says so."""
         return self.entries[index].reach if index >= 0 else None

@@ -8,6 +8,7 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.nonmatching import give_operators
 from orchestrator.scene.interfaces.shared_normals import share_normals
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
@@ -27,7 +28,13 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     entries : of ``interfaces:`` in the YAML
     """
     kept: list[Interface] = []
+    give_operators(found, fixed, numbering)
     for interface in found:
+        if interface.mortar is not None:
+            if len(interface.mortar):
+                interface.index = len(kept)
+                kept.append(interface)
+            continue
         one, two = (fixed[numbering.offsets[e] + own] for e, own in zip(interface.subdomains, interface.nodes))
         interface.free = ~(one & two)
         if interface.free.any():

@@ -69,6 +69,9 @@ def _unpaired(faces: Faces, bodies: list[Body], found: list[Interface], numberin
     """By the id of each body, which of its faces (k,) bool belong to no interface."""
     keys = [np.empty(0, np.int64)]
     for i in found:
+        if i.surfaces is not None:
+            keys += [pack(nodes[t[:, :3]], faces.nodes) for nodes, t in zip(i.surfaces.nodes, i.surfaces.triangles)]
+            continue
         one, two = (numbering.nodes[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
         if not np.array_equal(one, two):  # shared faces are no outer ones
             keys += [pack(nodes[i.triangles[:, :3]], faces.nodes) for nodes in (one, two)]

@@ -9,7 +9,9 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
+from orchestrator.scene.interfaces.nonmatching import nonmatching
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.patch import local_size, node_normals
@@ -23,8 +25,9 @@ from orchestrator.scene.partition.partition import Partition
 MOST = 50
 
 
-def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering,
-                    entries: list[Any], problems: Problems, asked: bool = True) -> tuple[list[Interface], list[tuple[int, int]]]:
+def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, entries: list[Any],
+                    problems: Problems, asked: bool = True,
+                    matter: Matter | None = None) -> tuple[list[Interface], list[tuple[int, int]]]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
 
     Pairs that touch along an edge or in a node are none. All components count as free, see ``leave_free``.
@@ -33,6 +36,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     ----------
     entries : of ``interfaces:`` in the YAML
     asked : whether the user has written them; what is near without an interface is a mistake then
+    matter : what chooses slaves where nodes do not match; None: such faces are no interface
 
     Returns
     -------
@@ -58,7 +62,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
                                np.ones((len(nodes), 3), dtype=bool)))
         laws.apply(entry, found[-1], known[0])
     bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
-    for interface, names in _opposite(mesh, bodies, partition, numbering, laws, problems):
+    for interface, names in _opposite(mesh, bodies, partition, numbering, laws, problems, matter if asked else None):
         interface.index = len(found)
         found.append(interface)
         pairs.append(names)
@@ -132,7 +136,7 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
 
 
 def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering,
-              laws: Laws, problems: Problems) -> Iterator[tuple[Interface, tuple[str, str]]]:
+              laws: Laws, problems: Problems, matter: Matter | None) -> Iterator[tuple[Interface, tuple[str, str]]]:
     """Interfaces of parts that share no faces there, and the names of their subdomains."""
     within = max((e.reach or 0.0 for e in laws.entries), default=0.0)
     for pair in close_bodies(bodies, within):
@@ -141,6 +145,12 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
         index = laws.foreseen(*known)
         apart = laws.apart(index)
         patches, mismatch = match(*pair, bool(apart), laws.reach(index))
+        if matter is not None and index >= 0:
+            unmatched = list(nonmatching(mesh, pair, patches, partition, numbering, laws, index, matter, problems))
+            if unmatched:
+                laws.between(*known)
+                yield from ((interface, names) for interface in unmatched)
+                continue
         if mismatch:
             problems.add(("interfaces", index, apart), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
                          f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "

@@ -23,7 +23,7 @@ def share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Interf
     """
     surfaces: dict[tuple[str, str], list[Interface]] = {}
     for i in interfaces:
-        if not i.law.perfect:
+        if not i.law.perfect and i.matching:
             surfaces.setdefault(tuple(bodies[e] for e in i.subdomains), []).append(i)
     for pieces in surfaces.values():
         if len(pieces) > 1:

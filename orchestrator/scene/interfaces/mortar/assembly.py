@@ -33,10 +33,12 @@ def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.nd
     """
     weights = weights_of(surfaces, perfect)
     triangles = surfaces.triangles
-    wanted = free[0].all(axis=1) & ~crossed & (weights.share >= COVERED)
+    normal = point_normals(surfaces.points[0], triangles[0])
+    gap = node_gaps(surfaces, weights, normal)
     candidates = weights.area > 0
-    if candidates.any() and not (wanted & candidates).any():  # all is hardly covered, or crossed: better those than none
-        wanted = free[0].all(axis=1)
+    wanted = candidates & free[0].all(axis=1)
+    for better in (~crossed, weights.share >= COVERED):  # where there are none of these, better others than none
+        wanted = wanted & better if (wanted & better).any() else wanted
     points, sums = merged(candidates, wanted, triangles[0][:, :3])
     area = sums @ weights.area
     scale = sp.diags_array(1 / area)
@@ -45,12 +47,21 @@ def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.nd
     x1, x2 = surfaces.points
     offset = own @ x1 - other @ x2
     offset[np.linalg.norm(offset, axis=1) <= rounding(x1, triangles[0])[points]] = 0.0
-    normal = point_normals(x1, triangles[0])[points]
-    gap = -np.einsum("pi,pi->p", normal, offset)
     turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
     return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
-                  linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal, gap, turned,
-                  surfaces.behind[1], free[1])
+                  linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap[points], turned,
+                  surfaces.behind[1], free[1], _hats(points, triangles[0], perfect))
+
+
+def _hats(points: np.ndarray, triangles: np.ndarray, perfect: bool) -> sp.csr_array:
+    """(3n, 3p) linear functions of the points at the nodes of the facets, if they are bonded and of six nodes, else picks."""
+    count = int(triangles.max(initial=-1)) + 1
+    nodes = sp.eye_array(count, format="csr")
+    if perfect and triangles.shape[1] == 6:
+        pairs = np.unique(np.concatenate([np.c_[triangles[:, 3:].ravel(), triangles[:, ends].ravel()]
+                                          for ends in TRIANGLE_EDGES.T]), axis=0)
+        nodes = sp.csr_array(nodes + sp.csr_array((np.full(len(pairs), 0.5), pairs.T), shape=nodes.shape))
+    return sp.csr_array(sp.kron(nodes[:, points], sp.eye_array(3), format="csr"))
 
 
 def weights_of(surfaces: Surfaces, perfect: bool) -> Weights:
@@ -60,9 +71,18 @@ def weights_of(surfaces: Surfaces, perfect: bool) -> Weights:
                        tuple(len(x) for x in surfaces.points), dual=not quadratic)
 
 
+def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.ndarray:
+    """(n₁,) distance of the facets along the normals (n₁, 3) at the slave's nodes, averaged with their multipliers; zero where
+    there is none."""
+    x1, x2 = surfaces.points
+    apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[:, None]
+    apart[np.linalg.norm(apart, axis=1) <= rounding(x1, surfaces.triangles[0])] = 0.0
+    return np.einsum("ni,ni->n", normal, apart)
+
+
 def rounding(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) distances that are rounding at the nodes of a surface."""
-    return np.maximum(ROUNDING * local_size(points, triangles), PLACES * np.abs(points).max())
+    return np.maximum(ROUNDING * local_size(points, triangles), PLACES * np.abs(points).max(initial=0.0))
 
 
 def point_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

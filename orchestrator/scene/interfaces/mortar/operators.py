@@ -43,6 +43,8 @@ class Mortar:
         side 1 to side 2, as those of the slave in ``Interface.triangles`` do
     cells : (k₂, 2) int, global cells behind each of these: the one opposite in side 1, and its own in side 2
     free : (n₂, 3) bool, components of the master's nodes that nothing prescribes; ``Interface.free`` has the slave's
+    hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point moves by 1: of its own node
+        alone, or, on ten-node faces that are perfect, along its linear function, by half in the middle of edges
     """
 
     points: np.ndarray
@@ -54,22 +56,23 @@ class Mortar:
     triangles: np.ndarray
     cells: np.ndarray
     free: np.ndarray
+    hats: sp.csr_array
 
     def __len__(self) -> int:
         return len(self.points)
 
     @cached_property
     def own(self) -> sp.csr_array:
-        """(3p, 3p) G₁ in the columns of the points themselves.
+        """(3p, 3p) G₁ times ``hats``: forces f₁ = G₁ᵀ q come from q = own⁻ᵀ hatsᵀ f₁.
 
         Diagonal, and the identity where no neighbour has been merged; on ten-node faces that are perfect a mass matrix of
         P1 functions, which conditions well.
         """
-        return sp.csr_array(self.first[:, self.dofs])
+        return sp.csr_array(self.first @ self.hats)
 
     @cached_property
     def dofs(self) -> np.ndarray:
-        """(3p,) columns of G₁ that belong to the points."""
+        """(3p,) columns of G₁ that belong to the points' own nodes."""
         return (3 * self.points[:, None] + np.arange(3)).ravel()
 
     @property
