@@ -55,9 +55,8 @@ def test_names_matter_and_places():
         boundary=[{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "core/*", "displacement": [0, 0, 0]}]))
     assert config_from(made.complete()) == made
     matter = {}
-    with pytest.raises(InputError) as caught:  # the entry names the parts well: what fails is that they do not match
-        build_scene(made)
-    assert all("matches no" not in p.found for p in caught.value.problems)
+    on_base = [i for i in build_scene(made).interfaces if not i.law.perfect]
+    assert on_base and all(i.mortar is not None for i in on_base)
     scene = build_scene(config_from(data([BASE, {**LID, "material": SOFT}])))
     for name, material in zip(scene.mesh.volumes, [0, 1]):
         cells = scene.mesh.volume == scene.mesh.volumes.index(name)

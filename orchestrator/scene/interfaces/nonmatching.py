@@ -3,29 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.scene.interfaces.curvature import smooth_faces
 from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.facing import Skin, facing
 from orchestrator.scene.interfaces.mortar.assembly import make_mortar, node_gaps, point_normals, sagitta, weights_of
 from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.pairing import COINCIDE, DEEP, REACH, Body, Patch
-from orchestrator.scene.interfaces.proximity import TOUCHING, may_face
-from orchestrator.scene.mesh.faces import pack
+from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, Patch
+from orchestrator.scene.interfaces.proximity import may_face
+from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.patch import local_size
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 
-# What is left over beside faces that match has to overlap by this share of a facet: less is where edges meet.
-WORTH = 0.01
+
+class Skins:
+    """The outer faces of bodies and the surfaces they stand for, made when asked for."""
+
+    def __init__(self, mesh: Mesh, faces: Faces):
+        self.mesh, self.faces = mesh, faces
+        self._made: dict[int, Skin] = {}
+
+    def __call__(self, body: Body) -> Skin:
+        if id(body) not in self._made:
+            at = self._smooth[self.faces.find(body.triangles[:, :3])]
+            self._made[id(body)] = Skin.of(body, self.mesh.nodes, at)
+        return self._made[id(body)]
+
+    @cached_property
+    def _smooth(self) -> np.ndarray:
+        return smooth_faces(self.mesh, self.faces)
 
 
-def nonmatching(mesh: Mesh, pair: tuple[Body, Body], patches: list[Patch], partition: Partition, numbering: SplitNumbering,
-                laws: Laws, index: int, matter: Matter, problems: Problems) -> Iterator[Interface]:
+def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list[Patch], partition: Partition,
+                numbering: SplitNumbering, laws: Laws, index: int, matter: Matter, problems: Problems) -> Iterator[Interface]:
     """Interfaces of two bodies across faces that do not match; none where all that lie opposite each other do.
 
     Where some match and others do not, all count as not matching: a corner that happens to fit is no reason for another
@@ -37,20 +55,19 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], patches: list[Patch], parti
     index : of the governing entry
     """
     entry = laws.entries[index]
+    tolerance = REACH if entry.apart else COINCIDE
     names = [(partition.names[b.subdomain], mesh.volumes[b.volume]) for b in pair]
-    asked = Asked(as_one=laws.as_one(index), reach=REACH if entry.apart else TOUCHING, depth=DEEP if entry.apart else TOUCHING,
-                  within=entry.reach)
-    near = _near(*pair, entry.reach)
     alone = [own[~np.isin(pack(body.triangles[own, :3], len(mesh.nodes)), _matched(patches, side, len(mesh.nodes)))]
-             for side, (body, own) in enumerate(zip(pair, near))]
-    if not may_face(pair[0].normal[alone[0]], pair[1].normal[alone[1]], asked.facing):
+             for side, (body, own) in enumerate(zip(pair, _near(*pair, entry.reach)))]
+    if not may_face(*(body.normal[own] for body, own in zip(pair, alone))):
         return
-    if patches and not any(_worth(s) for _, s in facing_surfaces(mesh.nodes, pair, tuple(alone), matter, asked)):
+    found = facing(skins(pair[0]), skins(pair[1]), tolerance, entry.reach)
+    if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
-    for slave, surfaces in facing_surfaces(mesh.nodes, pair, near, matter, asked):
-        if _worth(surfaces):
-            yield _interface(surfaces, pair[::-1] if slave else pair, names[::-1] if slave else names, numbering, laws,
-                             index, problems)
+    for patch in found:
+        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, Asked(laws.as_one(index)))
+        yield _interface(surfaces, pair[::-1] if slave else pair, names[::-1] if slave else names, numbering, laws,
+                         index, problems)
 
 
 def _interface(surfaces: Surfaces, pair: tuple[Body, Body], names: list[tuple[str, str]], numbering: SplitNumbering,
@@ -97,12 +114,6 @@ def _matched(patches: list[Patch], side: int, nodes: int) -> np.ndarray:
     """Keys of the faces of one side that match."""
     found = [(p.opposite if side else p.triangles)[:, :3] for p in patches]
     return pack(np.concatenate([np.empty((0, 3), int), *found]), nodes)
-
-
-def _worth(surfaces: Surfaces) -> bool:
-    """Whether the sides have more in common than where edges cross."""
-    found = surfaces.segments
-    return bool(found.area.sum() > WORTH * surfaces.area.min())
 
 
 def _measured(interface: Interface, surfaces: Surfaces, key: tuple[int, str], problems: Problems) -> np.ndarray:

@@ -11,7 +11,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
-from orchestrator.scene.interfaces.nonmatching import nonmatching
+from orchestrator.scene.interfaces.nonmatching import Skins, nonmatching
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.patch import local_size, node_normals
@@ -62,7 +62,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
                                np.ones((len(nodes), 3), dtype=bool)))
         laws.apply(entry, found[-1], known[0])
     bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
-    for interface, names in _opposite(mesh, bodies, partition, numbering, laws, problems, matter if asked else None):
+    for interface, names in _opposite(mesh, faces, bodies, partition, numbering, laws, problems, matter if asked else None):
         interface.index = len(found)
         found.append(interface)
         pairs.append(names)
@@ -135,10 +135,10 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
     return tuple((name, *(mesh.volumes[v] for v in own)) for name, own in zip(names, volumes))
 
 
-def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: SplitNumbering,
+def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition, numbering: SplitNumbering,
               laws: Laws, problems: Problems, matter: Matter | None) -> Iterator[tuple[Interface, tuple[str, str]]]:
     """Interfaces of parts that share no faces there, and the names of their subdomains."""
-    within = max((e.reach or 0.0 for e in laws.entries), default=0.0)
+    within, skins = max((e.reach or 0.0 for e in laws.entries), default=0.0), Skins(mesh, faces)
     for pair in close_bodies(bodies, within):
         names = tuple(partition.names[b.subdomain] for b in pair)
         known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))
@@ -146,7 +146,7 @@ def _opposite(mesh: Mesh, bodies: list[Body], partition: Partition, numbering: S
         apart = laws.apart(index)
         patches, mismatch = match(*pair, bool(apart), laws.reach(index))
         if matter is not None and index >= 0:
-            unmatched = list(nonmatching(mesh, pair, patches, partition, numbering, laws, index, matter, problems))
+            unmatched = list(nonmatching(mesh, pair, skins, patches, partition, numbering, laws, index, matter, problems))
             if unmatched:
                 laws.between(*known)
                 yield from ((interface, names) for interface in unmatched)

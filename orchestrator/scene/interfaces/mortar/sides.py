@@ -8,7 +8,6 @@ and smoother pressures; of equal sides the first.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +22,8 @@ CONTRAST = 10.0
 FULL = 0.99
 # Sides whose facets' mean areas differ by less than this are equally fine: rounding, or the same size asked for twice.
 ALIKE = 0.05
+# Seen from the other side, along its own normals, the same facets are a little farther apart, and more so on an incline.
+MORE, SLANTED = 1.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -45,46 +46,34 @@ class Asked:
     Parameters
     ----------
     as_one : whether the law makes them deform as one
-    reach : how far they may be apart, in units of h = √(2 × area) of the larger of two facets; depth : how far in each other
-    within : a length in place of ``reach``
     slave : 0 or 1 where the user has chosen the first or the second side; None: as they are
     facing : the cosine between normals has to be below this
     """
 
     as_one: bool
-    reach: float
-    depth: float
-    within: float | None = None
     slave: int | None = None
     facing: float = FACING
 
 
-def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], chosen: tuple[np.ndarray, np.ndarray], matter: Matter,
-                    asked: Asked) -> Iterator[tuple[int, Surfaces]]:
-    """Connected patches of faces that lie opposite each other, and which body, 0 or 1, is the slave there.
+def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter,
+                    asked: Asked) -> tuple[int, Surfaces]:
+    """Which of two bodies, 0 or 1, is the slave on a patch on which they lie on each other, and the surfaces, the slave's first.
 
     Parameters
     ----------
     points : (n, 3) nodes of the mesh
-    chosen : (a,), (b,) int, the facets of either body that come into question
+    segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
     """
-    found = _overlaps(bodies, chosen, 0, asked)
-    if not len(found):
-        return
-    sides = tuple(body.triangles[own] for body, own in zip(bodies, chosen))
-    cells = tuple(body.cells[own] for body, own in zip(bodies, chosen))
-    for patch in Surfaces.of(points, sides, cells, found).patches(points):
-        slave = slave_of(patch, matter, asked)
-        if slave == 0:
-            yield 0, patch
-            continue
-        # the same facets, seen from the other side
-        turned = patch.turned()
-        corners = [x[t[:, :3]] for x, t in zip(turned.points, turned.triangles)]
-        back = _within(*corners, asked)
-        if len(back):
-            everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
-            yield 1, Surfaces.of(points, everywhere, turned.cells, back)
+    found = Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments)
+    if slave_of(found, matter, asked) == 0:
+        return 0, found
+    # the same facets, seen from the other side, as far apart as they are
+    turned = found.turned()
+    slave, master = (x[t[:, :3]] for x, t in zip(turned.points, turned.triangles))
+    far = MORE * np.abs(segments.distance).max() + SLANTED * np.sqrt(2 * _area(slave))
+    back = find_segments(slave, master, far, far, asked.facing)
+    everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
+    return 1, Surfaces.of(points, everywhere, turned.cells, back)
 
 
 def slave_of(surfaces: Surfaces, matter: Matter, asked: Asked) -> int:
@@ -105,26 +94,6 @@ def slave_of(surfaces: Surfaces, matter: Matter, asked: Asked) -> int:
         return int(covered[1])
     mean = [float(a.mean()) for a in area]
     return int(mean[1] > (1 + ALIKE) * mean[0])
-
-
-def _overlaps(bodies: tuple[Body, Body], chosen: tuple[np.ndarray, np.ndarray], slave: int, asked: Asked) -> Segments:
-    own, other = (bodies[side].corners[chosen[side]] for side in (slave, 1 - slave))
-    return _within(own, other, asked)
-
-
-def _within(slave: np.ndarray, master: np.ndarray, asked: Asked) -> Segments:
-    """The overlaps of facets (a, 3, 3) and (b, 3, 3) that are near enough for what is asked."""
-    h = [np.sqrt(2 * _area(corners)) for corners in (slave, master)]
-    if not len(slave) or not len(master):
-        return find_segments(slave, master, h[0], h[0])
-    most = np.maximum(h[0], h[1].max())
-    reach = np.full(len(slave), asked.within) if asked.within is not None else asked.reach * most
-    found = find_segments(slave, master, reach, asked.depth * most, asked.facing)
-    larger = np.maximum(h[0][found.slave], h[1][found.master])
-    near = found.distance >= -asked.depth * larger
-    if asked.within is None:
-        near &= found.distance <= asked.reach * larger
-    return found.some(near)
 
 
 def _areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
