@@ -79,14 +79,19 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
     0.3: a nearly incompressible sole is stiff in the wrong direction. With ten-node tets the mesh size is
     half the facets', which is the distance of nodes, unless mid-edge nodes are tied to the corners.
+    Where nodes do not match, a bonded slave's sole is as thick as the master's at least: on a slave three times as fine
+    that took 21 iterations to 1e-6 instead of 26.
     """
-    young = np.array([m.young for m in scene.materials])[scene.cell_material[interface.cells]]
-    poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[interface.cells]]
+    cells, triangles = interface.cells_on(side), interface.triangles_on(side)
+    young = np.array([m.young for m in scene.materials])[scene.cell_material[cells]]
+    poisson = np.array([m.poisson for m in scene.materials])[scene.cell_material[cells]]
     points = scene.side_points(interface, side)
-    quadratic = interface.triangles.shape[1] == 6
-    h = local_size(points, interface.triangles) / (2 if quadratic and interface.law.perfect else 1)
+    quadratic = triangles.shape[1] == 6
+    h = size_at(scene, interface, side)
     if settings.thickness == "auto":
         thickness = h
+        if side == 0 and interface.mortar is not None and interface.law.perfect:
+            thickness = np.maximum(h, seen_from(interface, size_at(scene, interface, 1)))
     else:
         thickness = np.full(len(points), float(settings.thickness))
     if settings.poisson == "auto":
@@ -97,11 +102,28 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
         ratio = settings.modulus_ratio
     else:
         reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())
-        ratio = settings.contact_ratio * (thickness / reach)[interface.triangles].mean(axis=1)
+        ratio = settings.contact_ratio * (thickness / reach)[triangles].mean(axis=1)
     thin = THIN if kind == "springs" else 1.0
     E = young.max(axis=1) if interface.law.as_one else between(*young.T)
     stiffen, stretch = (STIFFEN, STRETCH) if quadratic else (1.0, 1.0)
-    return Facets(points, interface.triangles, thin * stiffen * ratio * E, nu, thin * stretch * thickness)
+    return Facets(points, triangles, thin * stiffen * ratio * E, nu, thin * stretch * thickness)
+
+
+def size_at(scene: Scene, interface: Interface, side: int) -> np.ndarray:
+    """(n,) distance of the nodes that count on a side: half the facets' size with ten-node tets, unless these are tied."""
+    triangles = interface.triangles_on(side)
+    half = triangles.shape[1] == 6 and interface.law.perfect
+    return local_size(scene.side_points(interface, side), triangles) / (2 if half else 1)
+
+
+def seen_from(interface: Interface, values: np.ndarray) -> np.ndarray:
+    """(n₁,) at the slave's nodes what the master (n₂,) has opposite, averaged with the size of its weights; the mean of all
+    where no point is."""
+    mortar = interface.mortar
+    weights = abs(mortar.second[::3, ::3])
+    result = np.full(len(interface.global_nodes), values.mean())
+    result[mortar.points] = (weights @ values) / weights.sum(axis=1)
+    return result
 
 
 def between(one: np.ndarray, two: np.ndarray) -> np.ndarray:
