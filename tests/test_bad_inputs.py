@@ -120,7 +120,7 @@ BAD = {
     "load of no volume": ({"extra": "loads: [{on: bolt, body_force: [0, 0, 1]}]"}, "'bolt'"),
     # interfaces
     "unknown law": ({"interfaces": "interfaces: [{law: glued}]"}, "glued"),
-    "three parts": ({"interfaces": "interfaces: [{between: [a, b, c], law: perfect}]"}, "at most 2"),
+    "three parts": ({"interfaces": "interfaces: [{between: [a, b, c], law: perfect}]"}, "names of two parts"),
     "friction without contact": ({"interfaces": "interfaces: [{law: perfect, friction: 0.3}]"}, "law: contact only"),
     "friction infinite": ({"interfaces": "interfaces: [{law: contact, friction: .inf}]"}, "Infinity"),
     # method

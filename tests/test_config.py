@@ -79,7 +79,7 @@ WRONG = {  # what: (changed lines, key path, words of the message)
     "unknown law": ({"interfaces": "interfaces: [{law: contcat, friction: 0.1}]"}, ("interfaces", 0, "law"), "did you mean 'contact'?"),
     "within without geometry": ({"interfaces": "interfaces: [{law: contact, within: 1}]"}, ("interfaces", 0, "within"), "gap: geometry only"),
     "a law's key misspelt": ({"interfaces": "interfaces: [{frction: 0.1}]"}, ("interfaces", 0, "frction"), "did you mean 'friction'?"),
-    "between three": ({"interfaces": "interfaces: [{between: [a, b, c]}]"}, ("interfaces", 0, "between"), "at most 2"),
+    "between three": ({"interfaces": "interfaces: [{between: [a, b, c]}]"}, ("interfaces", 0, "between"), "names of two parts"),
     "relaxation 0": ({"method": "method: {relaxation: 0}"}, ("method", "relaxation"), "> 0"),
     "relaxation above 1": ({"method": "method: {relaxation: 1.2}"}, ("method", "relaxation"), "<= 1"),
     "auto misspelt": ({"method": "method: {relaxation: atuo}"}, ("method", "relaxation"), "auto, or a number > 0 and <= 1"),

@@ -3,20 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from orchestrator.config.base import Name, Part
+from orchestrator.config.base import Name, Part, auto_or, either
 from orchestrator.registry import DEFAULT_LAW
+
+
+Two = Annotated[list[Name], Field(min_length=2, max_length=2)]
+Between = either(Literal["auto"], Two, lambda value: isinstance(value, str), "auto, or a list of the names of two parts")
+# In units of the local element size.
+Tolerance = auto_or(Annotated[float, Field(gt=0, le=10)], "a number > 0, at most 10, in units of the element size")
+RIGHT = 90.0  # degrees; faces that turn farther look away from each other
 
 
 class Entry(Part):
     """The law between two parts; the last match wins. Each law derives its own, with its parameters."""
 
-    between: Annotated[list[Name], Field(min_length=2, max_length=2)] = Field(
-        ["*", "*"], description="names of the two parts, shell wildcards allowed, in either order")
+    between: Between = Field(["*", "*"], description=(
+        "names of the two parts, shell wildcards allowed, in either order; auto: whatever parts' faces lie on each other, "
+        "with gaps as they are"))
+    exclude: Annotated[list[Two], Field(min_length=1)] | None = Field(None, description=(
+        "pairs of names that the entry does not mean, shell wildcards allowed: [[bolt*, washer]]"))
+    slave: Name | None = Field(None, description=(
+        "where meshes do not match, the part whose nodes carry the interface; none: the softer under bonds, the covered one, "
+        "the coarser one, in this order"))
+    tolerance: Tolerance = Field("auto", description=(
+        "how far apart faces may be that are paired across meshes that do not match, in units of the element size there; "
+        "auto: 0.1, from surface to surface where faces are curved"))
+    angle: Annotated[float, Field(gt=0, le=RIGHT)] | None = Field(None, description=(
+        "degrees by which such faces may be off looking straight at each other; none: 45"))
     law: Name = Field(DEFAULT_LAW, description="perfect: bonded, the undamaged body")
+
+    @property
+    def found(self) -> bool:
+        """Whether pairs are found rather than named."""
+        return self.between == "auto"
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """Patterns of the two parts' names."""
+        return ("*", "*") if self.found else tuple(self.between)
 
     @property
     def apart(self) -> str:

@@ -31,13 +31,14 @@ class Parameters(Entry):
 
     friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above; none: 0")
     gap: Gap | None = Field(None, description=(
-        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0"))
+        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0, and geometry beside "
+        "between: auto"))
     within: Positive | None = Field(None, description=(
         "search distance of gap: geometry, a length; none: twice the local element size"))
 
     @property
     def apart(self) -> str:
-        return "gap" if self.gap == "geometry" else ""
+        return "gap" if self.gap == "geometry" or (self.found and self.gap is None) else ""
 
     @property
     def reach(self) -> float | None:
@@ -49,7 +50,8 @@ class Parameters(Entry):
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
-        if raw.get("within") is not None and raw.get("gap") != "geometry":
+        read = raw.get("gap") == "geometry" or (raw.get("gap") is None and raw.get("between") == "auto")
+        if raw.get("within") is not None and not read:
             yield ("within", "within without gap: geometry", "within beside gap: geometry only",
                    "remove within, or write gap: geometry")
 

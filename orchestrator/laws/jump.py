@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +20,12 @@ class Parameters(Entry):
     """An imposed jump of displacement."""
 
     jump: Vector = Field(description="imposed jump from the first part to the second: three numbers, as [0, 0, 0.01]")
+
+    @classmethod
+    def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+        if raw.get("between") == "auto":
+            yield ("between", "auto beside law: jump", "the names of two parts: the jump leads from the first to the second",
+                   "name them")
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -19,7 +19,7 @@ class Laws:
 
     Parameters
     ----------
-    entries : of the YAML, each with ``between`` (two patterns) and ``law``; the last match wins
+    entries : of the YAML, each with a ``pair`` of patterns, pairs to ``exclude``, and ``law``; the last match wins
     """
 
     def __init__(self, entries: list[Any]):
@@ -55,8 +55,14 @@ class Laws:
         if index < 0:
             return
         entry, interface.entry = self.entries[index], index
-        direction = 1.0 if self._any(entry.between[0], first) else -1.0
+        direction = 1.0 if self._any(entry.pair[0], first) else -1.0
         interface.law = LAWS[entry.law].of(entry, len(interface.global_nodes), direction, distance)
+
+    def slave(self, index: int, first: Iterable[str], second: Iterable[str]) -> int | None:
+        """Which side, 0 or 1, an entry has for the slave; None: neither, or both by the same word."""
+        name = self.entries[index].slave if index >= 0 else None
+        chosen = [name is not None and self._any(name, side) for side in (first, second)]
+        return None if chosen[0] == chosen[1] else chosen.index(True)
 
     def apart(self, index: int) -> str:
         """The key of an entry that has distances read from the geometry; empty where sides must touch."""
@@ -101,18 +107,26 @@ class Laws:
         nearest : what to say of how far apart the parts of an entry are
         """
         for i, (entry, used) in enumerate(zip(self.entries, self.used)):
-            everything = list(entry.between) == ["*", "*"]
+            everything = entry.pair == ("*", "*")
+            for k, two in enumerate(entry.exclude or []):
+                for p in two:
+                    if not matching(p, names):
+                        problems.add(("interfaces", i, "exclude", k), f"{p!r} matches no subdomain and no volume",
+                                     "names of two parts, shell wildcards allowed", suggestion(p, names, "part"))
+            if entry.slave is not None and not matching(entry.slave, names):
+                problems.add(("interfaces", i, "slave"), f"{entry.slave!r} matches no subdomain and no volume",
+                             "names of parts, shell wildcards allowed", suggestion(entry.slave, names, "part"))
             if used or (everything and pieces < 2):
                 continue
-            unknown = [p for p in entry.between if not matching(p, names)]
+            unknown = [p for p in entry.pair if not matching(p, names)]
             if unknown:
                 found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
                 cure = "; ".join(suggestion(p, names, "part") for p in unknown)
             else:
-                found = f"no interface between {entry.between[0]!r} and {entry.between[1]!r}: they share no face" \
+                found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" \
                     + nearest(entry)
                 beside = [f"{a} | {b}" for a, b in pairs
-                          if any(matching(p, [a, b]) for p in entry.between if p != "*")] or \
+                          if any(matching(p, [a, b]) for p in entry.pair if p != "*")] or \
                          [f"{a} | {b}" for a, b in pairs]
                 cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
                     if pairs else "there are no interfaces at all"
@@ -127,9 +141,20 @@ class Laws:
 
     def _matching(self, first: Iterable[str], second: Iterable[str]) -> list[int]:
         """Indices of all entries that match, ascending."""
-        sides = [(entry.between[0], entry.between[1]) for entry in self.entries]
-        return [i for i, (a, b) in enumerate(sides)
-                if (self._any(a, first) and self._any(b, second)) or (self._any(b, first) and self._any(a, second))]
+        return [i for i, entry in enumerate(self.entries)
+                if self._are(entry.pair, first, second) and not self._left_out(entry, first, second)]
+
+    def excluded(self, first: Iterable[str], second: Iterable[str]) -> bool:
+        """Whether an entry would govern two sides if it did not leave them out, and no other does."""
+        return not self._matching(first, second) and any(self._left_out(entry, first, second) for entry in self.entries)
+
+    def _left_out(self, entry: Any, first: Iterable[str], second: Iterable[str]) -> bool:
+        return any(self._are(two, first, second) for two in entry.exclude or [])
+
+    def _are(self, two: Sequence[str], first: Iterable[str], second: Iterable[str]) -> bool:
+        """Whether two patterns name two sides, in either order."""
+        a, b = two
+        return (self._any(a, first) and self._any(b, second)) or (self._any(b, first) and self._any(a, second))
 
     def _any(self, pattern: str, names: Iterable[str]) -> bool:
         return any(self._hits(pattern, name) for name in names)

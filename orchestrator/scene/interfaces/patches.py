@@ -142,6 +142,8 @@ def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition
     for pair in close_bodies(bodies, within):
         names = tuple(partition.names[b.subdomain] for b in pair)
         known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))
+        if laws.excluded(*known):
+            continue
         index = laws.foreseen(*known)
         apart = laws.apart(index)
         patches, mismatch = match(*pair, bool(apart), laws.reach(index))
@@ -188,7 +190,7 @@ def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, key: tuple[i
 def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -> str:
     """How far apart the nearest nodes are of the parts that an entry names."""
     sides = [[b for b in bodies if matching(pattern, [partition.names[b.subdomain], mesh.volumes[b.volume]])]
-             for pattern in entry.between]
+             for pattern in entry.pair]
     found = [nearest(a, b) for a in sides[0] for b in sides[1] if a is not b and a.volume != b.volume]
     if not found or len(found) > MOST:
         return ""
