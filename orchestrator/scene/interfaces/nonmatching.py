@@ -12,9 +12,10 @@ from orchestrator.scene.interfaces.curvature import smooth_faces
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.facing import Skin, facing
 from orchestrator.scene.interfaces.mortar.assembly import make_mortar, node_gaps, point_normals, sagitta, weights_of
+from orchestrator.scene.interfaces.mortar.segments import FACING
 from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, Patch
+from orchestrator.scene.interfaces.pairing import COINCIDE, OPPOSITE, REACH, Body, Patch
 from orchestrator.scene.interfaces.proximity import may_face
 from orchestrator.scene.mesh.faces import Faces, pack
 from orchestrator.scene.mesh.patch import local_size
@@ -55,17 +56,18 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     index : of the governing entry
     """
     entry = laws.entries[index]
-    tolerance = REACH if entry.apart else COINCIDE
+    tolerance = REACH if entry.apart else COINCIDE if entry.tolerance == "auto" else entry.tolerance
+    opposite = OPPOSITE if entry.angle is None else -np.cos(np.deg2rad(entry.angle))
     names = [(partition.names[b.subdomain], mesh.volumes[b.volume]) for b in pair]
     alone = [own[~np.isin(pack(body.triangles[own, :3], len(mesh.nodes)), _matched(patches, side, len(mesh.nodes)))]
              for side, (body, own) in enumerate(zip(pair, _near(*pair, entry.reach)))]
-    if not may_face(*(body.normal[own] for body, own in zip(pair, alone))):
+    if not may_face(*(body.normal[own] for body, own in zip(pair, alone)), opposite):
         return
-    found = facing(skins(pair[0]), skins(pair[1]), tolerance, entry.reach)
+    found = facing(skins(pair[0]), skins(pair[1]), tolerance, entry.reach, opposite)
     if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
     for patch in found:
-        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, Asked(laws.as_one(index)))
+        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite)))
         yield _interface(surfaces, pair[::-1] if slave else pair, names[::-1] if slave else names, numbering, laws,
                          index, problems)
 
