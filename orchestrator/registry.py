@@ -82,6 +82,8 @@ CODES = Registry({
     "freefem": "orchestrator.blackbox.codes.freefem:FreeFem",
     "calculix": "orchestrator.blackbox.codes.calculix:CalculiX",
     "scikit-fem": "orchestrator.blackbox.codes.scikit_fem.code:ScikitFemCode",
+    "ngsolve": "orchestrator.blackbox.codes.ngsolve.code:NGSolveCode",
+    "mfem": "orchestrator.blackbox.codes.mfem.code:MfemCode",
 }, own={
     r".+\.py(:\w+)?|[\w.]+:\w+": "orchestrator.blackbox.codes.python_code:PythonCode",
 })

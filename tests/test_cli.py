@@ -81,7 +81,7 @@ def test_check_shows_the_scene_or_its_problems(room):
 
 def test_check_refuses_an_element_that_the_code_does_not_have(tmp_path):
     """With the words of ``run``."""
-    own = ["--set", "blackbox.code=scikit-fem", "--set", "blackbox.element=P2", "--set", "mesh.beam.h=5"]
+    own = ["--set", "blackbox.code=calculix", "--set", "blackbox.element=P2", "--set", "mesh.beam.h=5"]
     checked, started = call("check", BEAM, *own), call("run", BEAM, *own, "--output", str(tmp_path))
     assert checked.exit_code == started.exit_code == 2 and checked.stdout == ""
     assert "blackbox.element\n  found:    \"P2\"\n  expected: P1" in checked.stderr

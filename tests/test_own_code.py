@@ -1,5 +1,7 @@
 """What a newcomer writes to add a code: one module and one registry line. Here it is a solver with an option of its own."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from method_case import CLAMP, PULL
@@ -32,6 +34,7 @@ class SoftenedCode(PythonCode):
     solver = f"{__file__}:{Softened.__name__}"
 
     class Settings(PythonCode.Settings):
+        element: Literal["P1"] = "P1"
         softening: Positive = 1.0
 
 

@@ -17,6 +17,46 @@ import scipy.sparse as sp
 from orchestrator.blackbox.usage import Usage
 
 
+@dataclass(frozen=True)
+class Origin:
+    """What a model is in the user's mesh. It refers to the scene's arrays and copies none.
+
+    Parameters
+    ----------
+    nodes : (b,) int, numbers in the user's mesh of the model's first nodes; −1, and those after them: soles'
+    cells : (c,) int, numbers there of its first tets; −1, and those after them: soles'
+    volume : (all tets of the mesh,) int, index into ``volumes``
+    volumes : names of volumes
+    """
+
+    nodes: np.ndarray
+    cells: np.ndarray
+    volume: np.ndarray
+    volumes: Sequence[str]
+
+    def arrays(self, nodes: int, cells: int) -> dict[str, np.ndarray]:
+        """Of a model with so many nodes and tets: ``number`` (n,) of each node in the user's mesh and ``volume`` (m,)
+        of each tet, −1 for soles; ``sole`` (m,) bool; ``volumes``, names."""
+        number, volume = np.full(nodes, -1), np.full(cells, -1)
+        number[: len(self.nodes)] = self.nodes
+        volume[: len(self.cells)] = np.where(self.cells >= 0, self.volume[self.cells], -1)
+        return {"number": number, "volume": volume, "sole": volume < 0, "volumes": np.array(list(self.volumes), dtype=str)}
+
+
+    @staticmethod
+    def side_by_side(models: Sequence[Model]) -> Origin | None:
+        """That of one model that holds all these, in order."""
+        known = [model.origin for model in models if model.origin is not None]
+        if not known:
+            return None
+        nodes, cells = [], []
+        for model in models:
+            for numbers, of_origin, count in ((nodes, "nodes", len(model.nodes)), (cells, "cells", len(model.cells))):
+                own = getattr(model.origin, of_origin) if model.origin is not None else np.empty(0, int)
+                numbers += [own, np.full(count - len(own), -1)]
+        return Origin(np.concatenate(nodes), np.concatenate(cells), known[0].volume, known[0].volumes)
+
+
 @dataclass
 class Model:
     """A finite element model as plain data. Dof = 3 * node + component.
@@ -33,6 +73,7 @@ class Model:
     trace : (t,) int, dofs on which traces are exchanged; none of them fixed, no repetition
     code : which black box of the configuration it is for, where there are several
     cases : load cases that a linear stage asks of it; 0: not known. Answers do not depend on it
+    origin : what it is in the user's mesh; None: nothing but a sole, or several models in one
     """
 
     name: str
@@ -44,6 +85,7 @@ class Model:
     trace: np.ndarray
     code: int = 0
     cases: int = 0
+    origin: Origin | None = None
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 from importlib import metadata
 from importlib.machinery import PathFinder
+from importlib.util import find_spec
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.pool.exits import exit_meaning
+from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
 
@@ -25,13 +28,25 @@ TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
 _NO_SOLVER = 67  # exit code of ``python_server``
 _MEANINGS = {1: "an exception in the solver's Python code"}
+# What another interpreter runs: this package from where it is, and nothing else that is beside it.
+_HOSTED = """import runpy, sys
+from importlib.util import module_from_spec, spec_from_file_location
+root = sys.argv.pop(1)
+spec = spec_from_file_location("orchestrator", root + "/__init__.py", submodule_search_locations=[root])
+sys.modules["orchestrator"] = module_from_spec(spec)
+spec.loader.exec_module(sys.modules["orchestrator"])
+runpy.run_module("orchestrator.blackbox.codes.python_server", run_name="__main__", alter_sys=True)
+"""
+_NEEDED = "import sys, numpy, scipy; print(*sys.version_info[:2])"
+_OLDEST = (3, 9)  # Python that the server's modules still run in
+_PATIENCE = 60  # seconds for another interpreter to say what it has
 
 
 class PythonCode(MessageCode):
     """A class with the three methods of ``template``, in a process of its own.
 
     As it is, the class is the one that ``code`` in the YAML names. A code with a name of its own derives from this one
-    and says which class it means; keys that its ``Settings`` add are keyword arguments of that class.
+    and says which class it means; keys that its ``Settings`` add are keyword arguments of that class, as are ``options``.
 
     Attributes
     ----------
@@ -63,11 +78,16 @@ class PythonCode(MessageCode):
     class Settings(CodeSettings):
         """A solver in Python."""
 
-        element: Literal["P1"] = Field("P1", description="linear tetrahedra: the Python codes know no other")
+        options: dict[Name, JsonValue] = Field({}, description="keyword arguments of the solver's class")
+        python: Name | None = Field(None, description=(
+            "the interpreter that the solver's packages are installed for, as /usr/bin/python3, with numpy and SciPy; "
+            "none: the orchestrator's own"))
 
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
-            """The solver's file."""
+            """The solver's file, and the interpreter."""
+            if (python := entry.get("python")) and (folder / str(python)).is_file():
+                entry = {**entry, "python": os.path.abspath(folder / str(python))}
             file, dot, name = str(entry.get("code", "")).partition(".py")
             if not dot or not (folder / f"{file}.py").is_file():
                 return entry
@@ -77,7 +97,9 @@ class PythonCode(MessageCode):
         super().__init__(settings)
         code = self.solver or self.settings.code
         where = code.rpartition(":")[0] or code
-        if self.package and not _installed(self.package):
+        if self.settings.python:
+            self._ask(self.settings.python)
+        elif self.package and not _installed(self.package):
             raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
                           f"{sys.executable} -m pip install {self.package}")
         if where.endswith(".py"):
@@ -85,7 +107,7 @@ class PythonCode(MessageCode):
                 raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class",
                               f"start from {TEMPLATE}")
             code = str(Path(where).resolve()) + code[len(where):]
-        elif not _importable(where):
+        elif not self.settings.python and not _importable(where):
             raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",
                           "install it in this environment, or add its folder to PYTHONPATH")
         self._code = code
@@ -98,13 +120,16 @@ class PythonCode(MessageCode):
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a server that reads and writes these paths."""
-        own = self.settings.model_dump(mode="json", exclude=set(CodeSettings.model_fields))
-        return [sys.executable, "-m", "orchestrator.blackbox.codes.python_server", self._code, json.dumps(own),
-                requests, replies]
+        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "options", "python"})
+        server = [self._code, json.dumps({**own, **self.settings.options}), requests, replies]
+        if self.settings.python:
+            return [self.settings.python, "-c", _HOSTED, str(_ROOT / "orchestrator"), *server]
+        return [sys.executable, "-m", "orchestrator.blackbox.codes.python_server", *server]
 
     def environment(self) -> dict[str, str]:
-        """With this package and the current folder among the modules."""
-        path = os.pathsep.join([str(_ROOT), *filter(None, [os.getcwd(), os.environ.get("PYTHONPATH")])])
+        """With this package and the current folder among the modules; of another interpreter the current folder alone."""
+        here = [] if self.settings.python else [str(_ROOT)]
+        path = os.pathsep.join([*here, os.getcwd(), *filter(None, [os.environ.get("PYTHONPATH")])])
         return {**super().environment(), "PYTHONPATH": path}
 
     def mesh(self, model: Model) -> bytes:
@@ -115,7 +140,8 @@ class PythonCode(MessageCode):
 
         file = io.BytesIO()
         np.savez(file, name=model.name, nodes=model.nodes, cells=model.cells, region=model.region,
-                 materials=model.materials, fixed=model.fixed, trace=model.trace)
+                 materials=model.materials, fixed=model.fixed, trace=model.trace,
+                 **({} if model.origin is None else model.origin.arrays(len(model.nodes), len(model.cells))))
         return file.getvalue()
 
     def meaning(self, exit_code: int) -> str:
@@ -132,12 +158,34 @@ class PythonCode(MessageCode):
 
     def version(self) -> str:
         """Version of the package it needs; empty for a class of one's own."""
-        return metadata.version(self.package) if self.package else ""
+        if not self.package:
+            return ""
+        return self._ask(self.settings.python) if self.settings.python else metadata.version(self.package)
+
+    def _ask(self, python: str) -> str:
+        """Version of the package in another interpreter, which has what the server needs; raises InputError."""
+        lacks = f"an interpreter with numpy, SciPy{' and ' + self.package if self.package else ''}"
+        code = _NEEDED + (f"; from importlib.metadata import version; print(version({self.package!r}))" if self.package else "")
+        try:
+            done = subprocess.run([python, "-c", code], capture_output=True, text=True, timeout=_PATIENCE)
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter",
+                          "python") from None
+        if done.returncode:
+            said = (done.stderr.strip() or f"nothing, and ends with {done.returncode}").splitlines()[-1]
+            raise _absent(f"{python}, which says: {said}", lacks,
+                          "install them for that interpreter, or name another one", "python")
+        first, *rest = done.stdout.splitlines()
+        if tuple(map(int, first.split())) < _OLDEST:
+            raise _absent(f"{python}, which is Python {first.replace(' ', '.')}", f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
+                          "name another interpreter", "python")
+        return rest[0] if rest else ""
 
 
 def _importable(module: str) -> bool:
     """Whether the server will find a module, or the package it is in; the current folder counts."""
-    return PathFinder.find_spec(module.partition(".")[0], [*sys.path, os.getcwd()]) is not None
+    package = module.partition(".")[0]
+    return find_spec(package) is not None or PathFinder.find_spec(package, [os.getcwd()]) is not None
 
 
 def _installed(package: str) -> bool:
@@ -148,5 +196,5 @@ def _installed(package: str) -> bool:
     return True
 
 
-def _absent(found: str, expected: str, cure: str) -> InputError:
-    return InputError(Problem(("blackbox", "code"), found, expected, cure))
+def _absent(found: str, expected: str, cure: str, key: str = "code") -> InputError:
+    return InputError(Problem(("blackbox", key), found, expected, cure))

@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import json
+import resource
 import sys
 import time
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 from orchestrator.imports import put_off
@@ -32,6 +35,12 @@ from orchestrator.blackbox.protocol import Model  # noqa: E402
 def promised(solver) -> int:
     """What a solver's class says of it, as ``messages.check_hello`` reads it."""
     return bool(getattr(solver, "translation_invariant", False)) + 2 * bool(getattr(solver, "own_matter", False))
+
+
+def clock() -> float:
+    """CPU seconds of this process and of the children it has waited for: a solver may start programs."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 SYMMETRIC = 1e-10  # relative
@@ -53,6 +62,7 @@ def solver_class(code: str) -> type:
         spec = importlib.util.spec_from_file_location(Path(where).stem, where)
         module = importlib.util.module_from_spec(spec)
         sys.path.insert(0, str(Path(where).resolve().parent))
+        sys.modules[spec.name] = module  # as an import would: dataclasses look their module up
         spec.loader.exec_module(module)
     else:
         module = importlib.import_module(where)
@@ -64,6 +74,17 @@ def solver_class(code: str) -> type:
     if lacking:
         raise NoSolver(f"class {name} of {Path(where).name} has no method {', '.join(lacking)}")
     return found
+
+
+def made(found: type, options: dict[str, object]):
+    """The solver; raises NoSolver for options that its class does not take."""
+    try:
+        inspect.signature(found).bind(**options)
+    except TypeError as wrong:
+        taken = [name for name in inspect.signature(found).parameters]
+        raise NoSolver(f"class {found.__name__} of {found.__module__}: {wrong}; it takes "
+                       + (", ".join(taken) or "no options")) from None
+    return found(**options)
 
 
 class Server:
@@ -80,10 +101,11 @@ class Server:
         self.models: dict[int, Model] = {}
         self.prepared: dict[int, object] = {}
         self.unproven: dict[int, sp.csr_array] = {}  # stiffness of models that have not been asked since they were loaded
+        self.handed = len(inspect.signature(solver.prepare).parameters) > 1  # the stiffness, which is assembled anyway
 
     def run(self) -> None:
         """Until told to quit, or until the orchestrator is gone."""
-        self._reply([0, 0, promised(self.solver)], [time.process_time(), 0, 0], [])
+        self._reply([0, 0, promised(self.solver)], [clock(), 0, 0], [])
         answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
                    messages.STIFFNESS: self._stiffness}
         while len(head := self.requests.read(8)) == 8:
@@ -93,14 +115,15 @@ class Server:
             answers[op](op, self._array(np.int64), self._array(np.float64))
 
     def _load(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
-        index, start = int(ints[0]), time.process_time()
+        index, start = int(ints[0]), clock()
         model = read_model(f"mesh-{index}.npz")
         stiffness = self._matrix(model)
-        assembled = time.process_time()
-        self.models[index], self.prepared[index] = model, self.solver.prepare(model)
+        assembled = clock()
+        self.models[index] = model
+        self.prepared[index] = self.solver.prepare(model, *([stiffness] if self.handed else []))
         residual = self._probe(index, stiffness)
         self.unproven[index] = stiffness
-        seconds = [assembled - start, time.process_time() - assembled, 0]
+        seconds = [assembled - start, clock() - assembled, 0]
         self._reply([index, 0, model.fixed.size, 1], seconds, [residual])
 
     def _probe(self, index: int, stiffness: sp.csr_array) -> float:
@@ -127,7 +150,7 @@ class Server:
     def _solve(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
         at = 0
         for index, cases in ints[1:].reshape(-1, 2).tolist():
-            start = time.process_time()
+            start = clock()
             model = self.models[index]
             size = len(model.trace) if op == messages.TRACES else model.fixed.size
             forces = reals[at : at + cases * size].reshape(cases, size)
@@ -143,16 +166,21 @@ class Server:
                 self._prove(index, self.unproven.pop(index), full, u)
             if op == messages.TRACES:
                 u = u[:, model.trace]
-            self._reply([index, 0], [0, 0, time.process_time() - start], u)
+            self._reply([index, 0], [0, 0, clock() - start], u)
 
     def _stiffness(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
-        index, start = int(ints[0]), time.process_time()
+        index, start = int(ints[0]), clock()
         lower = sp.coo_array(sp.tril(self._matrix(read_model(f"mesh-{index}.npz"))))
         head = [index, 0, lower.shape[0], lower.nnz]
-        self._reply(np.concatenate([head, *lower.coords]), [time.process_time() - start, 0, 0], lower.data)
+        self._reply(np.concatenate([head, lower.row, lower.col]), [clock() - start, 0, 0], lower.data)
 
     def _matrix(self, model: Model) -> sp.csr_array:
         """The solver's stiffness; raises ValueError for one that is not square or not symmetric: one triangle is sent."""
+        element, known = "P2" if model.cells.shape[1] == 10 else "P1", getattr(self.solver, "elements", ("P1",))
+        if element not in known:
+            raise ValueError(f"the solver's class knows {', '.join(known)} only, as its attribute elements says, and "
+                             f"{model.name} has {element}: write element: {known[0]} in its entry under blackbox, or have "
+                             "the class know more")
         matrix = sp.csr_array(self.solver.stiffness(model))
         if matrix.shape != (model.fixed.size,) * 2:
             raise ValueError(f"stiffness() returned a matrix of shape {matrix.shape} for {model.fixed.size} dofs")
@@ -196,19 +224,34 @@ def _residual(matrix: sp.sparray, u: np.ndarray, forces: np.ndarray) -> float:
     return float(np.max(left, initial=0.0))
 
 
-def read_model(path: str) -> Model:
+@dataclass
+class FullModel(Model):
+    """What the methods of a solver get, see ``template``: with ``Origin.arrays``; soles alone have no node in the mesh."""
+
+    number: np.ndarray | None = None
+    volume: np.ndarray | None = None
+    sole: np.ndarray | None = None
+    volumes: tuple[str, ...] = ()
+
+
+def read_model(path: str) -> FullModel:
     """A model from the file that ``python_code`` writes."""
     with np.load(path) as data:
-        keys = ("nodes", "cells", "region", "materials", "fixed", "trace")
-        return Model(str(data["name"]), *(data[key] for key in keys))
+        model = FullModel(str(data["name"]), *(data[key] for key in ("nodes", "cells", "region", "materials", "fixed", "trace")))
+        if "sole" in data:
+            model.number, model.volume, model.sole = data["number"], data["volume"], data["sole"]
+            model.volumes = tuple(data["volumes"].tolist())
+            return model
+    model.number, model.volume = np.full(len(model.nodes), -1), np.full(len(model.cells), -1)
+    model.sole = np.ones(len(model.cells), dtype=bool)
+    return model
 
 
 if __name__ == "__main__":
     try:
-        solver = solver_class(sys.argv[1])
+        solver = made(solver_class(sys.argv[1]), json.loads(sys.argv[2]))
     except NoSolver as absent:
         print(absent, file=sys.stderr)
         sys.exit(NO_SOLVER)
-    solver = solver(**json.loads(sys.argv[2]))
     with open(sys.argv[3], "rb") as requests, open(sys.argv[4], "wb") as replies:
         Server(solver, requests, replies).run()

@@ -11,11 +11,16 @@ What arrives (``Model``), in the units of the YAML:
 
     name        of the subdomain, for messages
     nodes       (n, 3) coordinates
-    cells       (m, 4) four-node tets, positively oriented: the subdomain and the soles glued to its interfaces
+    cells       (m, 4) four-node tets, positively oriented: the subdomain and the soles glued to its interfaces. (m, 10)
+                where element: P2 is asked for and the class says elements = ("P1", "P2"): then with the nodes in the
+                middle of the edges 01, 12, 02, 03, 13, 23
     region      (m,) row of ``materials`` for each tet
     materials   (r, 2) Young's modulus and Poisson's ratio
     fixed       (n, 3) dofs clamped to zero, among them the outer nodes of the soles
     trace       (t,) dofs on interfaces: where forces come and displacements are wanted (you need not look at it)
+    sole        (m,) bool, tets that are soles: plain matter by their ``materials``, whatever the matter of yours is
+    volume      (m,) row of ``volumes``, the names of the mesh's volumes, for each tet; −1 for soles
+    number      (n,) number of each node in the mesh of the YAML; −1 for soles
 
 A dof is 3 * node + component. Forces and displacements are float64, one load case per row, in the order asked.
 ``stiffness`` and ``prepare`` may be called for several models and in any order. An exception ends the run with its

@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.scene.congruence import equal, first_congruent
 
-_COMPARED = ("name", "nodes", "region", "materials")  # by value or not at all; all else must be identical
+_COMPARED = ("name", "nodes", "region", "materials", "origin")  # by value or not at all; all else must be identical
 
 
 def representatives(models: Sequence[Model], traits: Callable[[int], Traits]) -> np.ndarray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.protocol import Model, Origin
 from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.soles.sole import Sole
 
@@ -56,6 +56,7 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
     return Model(
         name=subdomain.name, nodes=np.vstack(points), cells=np.vstack(cells), region=region, materials=materials,
         fixed=fixed, trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code,
+        origin=Origin(subdomain.nodes, subdomain.cells, scene.mesh.volume, scene.mesh.volumes),
     )
 
 
@@ -103,6 +104,7 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
         name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]],
         cells=cells.reshape(-1, subdomain.connectivity.shape[1]), region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
         code=subdomain.code,
+        origin=Origin(subdomain.nodes[nodes], subdomain.cells[chosen], scene.mesh.volume, scene.mesh.volumes),
     )
     return Rim(model, nodes)
 
@@ -110,8 +112,9 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
 def whole_model(scene: Scene) -> Model:
     """The undecomposed problem as one model, for the reference solution."""
     region, materials = _regions(np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material])
-    return Model("the whole structure", scene.mesh.nodes, scene.mesh.cells, region, materials, scene.fixed,
-                 np.empty(0, int))
+    mesh = scene.mesh
+    return Model("the whole structure", mesh.nodes, mesh.cells, region, materials, scene.fixed, np.empty(0, int),
+                 origin=Origin(np.arange(len(mesh.nodes)), np.arange(len(mesh.cells)), mesh.volume, mesh.volumes))
 
 
 def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.protocol import Model, Origin
 
 # Nodes of one packet at the same place. FreeFEM's search tree gives up on more than eight; half of them, as
 # nodes that differ by rounding may be taken for two places.
@@ -41,7 +41,7 @@ def joined(models: Sequence[Model], count: int) -> list[tuple[Model, list[int]]]
             region=np.concatenate([m.region + s for m, s in zip(parts, region_shift)]),
             materials=np.vstack([m.materials for m in parts]),
             fixed=np.vstack([m.fixed for m in parts]),
-            trace=np.empty(0, int), code=parts[0].code,
+            trace=np.empty(0, int), code=parts[0].code, origin=Origin.side_by_side(parts),
         ), members))
     return packets
 

@@ -1,18 +1,20 @@
 """Linear elasticity by scikit-fem: the worked example of "bring your own solver".
 
-Everything scikit-fem is asked for is in three methods; processes, messages, checks and errors are the server's.
+Everything scikit-fem is asked for is its stiffness; factorisation, processes, messages, checks and errors are not its
+business.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
-from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementVector, MeshTet
+from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementTetP2, ElementVector, MeshTet
 from skfem.helpers import ddot, eye, sym_grad, trace
 
+from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
+from orchestrator.scene.mesh.quadratic import TET_EDGES
 
 
 @BilinearForm
@@ -23,29 +25,32 @@ def elasticity(u, v, w):
     return ddot(stress, sym_grad(v))
 
 
-class ScikitFem:
-    """Linear elasticity on four-node tets."""
+class ScikitFem(Adapter):
+    """Linear elasticity on four- and ten-node tets."""
+
+    translation_invariant = True
+    elements = ("P1", "P2")
 
     def stiffness(self, model: Model) -> sp.csr_array:
-        """(3n, 3n), nothing clamped, dof = 3 * node + component."""
-        mesh = MeshTet(np.ascontiguousarray(model.nodes.T), np.ascontiguousarray(model.cells.T))
-        basis = Basis(mesh, ElementVector(ElementTetP1()), intorder=1)
+        """As ``Adapter`` says."""
+        quadratic = model.cells.shape[1] == 10
+        corners, cells = np.unique(model.cells[:, :4], return_inverse=True)
+        mesh = MeshTet(np.ascontiguousarray(model.nodes[corners].T), np.ascontiguousarray(cells.reshape(-1, 4).T))
+        basis = Basis(mesh, ElementVector(ElementTetP2() if quadratic else ElementTetP1()), intorder=2 if quadratic else 1)
         constant = basis.with_element(ElementTetP0())
         lam, mu = (constant.interpolate(values[model.region]) for values in lame(*model.materials.T))
-        matrix = elasticity.assemble(basis, lam=lam, mu=mu)
-        dofs = basis.nodal_dofs.T.ravel()  # scikit-fem's numbers, in the protocol's order
-        return sp.csr_array(matrix[dofs][:, dofs])
+        matrix = sp.coo_array(elasticity.assemble(basis, lam=lam, mu=mu))
+        place = np.empty(basis.N, dtype=int)  # of scikit-fem's dofs in the protocol's order
+        place[basis.nodal_dofs] = 3 * corners + np.arange(3)[:, None]
+        if quadratic:
+            place[basis.edge_dofs] = 3 * _middles(model.cells, corners[mesh.edges]) + np.arange(3)[:, None]
+        return sp.csr_array((matrix.data, (place[matrix.row], place[matrix.col])), shape=(model.fixed.size,) * 2)
 
-    def prepare(self, model: Model) -> tuple:
-        """Clamped and factorised, once per model."""
-        free = np.flatnonzero(~model.fixed)
-        matrix = sp.csc_array(self.stiffness(model)[free][:, free])
-        factor = spla.splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        return free, factor
 
-    def solve(self, prepared: tuple, forces: np.ndarray) -> np.ndarray:
-        """(rhs, 3n) nodal forces to (rhs, 3n) nodal displacements, zero where clamped."""
-        free, factor = prepared
-        displacements = np.zeros_like(forces)
-        displacements[:, free] = factor.solve(np.ascontiguousarray(forces[:, free].T)).T
-        return displacements
+def _middles(cells: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(e,) nodes in the middle of edges (2, e), given by their ends."""
+    size = int(cells.max()) + 1
+    low, high = np.sort(cells[:, TET_EDGES], axis=2).reshape(-1, 2).T
+    keys, first = np.unique(low * size + high, return_index=True)
+    low, high = np.sort(ends, axis=0)
+    return cells[:, 4:].ravel()[first[np.searchsorted(keys, low * size + high)]]

@@ -1,0 +1,1 @@
+"""NGSolve as a black box: ``solver`` runs in processes of its own, ``code`` says where it is."""

@@ -1,0 +1,144 @@
+"""Solvers in Python: a stiffness alone, options, another interpreter, ten-node tets, what they are told of the mesh."""
+
+import os
+import subprocess
+import sys
+import venv
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from method_case import CLAMP, PULL
+
+from orchestrator.blackbox.codes.python_server import clock
+from orchestrator.config import config_from, load_config
+from orchestrator.errors import InputError, OrchestratorError
+from orchestrator.run import solve
+
+BASE = """
+import numpy as np
+from orchestrator.blackbox.codes.adapter import Adapter
+from orchestrator.blackbox.codes.template import Solver as Template
+"""
+STIFFNESS = BASE + """
+class Solver(Adapter):
+    own_matter = True
+    def __init__(self, softening=1.0, *, scale=1.0):
+        self.factor = scale / softening
+    def stiffness(self, model):
+        return self.factor * Template().stiffness(model)
+"""
+
+
+def problem(blackbox, **changes) -> dict:
+    return {"name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+            "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+            "boundary": [CLAMP, PULL], "blackbox": blackbox, "method": {"tolerance": {"error": 1e-9}}, **changes}
+
+
+def displacement(blackbox, **changes):
+    solution = solve(config_from(problem(blackbox, **changes)))
+    assert solution.summary["converged"]
+    return solution.displacement
+
+
+def apart(one, other):
+    return np.abs(one - other).max() / np.abs(other).max()
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return displacement({"code": "freefem"})
+
+
+def file(tmp_path, text) -> str:
+    (tmp_path / "mine.py").write_text(text)
+    return str(tmp_path / "mine.py")
+
+
+def test_a_stiffness_alone_is_a_solver_and_takes_options(tmp_path, shipped):
+    found = displacement({"code": file(tmp_path, STIFFNESS), "options": {"softening": 4.0, "scale": 2.0}, "workers": 1})
+    assert apart(found, 2 * shipped) < 1e-8
+
+
+def test_options_that_the_class_does_not_take_are_told(tmp_path):
+    with pytest.raises(InputError) as caught:
+        displacement({"code": file(tmp_path, STIFFNESS), "options": {"softning": 4.0}, "workers": 1})
+    assert "unexpected keyword argument 'softning'; it takes softening, scale" in str(caught.value)
+
+
+def test_another_interpreter_needs_nothing_of_ours_installed(tmp_path, shipped):
+    """One that has numpy and SciPy, but none of the orchestrator's other packages, nor the orchestrator."""
+    venv.create(tmp_path / "other", symlinks=True)
+    packages = next((tmp_path / "other").glob("lib/python*/site-packages"))
+    here = Path(np.__file__).parents[1]
+    for name in ("numpy", "numpy.libs", "scipy", "scipy.libs"):
+        if (here / name).exists():
+            (packages / name).symlink_to(here / name)
+    python = tmp_path / "other" / "bin" / "python"
+    alone = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    for module in ("pydantic", "orchestrator"):
+        assert subprocess.run([python, "-c", f"import {module}"], env=alone, cwd=tmp_path, capture_output=True).returncode
+    file(tmp_path, STIFFNESS)
+    (tmp_path / "bar.yaml").write_text(
+        "name: bar\nmesh: {box: {size: [4, 1, 1], cells: [8, 2, 2]}}\nsubdomains: {slices: {axis: x, count: 4}}\n"
+        "materials: [{young: 200e3, poisson: 0.3}]\nmethod: {tolerance: {error: 1e-9}}\nboundary:\n"
+        "  - {on: xmin, displacement: [0, 0, 0]}\n  - {on: xmax, traction: [10, 1, 0]}\n"
+        "blackbox: {code: mine.py, python: other/bin/python, workers: 1}\n")
+    assert apart(solve(load_config(tmp_path / "bar.yaml").config).displacement, shipped) < 1e-8
+
+
+@pytest.mark.parametrize("python, words", [
+    ("nowhere/python", "nowhere/python, which cannot be run"), ("/bin/false", "an interpreter with numpy, SciPy"),
+    ("bare", "No module named 'numpy'")])
+def test_interpreters_that_will_not_do_are_told(tmp_path, python, words):
+    if python == "bare":
+        venv.create(tmp_path / "bare", symlinks=True)
+        python = str(tmp_path / "bare" / "bin" / "python")
+    with pytest.raises(InputError) as caught:
+        displacement({"code": file(tmp_path, STIFFNESS), "python": python, "workers": 1})
+    assert words in str(caught.value) and caught.value.problems[0].path == ("blackbox", "python")
+
+
+def test_ten_node_tets(tmp_path):
+    p2 = displacement({"code": "freefem", "element": "P2"})
+    assert apart(displacement({"code": "scikit-fem", "element": "P2", "workers": 1}), p2) < 1e-8
+    with pytest.raises(OrchestratorError, match="knows P1 only"):
+        displacement({"code": file(tmp_path, STIFFNESS), "element": "P2", "workers": 1})
+
+
+def test_what_a_model_tells_of_the_mesh(tmp_path, shipped):
+    """A solver whose moduli follow the names of volumes and the places of nodes, not the YAML's: soles stay theirs."""
+    text = BASE + """
+class Solver(Adapter):
+    own_matter = True
+    def stiffness(self, model):
+        body = ~model.sole
+        assert body.shape == model.region.shape and (model.volume[body] >= 0).all() and (model.volume[~body] == -1).all()
+        assert set(model.volumes) <= {"box"} and model.number.shape == (len(model.nodes),)
+        assert (model.number[np.unique(model.cells[body])] >= 0).all()
+        if body.any():
+            assert len(np.unique(model.nodes[model.number >= 0], axis=0)) > 3
+        young = np.where(model.sole, model.materials[model.region, 0], 100e3)
+        stiff = type(model)(model.name, model.nodes, model.cells, np.arange(len(young)),
+                            np.column_stack([young, model.materials[model.region, 1]]), model.fixed, model.trace)
+        return Template().stiffness(stiff)
+"""
+    assert apart(displacement({"code": file(tmp_path, text), "workers": 1}), 2 * shipped) < 1e-8
+
+
+def test_seconds_of_programs_that_a_solver_starts_count():
+    before = clock()
+    subprocess.run([sys.executable, "-c", "sum(range(10**7))"], check=True)
+    assert clock() - before > 0.05
+
+
+@pytest.mark.parametrize("code", ["ngsolve", "mfem"])
+def test_adapters_shipped(code, shipped):
+    """Where the package is installed; a folder named by CODE_PYTHON may hold an interpreter that has it."""
+    python = os.environ.get(f"{code.upper()}_PYTHON")
+    if not python and find_spec(code) is None:
+        pytest.skip(f"no {code} here: pip install '.[{code}]', or {code.upper()}_PYTHON=/path/to/python")
+    entry = {"code": code, "workers": 1, **({"python": python} if python else {})}
+    assert apart(displacement(entry), shipped) < 1e-8
