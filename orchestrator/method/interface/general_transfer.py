@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.transfer import Matching
+from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Interface
 
 # Forces of points are read from mass matrices that condition well: their solutions' far entries fade below this.
@@ -31,6 +32,7 @@ class General:
     ----------
     G1, G2 : (Q, D + G) sparse; rows of points without a component are empty
     E : (Q, D + G) sparse, reads the forces of points from those of the first side: E G₁ᵀ = 1
+    own : (Q,) int, the trace dof of each point's own node on the first side; −1 where there is none
     shape : of the points, (Q,) or (3, P); operators have them flat
     size, total : number of trace dofs D, and with ghosts D + G
     bounds : (interfaces + 1,) int, where the points of each interface of the scene start, along the last axis
@@ -43,6 +45,7 @@ class General:
     G1: sp.csr_array
     G2: sp.csr_array
     E: sp.csr_array
+    own: np.ndarray
     shape: tuple[int, ...]
     size: int
     total: int
@@ -56,20 +59,23 @@ class General:
     def of(cls, interfaces: Sequence[Interface], sides: Sequence[tuple[np.ndarray, np.ndarray]], size: int) -> General:
         """Of all interfaces of a scene, with the trace dofs of side 1 and of side 2 of each; points are flat."""
         blocks, none = [], np.empty(0, int)
+        own = [none]
         for interface, (one, two) in zip(interfaces, sides):
             if interface.mortar is None:
                 first, second = _picks(one, size), _picks(two, size)
                 blocks.append((first, second, first))
+                own.append(one)
             else:
                 mortar = interface.mortar
                 blocks.append((_placed(mortar.first, one, size), _placed(mortar.second, two, size),
                                _placed(_reads(mortar), one, size)))
+                own.append(one[mortar.dofs])
         joined = [sp.csr_array(sp.vstack(same)) if blocks else sp.csr_array((0, size)) for same in zip(*blocks)] or \
             [sp.csr_array((0, size))] * 3
         bounds = np.cumsum([0] + [b[0].shape[0] for b in blocks])
         matched = np.array([i.mortar is None for i in interfaces], dtype=bool)
         matching = Matching.of([pair if m else (none, none) for pair, m in zip(sides, matched)], size)
-        return cls(*joined, (int(bounds[-1]),), size, size, bounds, list(sides), matched, matching)
+        return cls(*joined, np.concatenate(own), (int(bounds[-1]),), size, size, bounds, list(sides), matched, matching)
 
     # ---- fields --------------------------------------------------------------------------------
 
@@ -103,7 +109,7 @@ class General:
 
     def mismatch(self, w: np.ndarray) -> np.ndarray:
         """(…, D) what the sides of traces (…, D + G) are apart: at both nodes of a pair, or √2 times at a point's own."""
-        points = self._turned(self.E_unit, np.where(self._general, self._flat(self.jump(w)), 0.0), flat=True)[..., : self.size]
+        points = self._turned(self.own_nodes, np.where(self._general, self._flat(self.jump(w)), 0.0), flat=True)[..., : self.size]
         return np.where(self._met, self.across(w) - w[..., : self.size], np.sqrt(2.0) * points)
 
     def imbalance(self, f: np.ndarray) -> np.ndarray:
@@ -127,7 +133,7 @@ class General:
 
         Elsewhere twice of side 1, whose nodes the points are: a stiffness cannot be carried over from other nodes.
         """
-        one = sp.csr_array(self.E_unit @ matrix @ self.E_unit.T)
+        one = sp.csr_array(self.own_nodes @ matrix @ self.own_nodes.T)
         matched = sp.diags_array((~self._general).astype(float))
         rest = sp.diags_array(self._general.astype(float))
         two = sp.csr_array(matched @ (self.G2 @ matrix @ self.G2.T) @ matched)
@@ -190,7 +196,7 @@ class General:
         G1, G2, E = (sp.csr_array(G[rows][:, columns]) for G in (self.G1, self.G2, self.E))
         none = np.empty(0, int)
         sides = [(place[a], place[b]) if known[a].all() and known[b].all() else (none, none) for a, b in self.sides]
-        return General(G1, G2, E, (len(rows),), size, total, np.cumsum([0] + [len(k) for k in kept]), sides, self.matched,
+        return General(G1, G2, E, place[self.own[rows]], (len(rows),), size, total, np.cumsum([0] + [len(k) for k in kept]), sides, self.matched,
                        self.matching.renumbered(place, size, total))
 
     def at(self, rows: np.ndarray, bounds: np.ndarray) -> General:
@@ -204,13 +210,15 @@ class General:
         there = sp.csr_array((np.ones((rows >= 0).sum()), (np.flatnonzero(rows.ravel() >= 0), rows[rows >= 0])),
                              shape=(rows.size, self.G1.shape[0]))
         G1, G2, E = (sp.csr_array(there @ G) for G in (self.G1, self.G2, self.E))
-        return replace(self, G1=G1, G2=G2, E=E, shape=rows.shape, bounds=bounds, exists=rows >= 0)
+        own = np.where(rows >= 0, self.own[rows], -1).ravel()
+        return replace(self, G1=G1, G2=G2, E=E, own=own, shape=rows.shape, bounds=bounds, exists=rows >= 0)
 
     def some(self, chosen: np.ndarray) -> General:
         """Some of the points along the last axis, ascending."""
         rows = np.arange(np.prod(self.shape, dtype=int)).reshape(self.shape)[..., chosen]
         G1, G2, E = (sp.csr_array(G[rows.ravel()]) for G in (self.G1, self.G2, self.E))
-        return replace(self, G1=G1, G2=G2, E=E, shape=rows.shape, bounds=np.searchsorted(chosen, self.bounds),
+        return replace(self, G1=G1, G2=G2, E=E, own=self.own[rows.ravel()], shape=rows.shape,
+                       bounds=np.searchsorted(chosen, self.bounds),
                        exists=None if self.exists is None else self.exists[..., chosen])
 
     def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -232,20 +240,15 @@ class General:
         return sp.csr_array(self.G2 - self.G1)
 
     @cached_property
-    def E_unit(self) -> sp.csr_array:
+    def own_nodes(self) -> sp.csr_array:
         """(Q, D + G) 0/1: the points' own dofs on the first side."""
-        largest = sp.csr_array((self.E.data, self.E.indices, self.E.indptr), shape=self.E.shape)
-        at = np.full(self.E.shape[0], -1)
-        for_row = np.repeat(np.arange(self.E.shape[0]), np.diff(largest.indptr))
-        order = np.argsort(np.abs(largest.data), kind="stable")
-        at[for_row[order]] = largest.indices[order]  # the largest comes last
-        there = np.flatnonzero(at >= 0)
-        return sp.csr_array((np.ones(len(there)), (there, at[there])), shape=self.E.shape)
+        there = np.flatnonzero(self.own >= 0)
+        return sp.csr_array((np.ones(len(there)), (there, self.own[there])), shape=self.G1.shape)
 
     @cached_property
     def mine(self) -> np.ndarray:
         """(Q,) bool, points whose first side is on this rank; flat points only."""
-        return self.E_unit @ (np.arange(self.total) < self.size).astype(float) > 0
+        return (self.own >= 0) & (self.own < self.size)
 
     @cached_property
     def _general(self) -> np.ndarray:
@@ -294,7 +297,7 @@ def _placed(G: sp.csr_array, dofs: np.ndarray, size: int) -> sp.csr_array:
     return sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size))
 
 
-def _reads(mortar) -> sp.csr_array:
+def _reads(mortar: Mortar) -> sp.csr_array:
     """(3p, 3n₁) sparse: own⁻ᵀ hatsᵀ."""
     own = mortar.own
     if mortar.diagonal:

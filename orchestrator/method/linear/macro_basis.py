@@ -84,10 +84,9 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
     fields, slave = macro_fields(np.vstack(points), kind), 3 * len(points[0])
     everything = np.concatenate([free.ravel(), mortar.free.ravel()])
     fields = np.where(everything[:, None], fields.reshape(len(everything), -1), 0.0)
-    fields[mortar.dofs] = 0.0
     jump = mortar.second @ fields[slave:] - mortar.first @ fields[:slave]
-    fields[mortar.dofs] = jump / mortar.own.diagonal()[:, None] if mortar.diagonal else \
-        sla.splu(sp.csc_array(mortar.own)).solve(jump)
+    points = jump / mortar.own.diagonal()[:, None] if mortar.diagonal else sla.splu(sp.csc_array(mortar.own)).solve(jump)
+    fields[:slave] += mortar.hats @ points
     return independent(fields)
 
 

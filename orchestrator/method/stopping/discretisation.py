@@ -80,7 +80,7 @@ class Estimator:
         lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[self.order]
         self.lame = lame[material]
 
-        bonded = [i for i in scene.interfaces if i.law.perfect]
+        bonded = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
         one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
                     for side in (0, 1))
         joined = components(one, two, len(nodes))[1]

@@ -32,13 +32,14 @@ def make_soles(scene: Scene, settings, share: bool = True,
         if wanted is not None and not wanted[index]:
             continue
         kind = settings.contact if not interface.law.perfect else kind_for(hard, interface) if hard else settings.kind
-        together = np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
+        paired = interface.mortar is None
+        together = paired and np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1)))
         if kind == "overlap" and together:
             soles[index] = (overlap(scene, interface, settings.modulus_ratio),) * 2
             continue
         layered.append(index)
         kinds.append("symmetric" if kind == "overlap" else kind)
-        upon = together or np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
+        upon = together or paired and np.array_equal(*(scene.side_points(interface, side) for side in (0, 1)))
         facets.append([facets_of(scene, interface, settings, kinds[-1], side) for side in ((0,) if upon else (0, 1))])
     for index, layer in zip(layered, _layers(kinds, facets, share)):
         soles[index] = layer
