@@ -29,6 +29,20 @@ def spread(L, chosen, bounds, both, F):
 
 
 @compiled
+def moved(phi, chosen, bounds, C, d):
+    """d (3, Q) = (1₃ ⊗ φ) c at some of the pairs, for the combinations C (I, 3m) of the monomials; as for ``spread``."""
+    m = phi.shape[1]
+    for i in range(len(C)):
+        for q in range(bounds[i], bounds[i + 1]):
+            p = chosen[q]
+            for c in range(3):
+                total = 0.0
+                for j in range(m):
+                    total += C[i, c * m + j] * phi[p, j]
+                d[c, q] = total
+
+
+@compiled
 def carried(phi, chosen, bounds, A, ends, force, weight, result):
     """result (bodies, 12) += Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 

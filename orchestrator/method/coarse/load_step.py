@@ -13,6 +13,7 @@ Among ranks, what belongs to an interface is formed by the rank of its first sid
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,14 +116,20 @@ class LoadStep:
             self.fields = fields.some(chosen)
             self.F0_near, self.before = self.F0.take(chosen, axis=1), self.previous.take(chosen, axis=1)
 
+    def _reach_for(self, y: np.ndarray) -> bool:
+        """Take in the size of fields; whether pairs came back for it."""
+        size = np.linalg.norm(self.fields.both(y), axis=1)
+        self.seen = np.maximum(self.seen, size)
+        if not (size > self.reach).any():
+            return False
+        self.reach = np.maximum(self.reach, REACH * self.seen)
+        self._choose()
+        return True
+
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, 12) ρ; the forces that it was formed with are kept for ``matrix``."""
         bodies = self.bodies
-        size = np.linalg.norm(self.fields.both(y), axis=1)
-        self.seen = np.maximum(self.seen, size)
-        if (size > self.reach).any():
-            self.reach = np.maximum(self.reach, REACH * self.seen)
-            self._choose()
+        self._reach_for(y)
         self.F = self.fields.predicted(self.F0_near, y)
         force = self.fields.pairs.force(self.F, self.before).force
         carried = self.fields.carried(force, bodies.weight, bodies.count)
@@ -139,6 +146,27 @@ class LoadStep:
         if not everyone:
             return False
         return bodies.affine - bodies.pattern.summed(everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
+
+    def along(self, y: np.ndarray, dy: np.ndarray) -> Callable[[float], float]:
+        """θ → dy·ρ(y + θ dy), the work of the imbalance along a line from where ρ was formed last; θ from 0 to 1."""
+        bodies, near = self.bodies, self.fields
+        if self._reach_for(y + dy):
+            near, self.F = self.fields, self.fields.predicted(self.F0_near, y)
+        F, dF = self.F, near.predicted(np.zeros_like(self.F), dy)
+        against = near.jump(dy) * bodies.weight[near.chosen]
+        changes = (bodies.K0 @ dy[:, :, None])[:, :, 0]
+        start, slope = np.vdot(dy, self.resultant + (bodies.K0 @ y[:, :, None])[:, :, 0]), np.vdot(dy, changes)
+        springs = np.zeros(2)
+        if bodies.springs is not None:
+            springs[:] = np.vdot(dy, self.resisted) + dy.ravel() @ (bodies.springs @ y.ravel()), \
+                dy.ravel() @ (bodies.springs @ dy.ravel())
+
+        def work(theta: float) -> float:
+            force = near.pairs.force(F + theta * dF, self.before).force
+            carried, = bodies.team.sum(np.vdot(against, force) + springs[0] + theta * springs[1])
+            return float(start + theta * slope - carried)
+
+        return work
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""

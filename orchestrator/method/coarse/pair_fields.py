@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, slopes, spread
+from orchestrator.method.coarse.kernels import carried, moved, slopes, spread
 from orchestrator.method.interface.pairs import Pairs
 
 MONOMIALS = 4
@@ -61,6 +61,13 @@ class PairFields:
         F = np.array(F0, order="C")
         spread(self.all_L, self.chosen, self.pairs.bounds, self.both(y), F)
         return F
+
+    def jump(self, y: np.ndarray) -> np.ndarray:
+        """(3, Q) T y, what the first body moves in the fields y (bodies, 12), less what the second one does."""
+        result = np.empty((3, len(self.chosen)))
+        combined = np.matmul(self.A, self.both(y)[:, :, None])[:, :, 0]
+        moved(self.phi, self.chosen, self.pairs.bounds, combined, result)
+        return result
 
     def both(self, y: np.ndarray) -> np.ndarray:
         """(I, 24) fields of the two bodies of every interface."""

@@ -2,7 +2,7 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-Where contacts are stabilised every body has a place, and ``continuation`` finds it. Otherwise it is solved by ``newton``.
+Where contacts are stabilised every body has a place, and ``searched`` finds it. Otherwise it is solved by ``newton``.
 A body that hardly anything holds, which no Newton step brings to rest, is then settled alone (``settling``), no further
 than the radius in one solve: bodies come to rest over several iterations of the method, and their neighbours follow.
 
@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from orchestrator.method.coarse.continuation import Continuation
+from orchestrator.method.coarse.searched import SearchedNewton
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
@@ -84,7 +84,7 @@ class CoarseProblem:
 
     def _continued(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, 12), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
-        run, end = Continuation(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius), self._farthest), ""
+        run, end = SearchedNewton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius), self._farthest), ""
         for _ in range(MOST_STEPS):
             if end or run.solved(REDUCTION):
                 break
@@ -92,12 +92,12 @@ class CoarseProblem:
             end = run.step()
         if run.solved(REDUCTION):
             return run.y, run.size, run.start, "tolerance"
-        # whole steps may go round in a circle of statuses, where bodies press firmly; a search along the line does not
+        # with much friction the work is no energy, and its search may go round in a circle; a search on ‖ρ‖ does not
         other = self._newton(at, radius)
         return other if other[1] < run.size else (run.y, run.size, run.start, end or "steps")
 
     def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
-        """The same where nothing is stabilised, or where continuation has not arrived."""
+        """The same where nothing is stabilised, or where the search has not arrived."""
         newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius))
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):

@@ -1,0 +1,88 @@
+"""Newton's method for a load step of the coarse contact problem whose bodies all have a place, searched along its lines.
+
+    (K₀ − ΣTᵀA L + δ) dy = −ρ(y),    y ← y + θ dy,    |dy·ρ(y + θ dy)| ≤ ½ |dy·ρ(y)|
+
+A loose body feels nothing until it touches, then more than before: ‖ρ‖ does not tell how far to go. The work of the
+imbalance along the line does (Matthies & Strang, Int. J. Numer. Meth. Engng 14, 1979): without friction it is the
+slope of a convex energy, negative up to its least value. A point of the line costs the laws at the pairs, a tenth of what the
+line costs. The shift δ is none to speak of unless friction makes a line rise from its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from orchestrator.method.coarse.load_step import LoadStep
+
+LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3  # shift relative to k: the first, by how much it grows, beyond what nothing is tried
+LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
+POINTS = 20  # of a line: regula falsi halves what is left in each but a few
+SHORT = 0.1  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
+PATIENCE, GAIN = 15, 0.9  # steps in which the least imbalance has to fall by a tenth
+
+
+class SearchedNewton:
+    """The iterates.
+
+    Parameters
+    ----------
+    at : the load step
+    direction : (matrix values, ρ, δ) → (bodies, 12) the step dy, no longer than allowed
+    farthest : fields (bodies, 12) → how far any body moves in them at most
+
+    Attributes
+    ----------
+    y, size : (bodies, 12) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
+    """
+
+    def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],
+                 farthest: Callable[[np.ndarray], float]):
+        self.at, self.y, self.direction, self.farthest = at, y, direction, farthest
+        self._rho = at.residual(y)
+        self.start = self.size = np.linalg.norm(self._rho)
+        self._waited, self._mark, self._last = 0, self.size, np.inf
+
+    def solved(self, reduction: float) -> bool:
+        """Whether ‖ρ‖ has come down to a share of the start's, and the bodies hardly move any more."""
+        if self.size > reduction * self.start:
+            return False
+        return self.start == 0 or self._last <= SHORT * self.farthest(self.y)
+
+    def step(self) -> str:
+        """Take a step; why there is no other, or nothing."""
+        matrix, shift = self.at.matrix(), LEAST
+        while True:
+            dy = self.direction(matrix, self._rho, shift)
+            work = np.vdot(dy, self._rho)
+            if work < 0:
+                break
+            shift *= SLOWER
+            if not shift <= MOST:
+                return "no direction"
+        length = search(self.at.along(self.y, dy), work)
+        self.y = self.y + length * dy
+        self._rho = self.at.residual(self.y)
+        self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
+        self._waited += 1
+        if self.size <= GAIN * self._mark:
+            self._waited, self._mark = 0, self.size
+        return "stalled" if self._waited >= PATIENCE else ""
+
+
+def search(work: Callable[[float], float], first: float) -> float:
+    """θ in (0, 1] where the work along a line has come down to a part of the first, by the Illinois rule."""
+    low, at_low, high, at_high, theta = 0.0, first, None, 0.0, 1.0
+    before = 0
+    for _ in range(POINTS):
+        here = work(theta)
+        if abs(here) <= LEFT * abs(first) or (here < 0 and high is None):
+            break
+        side = 1 if here > 0 else -1
+        if side > 0:
+            high, at_high, at_low = theta, here, at_low / (2 if before == side else 1)
+        else:
+            low, at_low, at_high = theta, here, at_high / (2 if before == side else 1)
+        before, theta = side, low - at_low * (high - low) / (at_high - at_low)
+    return theta
