@@ -109,6 +109,22 @@ def test_the_coarse_problem_blends_them_alike(decomposed):
     assert (matrix @ change.ravel()) == pytest.approx(found.ravel(), abs=1e-5 * np.abs(found).max())
 
 
+@pytest.mark.parametrize("reach", [1e-3, np.inf])
+def test_the_work_along_a_line_is_that_of_the_imbalance(decomposed, reach):
+    """Pairs that were left out, and come back on the way, do their work as well."""
+    coarse, rng = decomposed.coarse, np.random.default_rng(5)
+    F0 = 100 * rng.normal(size=(3, len(coarse.pairs)))
+    y, dy, resultant = 1e-4 * rng.normal(size=(2, 12)), 0.1 * rng.normal(size=(2, 12)), rng.normal(size=(2, 12))
+    before = 1e-4 * rng.normal(size=F0.shape)
+    step = LoadStep(coarse.problem.bodies, F0, resultant, before, np.full(1, reach))
+    step.residual(y)
+    near = step.F0_near.shape[1]
+    work = step.along(y, dy)
+    assert near < step.F0_near.shape[1] if reach < 1 else near == F0.shape[1]
+    for theta in (0.0, 0.3, 1.0):
+        assert work(theta) == pytest.approx(np.vdot(dy, step.residual(y + theta * dy)), rel=1e-6)
+
+
 # --- what comes of it -------------------------------------------------------------------------------------
 
 
