@@ -1,6 +1,6 @@
 # make: the targets. Everything else sets up first what is missing; a second call sets up nothing.
 
-.PHONY: help setup setup-tests run test clean
+.PHONY: help setup setup-tests run test rivals clean
 .DEFAULT_GOAL := help
 
 CONFIG ?= configs/traction_beam.yaml
@@ -19,6 +19,9 @@ run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and 
 
 test: setup-tests  ## set up CalculiX too, run the tests in two processes
 	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
+
+rivals:  ## set up PETSc, pyamg and PARDISO too, which `orchestrator study large` compares with
+	@./setup.sh rivals
 
 clean:  ## remove results, caches and the virtual environment
 	@rm -rf .venv results *.egg-info .pytest_cache

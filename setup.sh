@@ -2,6 +2,7 @@
 # Sets up what is missing and nothing else: Debian packages, then a virtual environment in .venv.
 #     ./setup.sh          what a run needs
 #     ./setup.sh tests    and what the tests need besides
+#     ./setup.sh rivals   and the other solvers that `orchestrator study large` compares with
 # Exit code 2 when packages are missing and cannot be installed from here.
 set -euo pipefail
 cd "$(dirname "$0")"
@@ -15,6 +16,8 @@ packages=(
 )
 if [[ ${1:-} == tests ]]; then
     packages+=(calculix-ccx)                   # another black box
+elif [[ ${1:-} == rivals ]]; then
+    packages+=(python3-petsc4py openmpi-bin)   # PETSc with its multigrid, hypre and MUMPS, for Debian's own Python
 fi
 # What CHOLMOD's binding is built with. A run does without it, many subdomains take longer then.
 faster=(libsuitesparse-dev gcc libc6-dev python3-dev)
@@ -76,6 +79,10 @@ if [[ $(cat .venv/stamp 2>/dev/null) != "$wanted" ]]; then
         --constraint constraints.txt --editable '.[cholmod]' >.venv/cholmod.log 2>&1 ||
         echo "CHOLMOD's binding could not be built (.venv/cholmod.log): SuperLU takes its place"
     echo "$wanted" > .venv/stamp
+fi
+if [[ ${1:-} == rivals ]]; then
+    .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
+        --constraint constraints.txt --editable '.[rivals]'
 fi
 # Where Python may not keep its bytecode (containers often forbid it), every start would compile the package anew.
 .venv/bin/python -m compileall -q orchestrator || true

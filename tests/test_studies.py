@@ -393,12 +393,12 @@ def test_prediction_adds_up():
     assert predict(costs, macro, round(count))["iterations"]["macro problem: solve"] == pytest.approx(1.2, rel=1e-3)
 
 
-def test_large_in_small(tmp_path, saved_figures):
+def test_in_one_piece_in_small(tmp_path, saved_figures):
     from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import large
+    from orchestrator.studies.performance import in_one_piece
 
     study = Study("large", "small", tmp_path)
-    large.run(study, 2, 4, (2, 5), 4, (6,))
+    in_one_piece.run(study, 2, 4, (2, 5), 4, (6,))
     study.close()
     rows = rows_of(tmp_path / "table.csv")
     best = next(row["method"] for row in rows if row["case"] == "6³ bricks")
@@ -412,21 +412,56 @@ def test_large_in_small(tmp_path, saved_figures):
     assert [row["met"] for row in targets[1:]] == ["yes", "yes", "no", "no"]  # a small cube can be solved in one piece
     shown = [row for row in rows if row["method"] in ("decomposed", f"FreeFEM, {best.split(', ')[1]}")
              and row["stop_reason"] in ("solved", "converged")]
-    assert len(shown) > 3 and is_drawn(tmp_path / "large.png", saved_figures[-1])
+    assert len(shown) > 3 and is_drawn(tmp_path / in_one_piece.PICTURE, saved_figures[-1])
     for quantity in ("seconds", "memory_mb"):
         assert not missing_points(saved_figures[-1], [(float(row["dofs"]), float(row[quantity])) for row in shown])
+
+
+def test_large_in_small(tmp_path, saved_figures):
+    """Ours and a direct solution of the same matrix: one energy; what has been measured is not measured again."""
+    pytest.importorskip("sksparse")
+    asked = ["parts=[rivals]", "cases=[thin]", "rivals=[cholmod]", "blocks=2", "elements=2"]
+    run_study("large", tmp_path, asked)
+    ours, rival = rows_of(tmp_path / "table.csv")
+    assert ours["stop_reason"] == "converged" and rival["stop_reason"] == "solved" and rival["dofs"] == ours["dofs"]
+    assert float(ours["energy"]) == pytest.approx(float(rival["energy"]), rel=1e-6)
+    assert [row["target"] for row in rows_of(tmp_path / "targets.csv")] == ["thin: ours over CHOLMOD, wall"]
+    assert is_drawn(tmp_path / "large.png", saved_figures[-1])
+    before = bars(saved_figures[-1])
+    run_study("large", tmp_path, asked, resume=True)
+    assert rows_of(tmp_path / "table.csv") == [ours, rival] and bars(saved_figures[-1]) == before
+
+
+def test_large_judges_energies_and_seconds(tmp_path):
+    from orchestrator.studies.kit.framework import Study
+    from orchestrator.studies.performance.large import judge
+
+    ours = {"method": "ours", "failed": False, "energy": 1.0, "seconds": 4.0, "cpu_seconds": 5.0}
+    rival = {"method": "PETSc, GAMG", "failed": False, "energy": 1.0, "seconds": 5.0, "cpu_seconds": 6.0, "assembly": 2.0}
+
+    def met(own, *others, case="random"):
+        study, better = Study("large", "judged", tmp_path), []
+        judge(study, case, [own], others, better)
+        return [target.met for target in study.targets], better
+
+    assert met(ours, rival) == ([True], ["random"])
+    assert met(ours, rival, {**rival, "method": "another", "seconds": 3.0}) == ([False], [])
+    assert met(ours, {**rival, "seconds": 3.0, "failed": True}) == ([], [])
+    assert met({**ours, "energy": 1.00001}, rival)[0] == [False, True]
+    assert met({**ours, "failed": True, "stop_reason": "stagnated"}, rival) == ([False], [])
+    assert met(ours, {**rival, "method": "another", "seconds": 1.0}, rival, case="easy") == ([True], ["easy"])
 
 
 def test_large_within_too_little_memory(tmp_path):
     from orchestrator.blackbox.codes.freefem import FreeFem
     from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import large
+    from orchestrator.studies.performance import in_one_piece
 
     study = Study("large", "small", tmp_path)
-    result = large._direct(study, FreeFem(), 20, "CHOLMOD", 260 * 2**20)
+    result = in_one_piece._direct(study, FreeFem(), 20, "CHOLMOD", 260 * 2**20)
     assert "out of memory" in result.failure
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == result.failure
-    assert "INFOG(1)= -13" in large._direct(study, FreeFem(), 20, "MUMPS", 330 * 2**20).failure
+    assert "INFOG(1)= -13" in in_one_piece._direct(study, FreeFem(), 20, "MUMPS", 330 * 2**20).failure
 
 
 def test_time_vs_error_in_small(tmp_path, saved_figures):
