@@ -10,13 +10,13 @@ interfaces that are not perfect. Forces of perfect interfaces within a body canc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import support_forces
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
@@ -73,19 +73,20 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
             add(body[s.index], s.nodes, support)
         if s.loads.any():
             add(body[s.index], s.nodes, s.loads)
-    for one, two, nodes, others, forces in () if interfaces is None else _carried(interfaces, length):
+    for one, two, nodes, others, forces, apart in () if interfaces is None else _carried(
+            interfaces, length, [i.mortar is not None for i in own_interfaces(d)]):
         add(body[one], nodes, forces)
-        add(body[two], others, -forces)
+        add(body[two], nodes if apart else others, -forces)  # where nodes do not match a rigid link carries the points
     left, size = d.space.team.sum(left, size)
     return Balance(_names(scene, body), left, size)
 
 
-def _carried(interfaces: InterfaceFields, length: np.ndarray) -> Iterator[tuple]:
-    """Per interface its subdomains, its nodes on either side, and the force (T, n, 3) on side 1."""
+def _carried(interfaces: InterfaceFields, length: np.ndarray, apart: Sequence[bool]) -> Iterator[tuple]:
+    """Per interface its subdomains, its nodes on either side, the force (T, n, 3) on side 1, and whether nodes do not match."""
     push = -interfaces.pressure * length * interfaces.area
     forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
-    for (one, two), a, b in zip(interfaces.subdomains, interfaces.offsets[:-1], interfaces.offsets[1:]):
-        yield one, two, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b]
+    for (one, two), a, b, no_pairs in zip(interfaces.subdomains, interfaces.offsets[:-1], interfaces.offsets[1:], apart):
+        yield one, two, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b], no_pairs
 
 
 def _names(scene: Scene, body: np.ndarray) -> list[str]:

@@ -25,7 +25,7 @@ from orchestrator.method.delivery.balance import balance
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interior import Interior, interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
-from orchestrator.method.interface.pairs import pair_normals
+from orchestrator.method.interface.pairs import lawful_nodes, pair_normals
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.lengths import Lengths
 
@@ -175,7 +175,7 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
     chosen, worst = own_interfaces(d), {}
     pressures = _pressures(d, interfaces, lengths)
     for i, start in zip(chosen, interfaces.offsets):
-        mobile = np.flatnonzero(i.free[i.corners].any(axis=1))
+        mobile = np.searchsorted(i.corners, lawful_nodes(i))
         at, nodes = start + mobile, i.corners[mobile]
         written = Written((interfaces.gap - interfaces.initial_gap)[:, at], interfaces.slip[:, at],
                           interfaces.pressure[:, at], interfaces.friction_traction[:, at], nodes,

@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.laws.status import BONDED
-from orchestrator.method.interface.pairs import node_areas, pair_normals
+from orchestrator.method.interface.pairs import lawful_nodes, node_areas, pair_normals
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.model import Interface, Scene
 
@@ -104,7 +105,7 @@ class InterfaceFields:
     def counts(self) -> dict[str, list[int]]:
         """Nodes that are open, stick, slip, or what else the laws know, per load step; bonded ones have no choice."""
         found = {name: [0] * self.steps for name in COUNTED}
-        return found | {str(name): (self.status == kind).sum(axis=1).tolist()
+        return found | {str(name): ((self.status == kind) & (self.area > 0)).sum(axis=1).tolist()
                         for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
 
 
@@ -127,7 +128,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     both = [pair_normals(scene.points(i), i) for i in chosen]
     normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
     length = _joined([l[c] for (_, l), c in zip(both, corners)])
-    area = _joined([node_areas(scene.points(i), i.triangles)[c] for i, c in zip(chosen, corners)])
+    area = _joined([node_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
     initial = _joined([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
 
     jump, force = np.zeros((2, steps, len(normal), 3))
@@ -137,17 +138,22 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     mine = pairs.mine
     jump[:, place], force[:, place], status[:, place] = jumps[:, mine], forces[:, mine], iterated.local.status[:, mine]
     opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force))
-    traction = (force - push[:, :, None] * normal) / area[:, None]
+    size = np.where(area > 0, area, np.inf)
+    traction, pressure = (force - push[:, :, None] * normal) / size[:, None], -push / (length * size)
+    gap, slip = initial + length * opening, jump - opening[:, :, None] * normal
     resultant = np.zeros((steps, len(chosen), 3))
     for index, (a, b) in enumerate(zip(offsets[:-1], offsets[1:])):
         resultant[:, index] = force[:, a:b].sum(axis=1)
+        if chosen[index].mortar is not None:
+            _spread(chosen[index], scene.points(chosen[index]), status[:, a:b],
+                    *(x[:, a:b] for x in (gap, slip, pressure, traction)))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
         np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets,
-        *(_joined([scene.side_nodes(i, side)[c] for i, c in zip(chosen, corners)]).astype(int) for side in (0, 1)),
+        *(_joined([nodes[c] for nodes, c in zip(side, corners)]).astype(int) for side in (zip(*(_nodes(scene, i) for i in chosen)) if chosen else ((), ()))),
         _joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)).astype(int),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
-        initial + length * opening, jump - opening[:, :, None] * normal, -push / (length * area), traction, status,
+        gap, slip, pressure, traction, status,
         *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant)
 
 
@@ -169,9 +175,44 @@ def _segments(counts: np.ndarray, order: np.ndarray) -> np.ndarray:
     return np.concatenate([np.empty(0, int)] + [np.arange(starts[i], starts[i] + counts[i]) for i in order])
 
 
+def _nodes(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) global ids of an interface's nodes on side 1, and of those opposite: where nodes do not match, the nearest."""
+    one, two = (scene.side_nodes(interface, side) for side in (0, 1))
+    if interface.mortar is None:
+        return one, two
+    from scipy.spatial import cKDTree  # only scenes of several parts need it
+
+    return one, two[cKDTree(scene.mesh.nodes[two]).query(scene.mesh.nodes[one])[1]]
+
+
+def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *fields: np.ndarray) -> None:
+    """Give nodes that carry no point, and corners of the same surface, what the points have that took over their share.
+
+    Parameters
+    ----------
+    points : (n, 3) the interface's nodes
+    status : (T, c) at its corners; fields : (T, c) or (T, c, 3), all set in place
+    """
+    mortar, corners = interface.mortar, interface.corners
+    own = np.searchsorted(corners, mortar.points)
+    rest = np.setdiff1d(np.arange(len(corners)), own)
+    if not len(rest):
+        return
+    shares = sp.csr_array(mortar.first[::3, ::3].T @ sp.diags_array(mortar.area))[corners[rest]]
+    from scipy.spatial import cKDTree  # only scenes of several parts need it
+
+    nearest = cKDTree(points[mortar.points]).query(points[corners[rest]])[1]
+    empty = np.flatnonzero(np.diff(shares.indptr) == 0)
+    shares = shares + sp.csr_array((np.ones(len(empty)), (empty, nearest[empty])), shape=shares.shape)
+    shares = sp.csr_array(sp.diags_array(1 / shares.sum(axis=1)) @ shares)
+    status[:, rest] = status[:, own[nearest]]
+    for field in fields:
+        field[:, rest] = np.moveaxis(np.tensordot(shares.toarray(), field[:, own], axes=(1, 1)), 0, 1)
+
+
 def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
     """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed."""
-    places = [start[i.index] + np.flatnonzero(i.free[i.corners].any(axis=1)) for i in interfaces]
+    places = [start[i.index] + np.searchsorted(i.corners, lawful_nodes(i)) for i in interfaces]
     return np.concatenate(places) if places else np.zeros(0, int)
 
 

@@ -210,16 +210,14 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         for side in (0, 1):
             sides[side][i.free] = space.sides[i.index][side]
         points = scene.points(i)
-        mobile = i.free.any(axis=1)  # the others are prescribed: nothing is left to a law
-        if not i.law.perfect:
-            mobile &= np.isin(np.arange(len(mobile)), i.corners)
+        mobile = lawful_nodes(i)
         one.append(sides[0][mobile])
         two.append(sides[1][mobile])
         free.append(i.free[mobile])
         upright, length = pair_normals(points, i)
         normal.append(upright[mobile])
-        area.append(node_areas(points, i.triangles)[mobile])
-        own.append(i.law.parameters(np.flatnonzero(mobile), length[mobile], area[-1]))
+        area.append(node_areas(points, i)[mobile])
+        own.append(i.law.parameters(mobile, length[mobile], area[-1]))
     bounds = np.cumsum([0] + [len(a) for a in area])
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     none = np.zeros((0, 3))  # a rank may have no such interface
@@ -268,11 +266,9 @@ def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[
     for i, a, b in zip(interfaces, matching.bounds[:-1], matching.bounds[1:]):
         start, lawful = flat.bounds[i.index], not i.law.perfect
         if i.mortar is None:
-            mobile, number = i.free.any(axis=1), np.full(i.free.shape, -1)
+            number = np.full(i.free.shape, -1)
             number[i.free] = start + np.arange(i.free.sum())
-            if lawful:
-                mobile &= np.isin(np.arange(len(mobile)), i.corners)
-            rows[:, a:b] = number[mobile].T
+            rows[:, a:b] = number[lawful_nodes(i)].T
             part = points.some(slice(a, b))
             half = part.compliance(np.repeat(np.eye(3)[:, :, None], b - a, axis=2)).transpose(2, 0, 1) / 2
             there = matching.exists[:, a:b].T
@@ -321,14 +317,30 @@ def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: 
     return runs
 
 
+def lawful_nodes(interface: Interface) -> np.ndarray:
+    """(p,) int, ascending, which of an interface's nodes a law answers for: not those that are prescribed altogether, not
+    mid-edge nodes that are tied, and where nodes do not match those that carry points."""
+    if interface.mortar is not None:
+        return interface.mortar.points
+    mobile = interface.free.any(axis=1)
+    if not interface.law.perfect:
+        mobile &= np.isin(np.arange(len(mobile)), interface.corners)
+    return np.flatnonzero(mobile)
+
+
 def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (n, 3) from side 1 to side 2 within the components that are free, and the length (n,) left of each.
 
     What is prescribed on both sides neither opens nor slips: the law lives on the other components, where only
     that part of the pressure is felt, so that a gap and a friction coefficient grow by 1/length. At the rim of a
     symmetric half the facets' mean normal leans off the plane of symmetry; the true normal does not. Where the
-    normal itself is prescribed it stays what it is: nothing presses.
+    normal itself is prescribed it stays what it is: nothing presses. Where nodes do not match all components of points are
+    free.
     """
+    if interface.mortar is not None:
+        normal = node_normals(points, interface.triangles)
+        normal[interface.mortar.points] = interface.mortar.normal
+        return normal, np.ones(len(normal))
     normal = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
     inside = np.where(interface.free, normal, 0.0)
     length = np.linalg.norm(inside, axis=1)
@@ -336,8 +348,13 @@ def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, 
     return np.where((length < 1.0)[:, None], inside / length[:, None], normal), length
 
 
-def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied."""
-    corners = triangles[:, :3]
+def node_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
+    """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied. Where nodes do
+    not match that of the points; none for other nodes, whose share they have."""
+    if interface.mortar is not None:
+        area = np.zeros(len(points))
+        area[interface.mortar.points] = interface.mortar.area
+        return area
+    corners = interface.triangles[:, :3]
     area = np.linalg.norm(area_vectors(points, corners), axis=1)
     return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
