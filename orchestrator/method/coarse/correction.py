@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.method.coarse.dense_fields import DenseFields
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
@@ -93,7 +94,12 @@ class CoarseCorrection:
         L = pairs.masked(np.concatenate(pairs.responses(W, F)))
         L = np.ascontiguousarray(L.transpose(2, 1, 0), dtype=np.float32)  # see ``PairFields``
         ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
-        at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
+        if pairs.nodes is None:
+            at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
+        else:
+            everywhere, = space.extended(U)
+            T = np.concatenate([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
+            at_pairs = DenseFields(pairs, np.ascontiguousarray(T.transpose(2, 1, 0)), L, ends)
         self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
                                      [np.ascontiguousarray(W[:, part].T) for part in self.parts])
         self.prescribed = self.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.own))[0]
