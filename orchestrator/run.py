@@ -10,7 +10,7 @@ from pathlib import Path
 from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.start import Ahead, make_blackbox
 from orchestrator.config import Config, Loaded
-from orchestrator.errors import CONVERGED, NOT_CONVERGED
+from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
@@ -115,6 +115,9 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
     with watch("start"):
         blackbox = with_layers(make_blackbox(codes, placement.codes, ahead), method.skip, workers, len(cases.chosen), savings)
     with blackbox:
+        if reference and len(codes) > 1 and any(blackbox.traits(number).own_matter for number in placement.codes):
+            raise InputError(Problem(("blackbox",), "--reference with several codes, one of which has matter of its own",
+                                     "the whole structure in one code", "leave out --reference, or use one code"))
         workload = Workload(blackbox.usage, watch, team)
         d = prepare(scene, soles, method, blackbox, workers, watch, savings, part)
         workload.end("set_up")

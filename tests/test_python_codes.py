@@ -52,6 +52,15 @@ def shipped():
     return displacement({"code": "freefem"})
 
 
+def test_stresses_of_matter_that_is_not_the_yamls_are_said_not_to_be_believed(tmp_path):
+    entries = [{"code": "freefem"}, {"code": file(tmp_path, STIFFNESS), "on": "slice 1", "workers": 1}]
+    mixed, plain = (solve(config_from(problem(entry))).summary["warnings"] for entry in (entries, entries[0]))
+    assert any("the matter of mine.py is its own" in sentence for sentence in mixed)
+    assert not any("is its own" in sentence for sentence in plain)
+    with pytest.raises(InputError, match="matter of its own"):
+        solve(config_from(problem(entries)), reference=True)
+
+
 def file(tmp_path, text) -> str:
     (tmp_path / "mine.py").write_text(text)
     return str(tmp_path / "mine.py")

@@ -304,7 +304,7 @@ def test_calculix_is_missing(temporary, tmp_path, configs_dir):
     """Told with the line of the entry and the Debian package; runs that do not name it need it not."""
     err = refused(temporary, "run", configs_dir / "two_codes.yaml", "--output", tmp_path / "out",
                   ORCHESTRATOR_CALCULIX="/nowhere/ccx")
-    assert "two_codes.yaml:20: blackbox[1].code" in err and "apt-get install calculix-ccx" in err
+    assert "two_codes.yaml:21: blackbox[1].code" in err and "apt-get install calculix-ccx" in err
 
 
 def test_output_cannot_be_written(tmp_path, temporary):

@@ -80,7 +80,7 @@ class Usage(Protocol):
 
         Its keys: code (its name), transport, version, models (distinct ones it holds), workers, seconds (per stage and
         total), compliances (subdomains whose interface compliance it was asked for instead of a run per request, with
-        the number of unit loads and the CPU seconds that took).
+        the number of unit loads and the CPU seconds that took), own_matter (whether its matter is its own, not the YAML's).
         """
 
     def memory_peak_mb(self) -> float:

@@ -55,7 +55,8 @@ class PoolUsage:
         asked = [note for worker in self._crew.workers for note in worker.compliances()]
         return [{"code": self._code.name, "transport": self._code.settings.transport,
                  "version": self._code.version(), "models": sum(map(len, self._held)), "workers": self._crew.count,
-                 "seconds": {**seconds, "total": sum(seconds.values())}, "compliances": asked}]
+                 "seconds": {**seconds, "total": sum(seconds.values())}, "compliances": asked,
+                 "own_matter": self._crew.workers[0].traits().own_matter}]
 
     def memory_peak_mb(self) -> float:
         """As the protocol says."""

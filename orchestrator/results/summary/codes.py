@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+
+from orchestrator.wording import some
 
 CODE_HEAD = ("code", "subdomains", "start", "assemble", "factorise", "solve", "seconds", "unit loads")
 
@@ -40,3 +42,10 @@ def code_rows(summary: Mapping[str, object]) -> list[tuple[str, ...]]:
              f"{sum(note['unit_loads'] for note in entry['compliances']):,}") for entry in summary["codes"]]
     own = summary.get("orchestrator_seconds")
     return rows + ([("orchestrator", "", "", "", "", "", f"{own:.2f}", "")] if own is not None else [])
+
+
+def foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
+    """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
+    own = [str(entry["code"]) for entry in codes if entry["own_matter"]]
+    return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
+            "there they are not to be believed, displacements and forces are"] if own else []

@@ -14,6 +14,7 @@ from orchestrator.method.interface.stabilisation import cautions as stabilisatio
 from orchestrator.method.stopping.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
+from orchestrator.results.summary.codes import foreign_matter
 from orchestrator.results.summary.spent import Spent, total
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
@@ -32,6 +33,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     """
     iterated, estimated = delivered.iterated, delivered.discretisation
     last, contact = iterated.last, _contact(scene, delivered)
+    spent = total(ranks, scene)
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
@@ -50,10 +52,10 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
         **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.far],
-        "warnings": stabilisation_cautions(config.method) + sentences(iterated.far)
+        "warnings": stabilisation_cautions(config.method) + foreign_matter(spent["codes"]) + sentences(iterated.far)
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
                    estimated and estimated.relative),
-        **total(ranks, scene), "config": config.complete(),
+        **spent, "config": config.complete(),
     }
     note_time(summary, watch)
     return summary
