@@ -20,7 +20,7 @@ from orchestrator.method.delivery.interface_fields import InterfaceFields, own_i
 from orchestrator.method.delivery.recovery import support_forces
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Interface, Scene
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
     centre, extent = (low + high) / 2, size_of(np.array([low, high]))
     left, size = np.zeros((scene.steps, count, 6)), np.zeros((scene.steps, count))
 
-    def add(at: int, nodes: np.ndarray, forces: np.ndarray) -> None:
-        """Forces (T, n, 3) on nodes (n,)."""
-        arm = (scene.mesh.nodes[nodes] - centre) / extent
+    def add(at: int, points: np.ndarray, forces: np.ndarray) -> None:
+        """Forces (T, n, 3) at points (n, 3)."""
+        arm = (points - centre) / extent
         left[:, at, :3] += forces.sum(axis=1)
         turning = np.tensordot(arm, forces, axes=(0, 1))  # (3, T, 3) of which moments are the antisymmetric part
         for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -70,23 +70,26 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
 
     for s, support in zip(d.own, support_forces(d, parts, f)):
         if support is not None:
-            add(body[s.index], s.nodes, support)
+            add(body[s.index], nodes[s.nodes], support)
         if s.loads.any():
-            add(body[s.index], s.nodes, s.loads)
-    for one, two, nodes, others, forces, apart in () if interfaces is None else _carried(
-            interfaces, length, [i.mortar is not None for i in own_interfaces(d)]):
-        add(body[one], nodes, forces)
-        add(body[two], nodes if apart else others, -forces)  # where nodes do not match a rigid link carries the points
+            add(body[s.index], nodes[s.nodes], s.loads)
+    for i, at, others, forces in () if interfaces is None else _carried(interfaces, length, own_interfaces(d)):
+        x1, x2 = nodes[at], nodes[others]
+        if i.mortar is not None:  # a point's force is spread over its node and merged ones; a rigid link carries it beyond
+            x1[np.searchsorted(i.corners, i.mortar.points)] = (i.mortar.first @ scene.side_points(i, 0).ravel()).reshape(-1, 3)
+            x2 = x1
+        for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
+            add(body[e], x, sign * forces)
     left, size = d.space.team.sum(left, size)
     return Balance(_names(scene, body), left, size)
 
 
-def _carried(interfaces: InterfaceFields, length: np.ndarray, apart: Sequence[bool]) -> Iterator[tuple]:
-    """Per interface its subdomains, its nodes on either side, the force (T, n, 3) on side 1, and whether nodes do not match."""
+def _carried(interfaces: InterfaceFields, length: np.ndarray, chosen: Sequence[Interface]) -> Iterator[tuple]:
+    """Per interface itself, its nodes on either side, and the force (T, n, 3) on side 1."""
     push = -interfaces.pressure * length * interfaces.area
     forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
-    for (one, two), a, b, no_pairs in zip(interfaces.subdomains, interfaces.offsets[:-1], interfaces.offsets[1:], apart):
-        yield one, two, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b], no_pairs
+    for i, a, b in zip(chosen, interfaces.offsets[:-1], interfaces.offsets[1:]):
+        yield i, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b]
 
 
 def _names(scene: Scene, body: np.ndarray) -> list[str]:

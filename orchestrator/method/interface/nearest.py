@@ -35,9 +35,10 @@ class Nearest:
         inside, across = k[self.free][:, self.free] / self.unit, B[:, self.free]
         self.factor = sla.splu(sp.csc_array(sp.block_array([[inside, across.T], [across, None]])))
 
-    def moves(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
-        """(T, n) ŵ − w of traces (T, n) and forces."""
+    def moves(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """ŵ − w and f̂ = −Bᵀq, (T, n) each, of traces (T, n) and forces; f̂ = f + k(ŵ − w) but for what is prescribed."""
         right = np.hstack([-f[:, self.free] / self.unit, -times(self.B, w)])
-        result = np.zeros_like(w)
-        result[:, self.free] = self.factor.solve(np.ascontiguousarray(right.T))[: len(self.free)].T
-        return result
+        found = self.factor.solve(np.ascontiguousarray(right.T))
+        move = np.zeros_like(w)
+        move[:, self.free] = found[: len(self.free)].T
+        return move, -self.unit * times(self.B.T, np.ascontiguousarray(found[len(self.free):].T))

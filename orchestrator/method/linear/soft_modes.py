@@ -165,7 +165,7 @@ def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.nda
     for side, n in zip(sides, widths):
         if n:
             alone = np.where(np.isin(dofs, side), traces[:n, dofs], 0.0)
-            parts.append((alone + nearest.moves(alone, np.zeros_like(alone))).T)
+            parts.append((alone + nearest.moves(alone, np.zeros_like(alone))[0]).T)
     return own, basis, parts
 
 

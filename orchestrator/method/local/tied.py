@@ -1,7 +1,7 @@
 """Local stage of perfect interfaces whose nodes do not match: ŵ without jump, f̂ from forces of the points.
 
     min ½ ‖ŵ − w‖²_k + fᵀŵ   where   B ŵ = 0,   B = G₂ − G₁,
-    f̂ = f + k (ŵ − w) = −Bᵀ q,      s = f̂ + k ŵ
+    f̂ = −Bᵀ q,      s = f̂ + k ŵ
 
 with k⁺ = k⁻ = k, each side its own; ``nearest`` solves it. Where nodes match and both sides have the same sole it is the
 exchange s₁ = k w₂ − f₂.
@@ -49,8 +49,8 @@ class Tied:
     def __call__(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """s, ŵ and f̂, each (T, n), from traces with ghosts (T, D + G)."""
         w, f = w[:, self.dofs], f[:, self.dofs]
-        move = self._nearest.moves(w, f)
-        w_hat, f_hat = w + move, f + times(self._nearest.k, move)
+        move, f_hat = self._nearest.moves(w, f)
+        w_hat = w + move
         return f_hat + times(self._nearest.k, w_hat), w_hat, f_hat
 
     @cached_property
