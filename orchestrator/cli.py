@@ -36,6 +36,8 @@ def every_command(version: Annotated[bool, typer.Option("--version", callback=_v
     """Multiscale domain decomposition around an untouched finite element code."""
 
 
+PAIRS = 50  # that check shows; inspect shows all
+
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
     "--set", metavar="KEY=VALUE", help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
@@ -109,8 +111,34 @@ def check(config: ConfigFile, overrides: Overrides = None,
             find_codes(loaded.config.codes, {s.code for s in scene.subdomains})
             _check_iterations(scene, loaded.config.method)
             print(f"OK: {scene!r}")
+            _show_pairs(scene, loaded.config)
             for sentence in [*scene_cautions(scene), *stabilisation_cautions(loaded.config.method)]:
                 print(f"warning: {sentence}")
+        except InputError as error:
+            raise located(error, loaded) from error
+        return CONVERGED
+
+    _guarded(action)
+
+
+@app.command()
+def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
+            overrides: Overrides = None,
+            h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None) -> None:
+    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
+    def action() -> int:
+        from orchestrator.config import located
+        from orchestrator.inspect import inspected
+
+        if source.suffix.lower() not in (".yaml", ".yml"):
+            print("\n".join(inspected(source, h)))
+            return CONVERGED
+        from orchestrator.config import load_config
+        from orchestrator.inspect import listed
+
+        loaded = load_config(source, overrides or [])
+        try:
+            print("\n".join(listed(loaded.config)))
         except InputError as error:
             raise located(error, loaded) from error
         return CONVERGED
@@ -208,6 +236,15 @@ def main() -> None:
         print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
               file=sys.stderr)
     sys.exit(code)
+
+
+def _show_pairs(scene, config) -> None:
+    """Pairs that have been found rather than named, and those whose meshes do not match."""
+    if any(entry.found for entry in config.interfaces) or any(i.mortar is not None for i in scene.interfaces):
+        from orchestrator.scene.inspection.pairs import pairs_of_scene
+        from orchestrator.scene.inspection.tables import pair_table
+
+        print("\n".join(pair_table(pairs_of_scene(scene), PAIRS)))
 
 
 def _check_iterations(scene, method) -> None:

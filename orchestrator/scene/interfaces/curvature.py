@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Mesh
 
@@ -29,6 +29,27 @@ def smooth_faces(mesh: Mesh, faces: Faces) -> np.ndarray:
         found = faces.find(mesh.surfaces[name])
         result[found[found >= 0]] = number
     return result
+
+
+def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """(k,) int, number of the patch of each facet; patches hang together through edges that are no creases.
+
+    Parameters
+    ----------
+    triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``bulges``
+    """
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    facet = np.tile(np.arange(len(triangles)), 3)
+    order = np.lexsort(edges.T)
+    same = np.flatnonzero((np.diff(edges[order], axis=0) == 0).all(axis=1))
+    a, b = facet[order[same]], facet[order[same + 1]]
+    joined = np.einsum("mi,mi->m", normal[a], normal[b]) > _least(face[a], face[b])
+    return components(a[joined], b[joined], len(triangles))[1]
+
+
+def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """(m,) cosine between normals from which facets on CAD faces (m,) and (m,) are one smooth face."""
+    return np.where((one >= 0) & (one == two), SAME_FACE, SMOOTH)
 
 
 def bulges(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray) -> np.ndarray:
@@ -72,9 +93,8 @@ def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, 
     for k in range(int(count.max(initial=0))):
         there = np.repeat(count, count) > k
         mine, theirs = order[there], order[first[there] + k]
-        known = face[facet[mine]] >= 0
-        least = np.where(known & (face[facet[mine]] == face[facet[theirs]]), SAME_FACE, SMOOTH)
-        same = np.einsum("mi,mi->m", normal[facet[mine]], normal[facet[theirs]]) > least
+        i, j = facet[mine], facet[theirs]
+        same = np.einsum("mi,mi->m", normal[i], normal[j]) > _least(face[i], face[j])
         mine, theirs = mine[same], theirs[same]
         total[mine] += angle.ravel()[theirs, None] * normal[facet[theirs]]
     return (total / np.linalg.norm(total, axis=1, keepdims=True)).reshape(*corners.shape, 3)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.interfaces.curvature import bulges, over, sagittas
+from orchestrator.scene.interfaces.curvature import bulges, over, sagittas, smooth_patches
 from orchestrator.scene.interfaces.mortar.segments import Segments, find_segments
 from orchestrator.scene.interfaces.pairing import OPPOSITE, Body
 from orchestrator.scene.interfaces.proximity import TOUCHING, may_face
@@ -63,9 +63,10 @@ class Facing:
 
 @dataclass(frozen=True)
 class Skin:
-    """A body's outer faces and how far their surfaces are off them: ``bulge`` (k, 3), ``sagitta`` (k,)."""
+    """A body's outer faces, the CAD face (k,) that each is on, and how far surfaces are off them: (k, 3) and at most (k,)."""
 
     body: Body
+    face: np.ndarray
     bulge: np.ndarray
     sagitta: np.ndarray
 
@@ -73,7 +74,7 @@ class Skin:
     def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray) -> Skin:
         """Of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known."""
         bulge = bulges(nodes, body.triangles, face)
-        return cls(body, bulge, sagittas(bulge))
+        return cls(body, face, bulge, sagittas(bulge))
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,
@@ -89,10 +90,18 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
     a, b, found, sure = _segments(one, two, tolerance, within, opposite)
     if not sure.any():
         return []
-    used = np.unique(found.slave)
-    patch = edge_patches(one.body.triangles[a[used], :3])[1][np.searchsorted(used, found.slave)]
-    share = np.bincount(patch, found.area * sure) / np.bincount(patch, found.area)
-    patches = [_facing(one, two, a, b, found.some(patch == label)) for label in np.flatnonzero(share > COMMON)]
+    # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins another one
+    for skin, own, side in ((one, a, "slave"), (two, b, "master")):
+        used, at = np.unique(getattr(found, side), return_inverse=True)
+        chosen = own[used]
+        patch = smooth_patches(skin.body.triangles[chosen, :3], skin.body.normal[chosen], skin.face[chosen])[at]
+        kept = (np.bincount(patch, found.area * sure) > COMMON * np.bincount(patch, found.area))[patch]
+        found, sure = found.some(kept), sure[kept]
+        if not len(found):
+            return []
+    used, at = np.unique(found.slave, return_inverse=True)
+    patch = edge_patches(one.body.triangles[a[used], :3])[1][at]
+    patches = [_facing(one, two, a, b, found.some(patch == label)) for label in range(int(patch.max()) + 1)]
     return [p for p in patches if p is not None]
 
 

@@ -1,0 +1,56 @@
+"""The lists as text, in columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from orchestrator.scene.inspection.content import SurfaceRow, VolumeRow
+from orchestrator.scene.inspection.pairs import PairRow
+
+
+def volume_table(rows: Iterable[VolumeRow]) -> list[str]:
+    """Lines on volumes."""
+    return _columns(("volume", "tets", "volume", "element", "from", "to"),
+                    [(r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.low), _point(r.high)) for r in rows])
+
+
+def surface_table(rows: Iterable[SurfaceRow]) -> list[str]:
+    """Lines on surfaces."""
+    return _columns(("surface", "triangles", "area", "centre", "normal"),
+                    [(r.name, str(r.triangles), _number(r.area), _point(r.centre),
+                      "curved" if r.normal is None else _point(r.normal)) for r in rows])
+
+
+def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:
+    """Lines on pairs.
+
+    Parameters
+    ----------
+    most : how many are shown; None: all
+    """
+    rows = list(rows)
+    shown = rows[:most]
+    lines = _columns(("pair", "area", "distance", "meshes", "slave", "elements", "law"),
+                     [(f"{r.one} | {r.two}", _number(r.area), _range(r.nearest, r.farthest), r.meshes, r.slave or "-",
+                       _range(*r.size), r.law or "-") for r in shown])
+    return lines + ([f"… and {len(rows) - len(shown)} more"] if len(shown) < len(rows) else [])
+
+
+def _columns(heads: Sequence[str], rows: list[tuple[str, ...]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(heads, *rows)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in (heads, *rows)]
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.4g}"
+
+
+def _range(low: float, high: float) -> str:
+    low, high = (f"{value + 0.0:.2g}" for value in (low, high))
+    return low if low == high else f"{low} … {high}"
+
+
+def _point(point: np.ndarray) -> str:
+    return "(" + ", ".join(_number(float(np.round(x, 9))) for x in point) + ")"

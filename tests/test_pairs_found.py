@@ -1,0 +1,160 @@
+"""Faces that lie on each other, found whatever their meshes: against conforming meshes, on curves, in time."""
+
+import time
+from math import cos, pi, sin
+
+import gmsh
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+from orchestrator.config.mesh import Mesh as Section
+from orchestrator.scene.inspection.pairs import pairs_of_mesh
+from orchestrator.scene.interfaces.curvature import bulges, smooth_faces
+from orchestrator.scene.interfaces.facing import Skin, facing
+from orchestrator.scene.interfaces.pairing import outer_bodies
+from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.mesh.placing import joined
+from orchestrator.scene.mesh.sources import make_mesh
+from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.model import Mesh
+
+AS1 = "gmsh:as1-tu-203.stp"
+
+
+def section(**keys) -> Section:
+    return Section.model_validate(keys)
+
+
+def found(mesh: Mesh) -> dict[tuple[str, str], float]:
+    """Common area by pair."""
+    areas: dict[tuple[str, str], float] = {}
+    for row in pairs_of_mesh(mesh, faces_of(mesh.cells, len(mesh.nodes))):
+        pair = tuple(sorted((row.one, row.two)))
+        areas[pair] = areas.get(pair, 0.0) + row.area
+    return areas
+
+
+@pytest.fixture(scope="module")
+def flange(tmp_path_factory) -> str:
+    """Two flanges, the upper one threaded on a sleeve that fits, and four bolts: shanks in holes with room, heads on top,
+    nuts below that fit the shanks."""
+    path = str(tmp_path_factory.mktemp("cad") / "flange.brep")
+    with session():
+        occ = gmsh.model.occ
+        places = [(35 * cos(pi * i / 2 + 0.3), 35 * sin(pi * i / 2 + 0.3)) for i in range(4)]
+        def holes():
+            return [(3, occ.addCylinder(x, y, -20, 0, 0, 40, 5)) for x, y in places] + [(3, occ.addCylinder(0, 0, -20, 0, 0, 40, 20))]
+        for z in (-10, 0):
+            occ.cut([(3, occ.addCylinder(0, 0, z, 0, 0, 10, 50))], holes())
+        occ.cut([(3, occ.addCylinder(0, 0, -10, 0, 0, 20, 20))], [(3, occ.addCylinder(0, 0, -10, 0, 0, 20, 15))])
+        for x, y in places:
+            occ.fuse([(3, occ.addCylinder(x, y, -16, 0, 0, 26, 4))], [(3, occ.addCylinder(x, y, 10, 0, 0, 5, 8))])
+            occ.cut([(3, occ.addCylinder(x, y, -16, 0, 0, 6, 8))], [(3, occ.addCylinder(x, y, -16, 0, 0, 6, 4))])
+        occ.synchronize()
+        gmsh.write(path)
+    return path
+
+
+@pytest.mark.parametrize("model, conforming, sizes, count", [
+    ("as1", 9, 9, 32), ("as1", 9, {"*": 8, "bolt*": 4, "nut*": 3, "rod": 5}, 32),
+    ("flange", 7, 7, 15), ("flange", 7, {"*": 9, "solid_[12]": 5}, 15)],
+    ids=["as1", "as1, sizes by solid", "flange", "flange, sizes by solid"])
+def test_pairs_are_those_of_the_conforming_mesh(model, conforming, sizes, count, flange):
+    """All of them, and no false one: rods in bores that fit, of any chords; shanks in holes with room are none."""
+    step = AS1 if model == "as1" else flange
+    one, _ = make_mesh(section(step=step, h=conforming))
+    apart, _ = make_mesh(section(step=step, h=sizes, conforming=False))
+    expected, got = found(one), found(apart)
+    assert len(expected) == count and set(got) == set(expected)
+    for pair, area in expected.items():
+        assert got[pair] == pytest.approx(area, rel=0.2), pair
+
+
+def cylinder(radius: float, h: float, length: float = 1.0, hole: float = 0.0) -> Mesh:
+    """About z, with a hole."""
+    with session():
+        occ = gmsh.model.occ
+        body = (3, occ.addCylinder(0, 0, 0, 0, 0, length, radius))
+        if hole:
+            occ.cut([body], [(3, occ.addCylinder(0, 0, 0, 0, 0, length, hole))])
+        occ.synchronize()
+
+        gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+        gmsh.model.mesh.generate(3)
+        from orchestrator.scene.mesh.cad import _arrays
+
+        return _arrays("cylinder", ["ring" if hole else "shaft"], {gmsh.model.getEntities(3)[0][1]: 0})
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.03])
+@pytest.mark.parametrize("coarse, fine", [(0.5, 0.3), (0.3, 0.5)])
+def test_distance_of_curved_faces_is_that_of_the_surfaces(coarse, fine, clearance):
+    """A shaft in a ring, polygons of different chords: the clearance as it is, to a share of what the chords are off."""
+    mesh = joined([cylinder(1.0, coarse), cylinder(2.0, fine, hole=1.0 + clearance)])
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    smooth = smooth_faces(mesh, faces)
+    shaft, ring = (Skin.of(b, mesh.nodes, smooth[faces.find(b.triangles)]) for b in outer_bodies(mesh, faces, mesh.volume))
+    (patch,) = facing(shaft, ring, tolerance=0.3)
+    rim = np.abs(mesh.nodes[:, 2]) < 1e-9
+    radius = np.linalg.norm(mesh.nodes[:, :2], axis=1)
+    counts = [np.count_nonzero(rim & (abs(radius - r) < 1e-6)) // (1 if clearance else 2 - (r != 1)) for r in (1.0, 1.0 + clearance)]
+    chords = sum(1 - cos(pi / n) for n in counts)
+    assert patch.sagitta == pytest.approx(chords, rel=0.4)
+    assert abs(patch.mean - clearance) < 0.1 * chords
+    assert patch.covered[1] > 0.95 and (patch.deepest > 0.2 * chords or clearance)
+
+
+def test_plane_faces_and_creases_do_not_bulge():
+    box = bricks(np.array([1.0, 1.0, 1.0]), np.array([3, 2, 4]), "box")
+    triangles = np.concatenate(list(box.surfaces.values()))
+    assert not bulges(box.nodes, triangles, np.full(len(triangles), -1)).any()
+    ball = faces_of(*(lambda m: (m.cells, len(m.nodes)))(sphere := cylinder(1.0, 0.2)))
+    outer = ball.triangles[ball.outer]
+    off = bulges(sphere.nodes, outer, np.full(len(outer), -1))
+    round_ = (np.linalg.norm(sphere.nodes[outer][:, :, :2], axis=2) > 0.999).all(axis=1)
+    edge = sphere.nodes[outer[round_]] - sphere.nodes[np.roll(outer[round_], -1, axis=1)]
+    exact = 1 - np.sqrt(1 - (edge[..., :2] ** 2).sum(axis=2) / 4)
+    assert np.abs(off[round_] - exact).max() < 0.15 * exact.max() and not off[~round_].any()
+
+
+def squares(count: int) -> tuple[Skin, Skin]:
+    """Two squares of 2 count² facets and of slightly other ones, facing each other."""
+    low, top = (bricks(np.array([1.0, 1.0, 0.1]), np.array([n, n, 1]), name) for n, name in ((count, "low"), (count + 1, "top")))
+    mesh = joined([low, Mesh(top.nodes + [0, 0, 0.1], top.cells, top.volume, top.volumes)])
+    faces = faces_of(mesh.cells, len(mesh.nodes))
+    return tuple(Skin.of(b, mesh.nodes, np.full(len(b.triangles), -1)) for b in outer_bodies(mesh, faces, mesh.volume))
+
+
+def test_time_grows_with_the_number_of_facets():
+    """Five times as many facets: hardly more than five times the seconds."""
+    spent = []
+    for count in (45, 100):
+        one, two = squares(count)
+        begin = time.process_time()
+        (patch,) = facing(one, two)
+        spent.append(time.process_time() - begin)
+        assert patch.area == pytest.approx(1.0) and patch.covered == pytest.approx((1.0, 1.0))
+    assert spent[1] < 2.5 * (100 / 45) ** 2 * spent[0]
+
+
+def test_a_file_is_inspected(tmp_path, flange):
+    done = CliRunner().invoke(app, ["inspect", flange, "--h", "9"])
+    assert done.exit_code == 0 and "11 volumes" in done.stdout
+    rows = [line for line in done.stdout.splitlines() if " | " in line]
+    assert len(rows) == 15 and all("not matching" in row for row in rows)
+    path = tmp_path / "two.yaml"
+    slab = "{box: {size: [1, 1, 0.5], cells: [4, 4, 2]}}"
+    path.write_text(f"name: two\nparts:\n  - {{name: base, mesh: {slab}}}\n  - {{name: lid, mesh: {slab}, move: {{translate: [0, 0, 0.5]}}}}\n"
+                    "subdomains: groups\nmaterials: [{young: 1, poisson: 0.3}]\ninterfaces: [{between: auto, law: contact}]\n"
+                    "boundary: [{on: base/zmin, displacement: [0, 0, 0]}, {on: lid/zmax, displacement: [0, 0, 0]}]\n")
+    done = CliRunner().invoke(app, ["inspect", str(path)])
+    assert done.exit_code == 0 and "base | lid" in done.stdout and "matching" in done.stdout and "lid/zmax" in done.stdout
+    checked = CliRunner().invoke(app, ["check", str(path)])
+    assert checked.exit_code == 0 and "base | lid" in checked.stdout
+    path.write_text(path.read_text().replace("base/zmin", "base/zmni"))
+    done = CliRunner().invoke(app, ["inspect", str(path)])
+    assert done.exit_code == 0 and "no scene yet, 1 problem" in done.stdout and "base/zmin" in done.stdout
+    assert CliRunner().invoke(app, ["inspect", str(tmp_path / "nothing.msh")]).exit_code == 2
