@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.interfaces.curvature import smooth_faces
-from orchestrator.scene.interfaces.facing import Facing, Skin, facing
+from orchestrator.scene.interfaces.facing import Facing, facing
 from orchestrator.scene.interfaces.pairing import Body, close_bodies, match, outer_bodies
 from orchestrator.scene.interfaces.patches import patches
+from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
@@ -53,8 +53,9 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
             continue
         sizes, areas = zip(*(_measures(scene, interface, side) for side in (0, 1)))
         if interface.mortar is not None:
-            distance, area, slave = interface.mortar.gap, float(interface.mortar.area.sum()), one.name
-            meshes = APART
+            points, area, slave = interface.mortar.points, float(interface.mortar.area.sum()), one.name
+            read = interface.law.distance
+            distance, meshes = read[points] if np.ndim(read) else interface.mortar.gap, APART
         else:
             x, y = (scene.side_points(interface, side) for side in (0, 1))
             normal = node_normals(scene.points(interface), interface.triangles)
@@ -79,14 +80,10 @@ def pairs_of_mesh(mesh: Mesh, faces: Faces) -> Iterator[PairRow]:
         yield PairRow(*(mesh.volumes[v] for v in sides[first]), float(each.sum()), 0.0, 0.0, SHARED, "", (size, size))
     if len(mesh.volumes) < 2:
         return
-    smooth = smooth_faces(mesh, faces)
-    skins: dict[int, Skin] = {}
+    skins = Skins(mesh, faces)
     for one, two in close_bodies(outer_bodies(mesh, faces, mesh.volume), None):
-        for body in (one, two):
-            if id(body) not in skins:
-                skins[id(body)] = Skin.of(body, mesh.nodes, smooth[faces.find(body.triangles[:, :3])])
         matching = {tuple(row) for patch in match(one, two, False)[0] for row in patch.triangles.tolist()}
-        for found in facing(skins[id(one)], skins[id(two)]):
+        for found in facing(skins(one), skins(two)):
             yield _row(mesh, one, two, found, matching)
 
 

@@ -10,6 +10,8 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.pairing import COINCIDE, OPPOSITE, REACH
+from orchestrator.scene.interfaces.proximity import TOUCHING
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
 
@@ -63,6 +65,24 @@ class Laws:
         name = self.entries[index].slave if index >= 0 else None
         chosen = [name is not None and self._any(name, side) for side in (first, second)]
         return None if chosen[0] == chosen[1] else chosen.index(True)
+
+    def found(self, index: int) -> bool:
+        """Whether an entry has pairs found rather than named."""
+        return index >= 0 and self.entries[index].found
+
+    def tolerance(self, index: int) -> float:
+        """How far apart faces may be that an entry pairs, in units of the element size."""
+        if index < 0:
+            return COINCIDE
+        entry = self.entries[index]
+        if entry.tolerance != "auto":
+            return entry.tolerance
+        return TOUCHING if entry.found else REACH if entry.apart else COINCIDE
+
+    def opposite(self, index: int) -> float:
+        """What the cosine between the normals of faces has to be below that an entry pairs."""
+        angle = self.entries[index].angle if index >= 0 else None
+        return OPPOSITE if angle is None else -float(np.cos(np.deg2rad(angle)))
 
     def apart(self, index: int) -> str:
         """The key of an entry that has distances read from the geometry; empty where sides must touch."""

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.interfaces.curvature import bulges, over, sagittas, smooth_patches
+from orchestrator.scene.interfaces.curvature import over, smooth_patches
 from orchestrator.scene.interfaces.mortar.segments import Segments, find_segments
-from orchestrator.scene.interfaces.pairing import OPPOSITE, Body
+from orchestrator.scene.interfaces.pairing import OPPOSITE
 from orchestrator.scene.interfaces.proximity import TOUCHING, may_face
+from orchestrator.scene.interfaces.skins import Skin
 from orchestrator.scene.mesh.faces import edge_patches
 
 _NOTHING = Segments(*np.empty((2, 0), dtype=int), *np.empty((2, 0, 6, 3)), *np.empty((2, 0)))
@@ -54,27 +55,10 @@ class Facing:
     sagitta: float
     where: np.ndarray
 
-
     @property
     def facets(self) -> tuple[np.ndarray, np.ndarray]:
         """(k₁,), (k₂,) int, ascending, which facets of either body."""
         return np.unique(self.segments.slave), np.unique(self.segments.master)
-
-
-@dataclass(frozen=True)
-class Skin:
-    """A body's outer faces, the CAD face (k,) that each is on, and how far surfaces are off them: (k, 3) and at most (k,)."""
-
-    body: Body
-    face: np.ndarray
-    bulge: np.ndarray
-    sagitta: np.ndarray
-
-    @classmethod
-    def of(cls, body: Body, nodes: np.ndarray, face: np.ndarray) -> Skin:
-        """Of a body's faces (k,) on the nodes (n, 3) of the mesh, each on the CAD face (k,) int, −1 for none known."""
-        bulge = bulges(nodes, body.triangles, face)
-        return cls(body, face, bulge, sagittas(bulge))
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,

@@ -53,19 +53,29 @@ class Overlap:
     size: float
 
 
-def overlap(one: Solid, two: Solid) -> Overlap | None:
-    """The deepest that a corner or a face's centre of either part is inside the other; None: not worth mentioning."""
+def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | None = None) -> Overlap | None:
+    """The deepest that a corner or a face's centre of either part is inside the other; None: not worth mentioning.
+
+    Parameters
+    ----------
+    sagitta : (k,) how far the surfaces are off the outer faces of either part: chords of curved faces may be inside each
+        other by as much; None: not at all
+    """
     if (one.box[0] > two.box[1]).any() or (two.box[0] > one.box[1]).any() or not len(one.outer) or not len(two.outer):
         return None
-    found = [o for o in (_inside(one, two), _inside(two, one)) if o is not None]
+    off = sagitta or (np.zeros(len(one.outer)), np.zeros(len(two.outer)))
+    found = [o for o in (_inside(one, two, *off), _inside(two, one, *off[::-1])) if o is not None]
     return max(found, key=lambda o: o.depth / o.size, default=None)
 
 
-def _inside(one: Solid, two: Solid) -> Overlap | None:
+def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray) -> Overlap | None:
     faces = one.nodes[one.outer[:, :3]]
-    points = np.concatenate([one.nodes[np.unique(one.outer[:, :3])], faces.mean(axis=1)])
-    points = points[((points > two.box[0]) & (points < two.box[1])).all(axis=1)]
-    points = points[contained(points, two)]
+    corners = np.unique(one.outer[:, :3])
+    points, own = np.concatenate([one.nodes[corners], faces.mean(axis=1)]), np.r_[np.zeros(len(corners)), mine]
+    boxed = ((points > two.box[0]) & (points < two.box[1])).all(axis=1)
+    points, own = points[boxed], own[boxed]
+    within = contained(points, two)
+    points, own = points[within], own[within]
     if not len(points):
         return None
     from scipy.spatial import cKDTree  # only parts that are inside each other need it
@@ -78,9 +88,9 @@ def _inside(one: Solid, two: Solid) -> Overlap | None:
     near = near.reshape(len(points), -1)
     behind = np.einsum("pki,pki->pk", faces[near].mean(axis=2) - points[:, None], normal[near])
     depth = np.abs(behind).min(axis=1)
-    at = int((depth / size[near[:, 0]]).argmax())
-    deepest = Overlap(float(depth[at]), points[at], float(size[near[at, 0]]))
-    return deepest if deepest.depth > DEEP * deepest.size else None
+    allowed = DEEP * size[near[:, 0]] + own + theirs[near].max(axis=1)
+    at = int((depth / allowed).argmax())
+    return Overlap(float(depth[at]), points[at], float(size[near[at, 0]])) if depth[at] > allowed[at] else None
 
 
 def contained(points: np.ndarray, solid: Solid) -> np.ndarray:

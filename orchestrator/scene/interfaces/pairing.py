@@ -139,13 +139,13 @@ def _boxes_within(low: np.ndarray, high: np.ndarray, room: np.ndarray) -> tuple[
     return i[near][chosen], j[near][chosen]
 
 
-def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tuple[list[Patch], Mismatch | None]:
+def match(one: Body, two: Body, apart: bool, within: float | None = None, share: float = REACH) -> tuple[list[Patch], Mismatch | None]:
     """Matching faces of two bodies.
 
     Parameters
     ----------
     apart : whether they may be at a distance; otherwise nodes must coincide
-    within : search distance; none: ``REACH`` × h
+    within : search distance; none: ``share`` × h
 
     Returns
     -------
@@ -156,7 +156,7 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None) -> tup
     if len(a) == 0 or len(b) == 0:
         return [], None
     size = one.size[a]
-    reach = (np.full(len(a), within) if within else REACH * size) if apart else COINCIDE * size
+    reach = (np.full(len(a), within) if within else share * size) if apart else COINCIDE * size
     i, j = candidates(one.corners[a].mean(axis=1), two.corners[b].mean(axis=1), (1 + ASIDE) * reach + ASIDE * size * apart)
     reach, i, j = reach[i], a[i], b[j]
     facing = np.einsum("ij,ij->i", one.normal[i], two.normal[j]) < OPPOSITE

@@ -11,8 +11,9 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
-from orchestrator.scene.interfaces.nonmatching import Skins, nonmatching
+from orchestrator.scene.interfaces.nonmatching import nonmatching
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
+from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.mesh.quality import format_point
@@ -146,14 +147,14 @@ def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition
             continue
         index = laws.foreseen(*known)
         apart = laws.apart(index)
-        patches, mismatch = match(*pair, bool(apart), laws.reach(index))
+        patches, mismatch = match(*pair, bool(apart), laws.reach(index), laws.tolerance(index) if apart else REACH)
         if matter is not None and index >= 0:
             unmatched = list(nonmatching(mesh, pair, skins, patches, partition, numbering, laws, index, matter, problems))
             if unmatched:
                 laws.between(*known)
                 yield from ((interface, names) for interface in unmatched)
                 continue
-        if mismatch:
+        if mismatch and not laws.found(index):
             problems.add(("interfaces", index, apart), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
                          f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
                          f"{format_point(mismatch.point)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
