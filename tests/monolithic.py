@@ -234,6 +234,11 @@ class Monolithic:
         found = {k: [] for k in ("free", "normal", "gap", "friction", "stiffness", "jump", "bonded", "contact")}
         count = 0
         for i in scene.interfaces:
+            if i.mortar is not None:
+                self._operators(i, count, rows, columns, values, found, diagonal)
+                bounds.append(slice(count, count + len(i.mortar)))
+                count += len(i.mortar)
+                continue
             n = len(i.global_nodes)
             free = i.free if i.law.perfect else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
             dofs = [self.offsets[e] + 3 * nodes[:, None] + np.arange(3) for e, nodes in zip(i.subdomains, i.nodes)]
@@ -258,6 +263,28 @@ class Monolithic:
                          shape=(3 * count, self.offsets[-1]))
         return Pairs(D, bounds=bounds, **{k: np.concatenate(v) for k, v in found.items()})
 
+    def _operators(self, i: Interface, count: int, rows: list, columns: list, values: list, found: dict, diagonal) -> None:
+        """The same where nodes do not match: points in the place of pairs, d = G₂ u₂ − G₁ u₁."""
+        m, law = i.mortar, i.law
+        stiffness = []
+        for matrix, e, nodes, sign in ((m.first, i.subdomains[0], i.nodes[0], -1.0), (m.second, i.subdomains[1], i.nodes[1], 1.0)):
+            dofs, entries = (self.offsets[e] + 3 * nodes[:, None] + np.arange(3)).ravel(), matrix.tocoo()
+            rows.append(3 * count + entries.row)
+            columns.append(dofs[entries.col])
+            values.append(sign * entries.data)
+            weights = abs(matrix)
+            stiffness.append(((weights @ diagonal[dofs]) / weights.sum(axis=1)).reshape(-1, 3).mean(axis=1))
+        n, contact = len(m), law.name == "contact"
+        found["free"].append(np.ones((n, 3), bool))
+        found["normal"].append(m.normal)
+        found["gap"].append(law.gap[m.points] if contact else np.zeros(n))
+        found["friction"].append(np.full(n, getattr(law, "friction", 0.0)))
+        found["stiffness"].append(np.minimum(*stiffness))
+        jump = np.broadcast_to(getattr(law, "jump", np.zeros(3)), (len(i.global_nodes), 3))
+        found["jump"].append(jump[m.points])
+        found["bonded"].append(np.full(n, not contact))
+        found["contact"].append(np.full(n, contact))
+
     def _loads(self, t: int) -> np.ndarray:
         return self.R.T @ np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
 
@@ -267,10 +294,11 @@ class Monolithic:
         for i in self.scene.interfaces:
             if i.law.perfect or i.triangles.shape[1] == 3:
                 continue
-            for e, nodes in zip(i.subdomains, i.nodes):
+            for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes)):
+                triangles = i.triangles_on(side)
                 for column, pair in ((3, (0, 1)), (4, (1, 2)), (5, (2, 0))):
-                    middle.append((self.offsets[e] + 3 * nodes[i.triangles[:, column], None] + np.arange(3)).ravel())
-                    ends.append([(self.offsets[e] + 3 * nodes[i.triangles[:, c], None] + np.arange(3)).ravel()
+                    middle.append((self.offsets[e] + 3 * nodes[triangles[:, column], None] + np.arange(3)).ravel())
+                    ends.append([(self.offsets[e] + 3 * nodes[triangles[:, c], None] + np.arange(3)).ravel()
                                  for c in pair])
         tied, first = np.unique(np.concatenate(middle or [np.empty(0, int)]), return_index=True)
         ends = np.concatenate(ends, axis=1)[:, first] if ends else np.empty((2, 0), int)
