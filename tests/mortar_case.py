@@ -14,7 +14,9 @@ from orchestrator.scene.model import Scene
 YOUNG, POISSON = 200e3, 0.3
 # about no axis in particular
 TURN = {"axis": [1.0, 2.0, -0.5], "degrees": 37.0, "about": [0.3, 0.1, -0.2]}
-STRESSES = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}
+# all six stresses, one per load step
+SIX = np.array([[[10.0 * ((i, j) in ((a, b), (b, a))) for j in range(3)] for i in range(3)]
+                for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))])
 NORMALS = {f"{axis}{end}": sign * np.eye(3)[k] for k, axis in enumerate("xyz") for end, sign in (("min", -1.0), ("max", 1.0))}
 
 # name: size, lowest corner
@@ -28,15 +30,15 @@ def free_mesh(size, h):
     return {"polycrystal": {"grains": 1, "size": size, "h": h}}
 
 
-def blocks(bodies: dict, meshes: dict, law=None, turn=TURN, element="P1", stress=None, held=None, **changes) -> Config:
-    """Boxes in a constant state of stress, turned as a whole.
+def blocks(bodies: dict, meshes: dict, law=None, turn=TURN, element="P1", stresses=None, held=None, **changes) -> Config:
+    """Boxes in constant states of stress, turned as a whole.
 
     Parameters
     ----------
     bodies : name → (size, lowest corner); meshes : name → what is under ``mesh``
     law : entry of ``interfaces`` without ``between``
-    stress : (3, 3) before the turn; tractions on all faces that are outside
-    held : boundary entries instead of one small face
+    stresses : (T, 3, 3) before the turn, one per load step; tractions on all faces that are outside
+    held : boundary entries that come before these
     """
     parts = [{"name": name, "mesh": meshes[name], "move": {"translate": list(map(float, corner))}} for name, (_, corner) in bodies.items()]
     if turn:
@@ -44,10 +46,9 @@ def blocks(bodies: dict, meshes: dict, law=None, turn=TURN, element="P1", stress
             # shift, then turn: as a turn first, then the shift turned
             part["move"] = {"rotate": [turn], "translate": (there(np.array([corner], float), turn) - there(np.zeros((1, 3)), turn))[0].tolist()}
     boundary = list(held or [])
-    if stress is not None:
-        R = there(np.eye(3), turn) - there(np.zeros((1, 3)), turn) if turn else np.eye(3)  # rows: turned axes
-        sigma = R.T @ stress @ R
-        boundary += [{"on": f"{name}/{side}", "traction": (sigma @ (normal @ R)).tolist()}
+    if stresses is not None:
+        R = axes(turn)
+        boundary += [{"on": f"{name}/{side}", "traction": (R.T @ stresses @ normal).tolist()}
                      for name in bodies for side, normal in NORMALS.items() if outside(bodies, name, normal)]
     return Config.model_validate({
         "name": "blocks", "parts": parts, "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}],
@@ -66,24 +67,31 @@ def outside(bodies, name, normal) -> bool:
     return not any((before > np.array(c)).all() and (before < np.array(c) + s).all() for s, c in bodies.values())
 
 
-def strain_of(stress):
-    """(3, 3)"""
-    return ((1 + POISSON) * stress - POISSON * np.trace(stress) * np.eye(3)) / YOUNG
+def axes(turn) -> np.ndarray:
+    """(3, 3) the turned unit vectors, row by row."""
+    return there(np.eye(3), turn) - there(np.zeros((1, 3)), turn)
 
 
-def patch_scene(made: Config, gradient: np.ndarray) -> Scene:
-    """The scene, held on one facet so that u = gradient · x is its solution.
+def gradients(stresses, turn) -> np.ndarray:
+    """(T, 3, 3) strains of stresses, turned."""
+    R = axes(turn)
+    return R.T @ (((1 + POISSON) * stresses - POISSON * np.trace(stresses, axis1=1, axis2=2)[:, None, None] * np.eye(3)) / YOUNG) @ R
 
-    Parameters
-    ----------
-    gradient : (3, 3) of the displacement
-    """
+
+def patch_scene(made: Config, strains: np.ndarray) -> Scene:
+    """The scene, with prescribed displacements such that u = ε x is its solution, one of the strains (T, 3, 3) per step."""
     scene = build_scene(made)
-    exact = scene.mesh.nodes @ gradient.T
+    exact = np.einsum("tij,nj->tni", strains, scene.mesh.nodes)
     for s in scene.subdomains:
-        s.prescribed[:] = np.where(s.fixed, exact[s.nodes], 0.0)
+        s.prescribed[:] = np.where(s.fixed, exact[:, s.nodes], 0.0)
     scene.prescribed[:] = np.where(scene.fixed, exact, 0.0)
     return scene
+
+
+def off(scene: Scene, parts, strains) -> float:
+    """How far displacements, per subdomain (T, n, 3), are from ε x, at most, over the largest."""
+    exact = np.einsum("tij,nj->tni", strains, scene.mesh.nodes)
+    return max(np.abs(np.asarray(u) - exact[:, s.nodes]).max() for u, s in zip(parts, scene.subdomains)) / np.abs(exact).max()
 
 
 def one_piece(scene: Scene, made: Config) -> Monolithic:

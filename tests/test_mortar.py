@@ -1,0 +1,188 @@
+"""Interfaces whose sides are meshed each on its own: the operators, and fields that must pass through them unchanged."""
+
+import time
+
+import numpy as np
+import pytest
+from mortar_case import FOUR, SIX, THREE, TURN, TWO, YOUNG, POISSON, axes, blocks, free_mesh, gradients, off, one_piece, patch_scene, there
+
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.interfaces.mortar.assembly import make_mortar, sagitta
+from orchestrator.scene.interfaces.mortar.segments import find_segments
+from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+
+# --- two surfaces ---------------------------------------------------------------------------------------------
+
+
+def square(n, seed, turned=False):
+    """A unit square of 2 n² triangles, inner nodes moved about: nodes (m, 3) and triangles, upwards or downwards."""
+    x = np.linspace(0, 1, n + 1)
+    p = np.stack([*np.meshgrid(x, x, indexing="ij"), np.zeros((n + 1, n + 1))], axis=-1).reshape(-1, 3)
+    inner = ((p[:, :2] > 0) & (p[:, :2] < 1)).all(axis=1)
+    p[inner, :2] += np.random.default_rng(seed).uniform(-0.25, 0.25, (inner.sum(), 2)) / n
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    t = np.concatenate([np.c_[a, a + n + 1, a + n + 2], np.c_[a, a + n + 2, a + 1]])
+    return p, t[:, [0, 2, 1]] if turned else t
+
+
+def curved(p):
+    """On a surface that bends both ways."""
+    return np.c_[p[:, :2], 0.15 * p[:, 0] ** 2 - 0.1 * p[:, 0] * p[:, 1]]
+
+
+def surfaces(n, m, shape=lambda p: p, seeds=(1, 2), move=(0, 0, 0), reach=0.5) -> Surfaces:
+    """Two squares, far from the origin and turned."""
+    (p, t), (q, s) = square(n, seeds[0]), square(m, seeds[1], turned=True)
+    x = there(np.vstack([shape(p), shape(q) + move]), TURN) + [3, -2, 1]
+    sides = t, s + len(p)
+    room = np.full(len(t), reach / n)
+    return Surfaces.of(x, sides, tuple(np.arange(len(side)) for side in sides),
+                       find_segments(*(x[side] for side in sides), room, room))
+
+
+def mortar_of(two: Surfaces, held=0, crossed=0, perfect=True):
+    """Its operators; every so many of the slave's nodes prescribed in a component, or crossed by other interfaces."""
+    free = tuple(np.ones((len(x), 3), bool) for x in two.points)
+    cross = np.zeros(len(two.points[0]), bool)
+    if held:
+        free[0][::held, 1] = False
+    if crossed:
+        cross[1::crossed] = True
+    return make_mortar(two, perfect, free, cross)
+
+
+def test_overlaps_fill_the_square():
+    """Whatever the two meshes: their overlaps have the area of what is common, each facet's those of the facet."""
+    for n, m, move, area in ((10, 31, 0, 1), (31, 10, 0, 1), (12, 12, 0, 1), (9, 14, 0.3, 0.49)):
+        two = surfaces(n, m, move=(move, move, 0))
+        assert abs(two.segments.area.sum() - area) < 1e-14
+        if not move:
+            assert np.abs(np.bincount(two.segments.slave, two.segments.area) / two.area - 1).max() < 1e-12
+        for side in (two.segments.on_slave, two.segments.on_master):
+            assert side.min() > -1e-12 and np.abs(side.sum(axis=2) - 1).max() < 1e-12
+
+
+def test_the_same_mesh_on_both_sides_is_a_permutation():
+    mortar = mortar_of(surfaces(7, 7, seeds=(1, 1)))
+    for matrix in (mortar.first, mortar.second):
+        entries = matrix.tocoo()
+        large = np.abs(entries.data) > 1e-12
+        assert large.sum() == matrix.shape[0] and np.abs(entries.data[large] - 1).max() < 1e-12
+        assert len(np.unique(entries.row[large])) == len(np.unique(entries.col[large])) == matrix.shape[0]
+
+
+@pytest.mark.parametrize("held, crossed", [(0, 0), (3, 0), (0, 4), (5, 4)])
+@pytest.mark.parametrize("shape, move", [(lambda p: p, (0, 0, 0)), (lambda p: p, (0.3, 0.3, 0)), (curved, (0, 0, 0)),
+                                         (curved, (0, 0, 0.02))], ids=["plane", "in part", "curved", "apart"])
+def test_rigid_motions_open_nothing_and_moments_are_opposite(shape, move, held, crossed):
+    for n, m in ((6, 17), (17, 6)):
+        two = surfaces(n, m, shape, move=move)
+        mortar, (x1, x2) = mortar_of(two, held, crossed), two.points
+        rng = np.random.default_rng(5)
+        for matrix, x in ((mortar.first, x1), (mortar.second, x2)):
+            shift = np.tile(rng.standard_normal(3), len(x))
+            assert np.abs(matrix @ shift - np.resize(shift, matrix.shape[0])).max() < 1e-12  # rows sum to 1
+        spin = rng.standard_normal(3)
+        jump = mortar.second @ np.cross(spin, x2).ravel() - mortar.first @ np.cross(spin, x1).ravel()
+        assert np.abs(jump).max() < 1e-12 * np.abs(x1).max()
+        q = rng.standard_normal(3 * len(mortar))
+        f1, f2 = (mortar.first.T @ q).reshape(-1, 3), -(mortar.second.T @ q).reshape(-1, 3)
+        assert np.abs(f1.sum(axis=0) + f2.sum(axis=0)).max() < 1e-12 * np.abs(f1).sum()
+        moments = np.cross(x1, f1).sum(axis=0) + np.cross(x2, f2).sum(axis=0)
+        assert np.abs(moments).max() < 1e-12 * np.abs(np.cross(x1, f1)).sum()
+        assert abs(mortar.area.sum() - two.segments.area.sum()) < 1e-12 and mortar.area.min() > 0
+        if shape is not curved:
+            linear = rng.standard_normal((3, 3))
+            there_and_here = mortar.second @ (x2 @ linear).ravel() - mortar.first @ (x1 @ linear).ravel()
+            assert np.abs(there_and_here).max() < 1e-12 * np.abs(x1 @ linear).max()
+        assert np.abs(mortar.gap - (mortar.gap if shape is curved else move[2])).max() < 1e-12
+
+
+def test_points_that_are_left_out():
+    """No point where something is prescribed, where interfaces cross, where little is covered; their area goes to others."""
+    two = surfaces(8, 13, move=(0.05, 0, 0))  # the last row of facets is covered by .6, its outer nodes by less
+    mortar = mortar_of(two, held=3, crossed=4)
+    count = len(two.points[0])
+    gone = np.zeros(count, bool)
+    gone[::3] = gone[1::4] = True
+    assert not gone[mortar.points].any() and len(mortar) < count
+    assert abs(mortar.area.sum() - 0.95) < 1e-12
+    strip = surfaces(8, 13, move=(0.9, 0, 0))  # an eighth of a facet's width: nothing but rims
+    assert 0 < len(mortar_of(strip)) and abs(mortar_of(strip).area.sum() - 0.1) < 1e-12
+
+
+def test_a_slit_of_a_facet():
+    """What is covered of a facet may be as narrow as rounding: no weight grows."""
+    for width in (1e-3, 1e-6, 1e-9, 1e-13):
+        two = surfaces(4, 4, move=(0.75 - width, 0, 0), seeds=(1, 1))
+        mortar = mortar_of(two)
+        assert abs(mortar.area.sum() - (0.25 + width)) < 1e-6 and np.abs(mortar.second.data).max() < 5
+        assert np.abs(np.asarray(mortar.second.sum(axis=1)) - 1).max() < 1e-9
+
+
+def test_sagitta_of_a_sphere():
+    """Facets of h on a sphere of radius R are off it by h²/8R at the middle of their edges."""
+    p, t = square(12, 0)
+    flat = 0.5 * (p - [0.5, 0.5, 0])
+    sphere = np.c_[flat[:, :2], np.sqrt(4 - (flat[:, :2] ** 2).sum(axis=1))]
+    edge = np.linalg.norm(sphere[t] - sphere[np.roll(t, 1, axis=1)], axis=2)
+    inner = (np.abs(flat[:, :2]) < 0.2).all(axis=1)
+    assert edge.min() ** 2 / 16 < sagitta(sphere, t)[inner].min() and sagitta(sphere, t)[inner].max() < edge.max() ** 2 / 16 * 1.1
+    assert sagitta(flat, t).max() < 1e-16
+
+
+def test_work_grows_with_the_facets():
+    """Twenty thousand facets on either side in seconds, four times as many in about four times as long."""
+    def seconds(n):
+        begin = time.process_time()
+        mortar_of(surfaces(n, n))
+        return time.process_time() - begin
+
+    small, large = min(seconds(25) for _ in range(2)), seconds(50)
+    assert large < 10 * small and large < 3 / 4 * 3  # 5,000 facets; noise of a shared machine granted
+
+
+# --- fields that must pass ------------------------------------------------------------------------------------
+
+LAYOUTS = {"fine on coarse": (TWO, (0.35, 0.12)), "coarse on fine": (TWO, (0.12, 0.35)), "T": (THREE, (0.3, 0.2, 0.17)),
+           "four round an edge": (FOUR, (0.5, 0.4, 0.3, 0.35))}
+
+
+@pytest.mark.parametrize("element, coarser", [("P1", 1.0), ("P2", 1.6)])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_constant_stresses_pass(layout, element, coarser):
+    """All six, across a plane turned anyhow, through the whole program; slaves' nodes are prescribed, too."""
+    bodies, sizes = LAYOUTS[layout]
+    meshes = {name: free_mesh(size, coarser * h) for (name, (size, _)), h in zip(bodies.items(), sizes)}
+    made = blocks(bodies, meshes, element=element, stresses=SIX, held=[{"on": "a/ymin", "displacement": [0, 0, 0]}],
+                  method={"tolerance": {"error": 1e-10}})
+    strains = gradients(SIX, TURN)
+    scene = patch_scene(made, strains)
+    assert len(scene.interfaces) == len(bodies) - (len(bodies) < 3) and all(i.mortar is not None for i in scene.interfaces)
+    solved = solve(made, scene)
+    assert solved.converged, solved.stop_reason
+    assert off(scene, solved.parts, strains) < 1e-10
+    steps = one_piece(scene, made).solve()
+    assert off(scene, [np.stack([s.parts[e] for s in steps]) for e in range(len(bodies))], strains) < 1e-10
+
+
+def test_linear_stresses_pass_between_ten_node_tets():
+    """Pure bending is a solution of the discrete equations: no jump, and forces of the stress on either side."""
+    made = blocks(TWO, {"a": free_mesh([1, 1, 0.5], 0.5), "b": free_mesh([1, 1, 0.5], 0.3)}, turn=None, element="P2",
+                  held=[{"on": "b/zmax", "displacement": [0, 0, 0]}])
+    scene = build_scene(made)
+    x, y, z = (scene.mesh.nodes - [0.5, 0.5, 0.5]).T
+    exact = np.c_[-(z**2 + POISSON * (x**2 - y**2)) / 2, -POISSON * x * y, x * z]  # σ_zz = E x
+    (interface,), parts = scene.interfaces, [exact[s.nodes] for s in scene.subdomains]
+    mortar, whole = interface.mortar, one_piece(scene, made)
+    u1, u2 = (parts[e][own].ravel() for e, own in zip(interface.subdomains, interface.nodes))
+    assert np.abs(mortar.second @ u2 - mortar.first @ u1).max() < 1e-12 * np.abs(exact).max()
+    nodal = whole.K @ np.concatenate([u.ravel() for u in parts])
+    pull = YOUNG * (scene.side_points(interface, 0)[mortar.points][:, 0] - 0.5) * mortar.normal[:, 2]
+    q = (mortar.area[:, None] * pull[:, None] * [0, 0, 1]).ravel()
+    for side, force in ((0, mortar.first.T @ q), (1, -(mortar.second.T @ q))):
+        e, own, at = interface.subdomains[side], interface.nodes[side], scene.side_points(interface, side)
+        inside = ((at[:, :2] > 1e-6) & (at[:, :2] < 1 - 1e-6)).all(axis=1)
+        found = nodal[whole.offsets[e]:whole.offsets[e + 1]].reshape(-1, 3)[own]
+        assert inside.sum() > 20 and np.abs(found - force.reshape(-1, 3))[inside].max() < 1e-10 * np.abs(found).max()
