@@ -188,3 +188,18 @@ def test_linear_stresses_pass_between_ten_node_tets():
         inside = ((at[:, :2] > 1e-6) & (at[:, :2] < 1 - 1e-6)).all(axis=1)
         found = nodal[whole.offsets[e]:whole.offsets[e + 1]].reshape(-1, 3)[own]
         assert inside.sum() > 20 and np.abs(found - force.reshape(-1, 3))[inside].max() < 1e-10 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("layout", ["fine on coarse", "T"])
+def test_the_undecomposed_solution_is_that_of_the_same_operators(layout):
+    """``--reference``: the tests' own monolithic solution; the bound holds against it."""
+    bodies, sizes = LAYOUTS[layout]
+    made = blocks(bodies, {name: free_mesh(size, h) for (name, (size, _)), h in zip(bodies.items(), sizes)},
+                  held=[{"on": "a/xmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [3, 5, -1]},
+                        {"on": "b/xmin", "displacement": [0.001, None, None]}], method={"tolerance": {"error": 1e-6}})
+    scene = build_scene(made)
+    solved = solve(made, scene, reference=True)
+    assert solved.converged and solved.summary["true_error"] <= solved.error_bound
+    (step,) = one_piece(scene, made).solve()
+    for s, u in zip(scene.subdomains, step.parts):
+        assert np.abs(solved.reference.displacement[0, s.nodes] - u).max() < 1e-9 * np.abs(u).max()

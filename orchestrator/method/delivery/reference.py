@@ -11,6 +11,7 @@ from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.one_piece import constrained, constraints
 from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.load_cases import LoadCases
@@ -50,20 +51,16 @@ def check_reference(scene: Scene) -> None:
 
 
 def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
-    """Solve all load steps without decomposition.
+    """Solve all load steps without decomposition; where interfaces join nodes that are no common ones, with their operators.
 
     Raises
     ------
     BlackBoxError : from the code, also when memory runs out
-    InputError : parts are joined by pairs of nodes, so that the mesh is not in one piece
+    InputError : sides that cannot come together
     """
-    apart = [i.name for i in scene.interfaces if not np.array_equal(i.global_nodes, scene.side_nodes(i, 1))]
-    if apart:
-        raise InputError(Problem(("mesh",), f"{len(apart)} interfaces whose sides share no nodes, the first {apart[0]}",
-                                 "a mesh in one piece, which is what --reference solves",
-                                 "leave out --reference, or merge coincident nodes (gmsh: Coherence)"))
     stiffness = blackbox.stiffness([whole_model(scene)])[0]
-    displacement = undecomposed(scene, blackbox, stiffness)
+    joined = constraints(scene)
+    displacement = constrained(scene, stiffness, joined) if joined.shape[0] else undecomposed(scene, blackbox, stiffness)
     return Reference(displacement, stiffness, _energies(stiffness, displacement))
 
 
