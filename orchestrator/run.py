@@ -11,6 +11,7 @@ from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.start import Ahead, make_blackbox
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
+from orchestrator.memory import give_back, keep_at_hand
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.delivery.deliver import deliver
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
@@ -100,6 +101,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
 def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bool, start: Start | None,
            watch: Stopwatch, team: Team, ahead: Ahead | None) -> Solution | None:
     """The stages of a solution: prepare, iterate, deliver, summarise; the whole scene is on rank 0."""
+    if team.size > 1:
+        give_back()
     method, savings, codes = config.method, Savings(), with_workers(config.codes, team)
     workers = max(code.workers for code in codes)
     exact = _undecomposed(codes, whole, told, watch, team) if reference else None
@@ -126,9 +129,13 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         true_error = TrueError(chosen, whole, cases, exact, watch) if reference else None
         numbers = numbers_of(chosen)
         begin = Start.handed_out(start, chosen, numbers)
+        if team.size > 1:
+            keep_at_hand()
         iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
                            estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen])
         workload.end("iterations")
+        if team.size > 1:
+            give_back()
 
         wanted = method.tolerance.error == "auto" or config.output.fields
         delivered = deliver(d, chosen, cases, iterated, method.tolerance, estimate if wanted else None, watch, whole)
@@ -174,6 +181,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             progress.stage("meshing")
             if not resume:
                 begun(folder)
+            if team.size > 1:
+                give_back()
             with watch("mesh"):
                 scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]))
             with Record(folder, config, scene, watch, resume=resume) as record:

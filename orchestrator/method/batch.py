@@ -28,7 +28,7 @@ from orchestrator.timing import Stopwatch
 ErrorOf = Callable[[Admissible, Bound | None], float]
 # (decomposition of some load steps, fields, bound) → estimated discretisation error, relative, energy norm
 EstimateOf = Callable[[Decomposition, Admissible, Bound], float]
-_DELIVERED = [("trace", "s"), ("boundary", "u"), ("common", "alpha"), ("trace", "w"), ("trace", "f")]
+_DELIVERED = [("trace", "s"), ("boundary", "u"), ("macro", "alpha"), ("trace", "w"), ("trace", "f")]
 
 
 class Batch:

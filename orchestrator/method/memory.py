@@ -5,6 +5,7 @@ has added, and takes back what it once told. ``Memory`` carries that, of one ite
 are numbered, ``kind/name``:
 
 - ``trace``, ``boundary``  (T, D) and (T, B), the columns as in ``TraceSpace``;
+- ``macro``                (T, size), the columns as in ``Macro``; several ranks may have the same ones;
 - ``interface``            (T, I), a column per interface;
 - ``common``               the same on all ranks, or known on rank 0 alone.
 

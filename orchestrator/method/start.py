@@ -96,4 +96,5 @@ def numbers_of(d: Decomposition) -> Numbers:
     """Which columns of the whole scene's arrays are this rank's."""
     none = np.empty(0, dtype=int)
     return {"trace": d.space.number, "boundary": d.space.boundary_number,
+            "macro": none if d.stage.macro is None else d.stage.macro.number,
             "interface": none if d.coarse is None else d.coarse.interfaces}

@@ -24,7 +24,7 @@ from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.parallel.team import ALONE, Team
 
-_NAMES = [("trace", "r"), ("trace", "s"), ("boundary", "u"), ("common", "alpha")]
+_NAMES = [("trace", "r"), ("trace", "s"), ("boundary", "u"), ("macro", "alpha")]
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
 
 

@@ -1,7 +1,6 @@
 """Macro problems: what makes the linear stage global (paper, section 4).
 
-Its matrix and its solution are on every rank; ranks add up their parts of both sides. That is right for some
-thousands of subdomains, beyond which the macro problem would have to be decomposed in its turn.
+Every rank has the unknowns of the interfaces that it touches, and eliminates those that no other touches (``spread``).
 
 Both strategies end in the same algebra. With G the macro forces on all trace dofs, the linear
 stage reads f = s − k w − G α, so that u = u₁ − V α with V = M⁻¹NᵀG, and the multiplier α is set by
@@ -26,6 +25,7 @@ from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.spread import SpreadFactor
 from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
 from orchestrator.parallel.team import Team
 
@@ -43,8 +43,11 @@ class Macro:
 
     Attributes
     ----------
+    size : macro unknowns that this rank's subdomains see
     G : (D, size) sparse, macro forces; NᵀG is U of eq. 27
-    coupled : how many entries the macro matrix has
+    coupled : how many entries the macro matrix has, this rank's part of it
+    number : (size,) int, ascending, which of the macro unknowns of all ranks these are; shared : (size,) bool, those
+        that another rank sees too
     blocks : V, subdomain by subdomain
     sweeps : back-substitutions per subdomain spent on V (the mean)
 
@@ -56,6 +59,7 @@ class Macro:
     def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
                  strategy: str, blackbox: BlackBox):
         self.space, self.strategy = space, strategy
+        self.number, self.shared = _numbers(space, bases)
         C = moved(space, bases)
         if strategy == "equilibrium":
             self.G = sp.csr_array(direction.k @ C)
@@ -77,10 +81,8 @@ class Macro:
         if strategy == "equilibrium":
             own = sp.csr_array(C.T @ self.G)
             lower = sp.tril((own + own.T) / 2, format="csr") - lower
-        parts = space.team.all_gather(lower)
-        lower = sum(parts[1:], parts[0])
         self.coupled = 2 * lower.nnz - self.size
-        self._solve = _positive_definite_solver(lower)
+        self._solve = self._solver(lower)
 
     @cached_property
     def sizes(self) -> sp.csr_array:
@@ -89,8 +91,35 @@ class Macro:
 
     def multiplier(self, w: np.ndarray, f: np.ndarray) -> np.ndarray:
         """(T, size) α from the traces (T, D) of the uncorrected stage, eq. 33 (continuity: β, eq. 42)."""
-        right, = self.space.team.sum(times(self.C.T, f) if self.strategy == "equilibrium" else times(self.G.T, w))
-        return self._solve(right)
+        return self._solve(times(self.C.T, f) if self.strategy == "equilibrium" else times(self.G.T, w))
+
+    def imbalance(self, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """This rank's part of Cᵀf and of the sum of its terms' magnitudes, to be summed over the ranks: what is shared in
+        the unknowns' own places, of the rest the largest in the rank's."""
+        team, parts = self.space.team, []
+        for values in (times(self.C.T, f), times(self.sizes.T, np.abs(f))):
+            if team.size > 1:
+                part = np.zeros((len(f), self._solve.total + team.size))
+                part[:, self._solve.border] = values[:, self.shared]
+                part[:, self._solve.total + team.rank] = np.abs(values[:, ~self.shared]).max(axis=1, initial=0.0)
+                values = part
+            parts.append(values)
+        return parts[0], parts[1]
+
+    def _solver(self, lower: sp.csr_array) -> Factor | SpreadFactor:
+        """Factorise the macro matrix, given the lower triangle of this rank's part, or say what its failure means."""
+        scale = lower.diagonal()
+        try:
+            if lower.shape[0] and scale[~self.shared].min(initial=np.inf) <= 0:
+                raise RuntimeError("a diagonal entry is not positive")
+            team = self.space.team
+            return Factor(lower) if team.size == 1 else SpreadFactor(lower, self.number, self.shared, team)
+        except RuntimeError as error:
+            raise InputError(Problem(
+                ("method", "macro"), f"the macro matrix is singular ({error})",
+                "a structure held against rigid motions, and macro fields that are independent",
+                "check the boundary conditions; or choose a smaller method.macro.basis",
+            )) from error
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
         """(T, B) boundary values of V α = −u₂, eq. 31."""
@@ -120,16 +149,11 @@ def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, f
     return both if space.ties is None else sp.csr_array(space.ties.change @ both)
 
 
-def _positive_definite_solver(lower: sp.csr_array):
-    """Factorise the macro matrix, given its lower triangle, or say what its failure means."""
-    scale = lower.diagonal()
-    try:
-        if lower.shape[0] and scale.min() <= 0:
-            raise RuntimeError("a diagonal entry is not positive")
-        return Factor(lower)
-    except RuntimeError as error:
-        raise InputError(Problem(
-            ("method", "macro"), f"the macro matrix is singular ({error})",
-            "a structure held against rigid motions, and macro fields that are independent",
-            "check the boundary conditions; or choose a smaller method.macro.basis",
-        )) from error
+def _numbers(space: TraceSpace, bases: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(size,) int, which of the macro unknowns of all ranks this rank's are, and (size,) bool, whether another sees them too."""
+    widths = np.array([basis.shape[1] for basis in bases], dtype=int)
+    most = np.array(space.team.max(*widths), dtype=int)
+    starts = np.cumsum(most) - most
+    shared = [any(len(side) and side[0] >= space.size for side in sides) for sides in space.sides]
+    within = np.arange(widths.sum()) - np.repeat(np.cumsum(widths) - widths, widths)
+    return np.repeat(starts, widths) + within, np.repeat(np.array(shared, dtype=bool), widths)

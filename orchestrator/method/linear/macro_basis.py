@@ -91,7 +91,7 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
 
 
 def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence[bool], share: bool) -> list[np.ndarray]:
-    """Per interface (d, m) macro basis, without columns where none is wanted; of interfaces of other ranks alone (0, m).
+    """Per interface (d, m) macro basis, without columns where none is wanted; of interfaces of other ranks alone (0, 0).
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence
                 free = ~scene.subdomains[interface.subdomains[0]].fixed[interface.nodes[0]]
                 basis = jump_free_basis(interface.mortar, tuple(scene.side_points(interface, side) for side in (0, 1)), free, kind)
             bases.append(basis if taken else basis[:, :0])
-    return known_widths(as_given(space, bases), space.team)
+    return as_given(space, bases)
 
 
 def as_given(space: TraceSpace, bases: list[np.ndarray]) -> list[np.ndarray]:

@@ -23,7 +23,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.linear.macro_basis import as_given, known_widths
+from orchestrator.method.linear.macro_basis import as_given
 from orchestrator.method.interface.nearest import Nearest
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -126,7 +126,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
     counts = team.sum(counts)[0].astype(int)
     if not counts.any():
-        return known_widths(bases, team)
+        return bases
     at_dofs = np.zeros((counts.max(initial=0), len(space.global_dof)))
     for e, mode in modes.items():
         at_dofs[: mode.shape[1], space.boundary[e]] = mode.T
@@ -144,7 +144,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
             result.append(_with_modes(own[a:b, a:b], basis, parts))
         else:
             result.append(_with_modes(*_without_jump(space, k, index, traces, widths, held, basis)))
-    return known_widths(as_given(space, result), team)
+    return as_given(space, result)
 
 
 def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.ndarray, widths: Sequence[int],

@@ -62,7 +62,7 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
              _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
              _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(list(counted.values()))]
     if macro is not None:
-        parts += [times(macro.C.T, f), times(macro.sizes.T, np.abs(f))]
+        parts += macro.imbalance(f)
     sums = space.team.sum_later(*parts)
 
     def result() -> Measures:

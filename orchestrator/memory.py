@@ -1,0 +1,41 @@
+"""Memory that is given back to the system as soon as it is free, or kept at hand for the next array.
+
+The C library takes large arrays from the system one by one and returns them when they are freed. Having freed one of some
+size it keeps those up to that size from then on, to spare the system the trouble: right where the same arrays come and
+go, iteration after iteration. In set-up and delivery they do not: there each of several ranks takes a quarter less at the
+peak without, for a tenth more CPU seconds of the system's.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+
+# mallopt(3): arrays of at least so many bytes are taken from the system
+_THRESHOLD = -3
+LARGE = 1 << 20  # from which a page fault per 4 kB is small beside the work on them, done once
+LARGEST = 32 << 20  # what the C library itself would come to on 64 bits
+
+
+@cache
+def _library() -> ctypes.CDLL | None:
+    """The C library, if it is GNU's."""
+    try:
+        library = ctypes.CDLL("libc.so.6")
+        return library if library.mallopt and library.malloc_trim else None
+    except (OSError, AttributeError):
+        return None
+
+
+def give_back() -> None:
+    """Free memory goes back now, and large arrays from now on when they are freed."""
+    if (library := _library()) is not None:
+        library.mallopt(_THRESHOLD, LARGE)
+        library.malloc_trim(0)
+
+
+def keep_at_hand() -> None:
+    """Large arrays are kept for the next ones from now on; what is free now goes back."""
+    if (library := _library()) is not None:
+        library.mallopt(_THRESHOLD, LARGEST)
+        library.malloc_trim(0)

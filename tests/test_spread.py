@@ -1,0 +1,86 @@
+"""A matrix among ranks: each eliminates what it alone sees, and all find what one process finds."""
+
+import threading
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.linalg.lapack import dtrttf
+
+from orchestrator.method.linear.spread import SpreadFactor, rectangular
+from orchestrator.parallel.team import Team
+
+
+class Threads(Team):
+    """Ranks that are threads of this process: gathered objects wait for each other at a barrier."""
+
+    def __init__(self, rank: int, size: int, table: list, barrier: threading.Barrier):
+        self.rank, self.size, self.table, self.barrier = rank, size, table, barrier
+
+    def all_gather(self, part):
+        self.table[self.rank] = part
+        self.barrier.wait()
+        everyone = list(self.table)
+        self.barrier.wait()
+        return everyone
+
+    def sum_later(self, *parts):
+        everyone = self.all_gather([np.array(part, float) for part in parts])
+        return lambda: [sum(same) for same in zip(*everyone)]
+
+
+def among(size: int, what) -> list:
+    """What each of some ranks returns, or raises."""
+    results, table, barrier = [None] * size, [None] * size, threading.Barrier(size, timeout=20)
+
+    def run(rank: int) -> None:
+        try:
+            results[rank] = what(Threads(rank, size, table, barrier))
+        except Exception as error:  # noqa: BLE001 - told below
+            results[rank] = error
+
+    threads = [threading.Thread(target=run, args=(rank,)) for rank in range(size)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return results
+
+
+def chain(ranks: int, each: int, definite: bool = True) -> list[tuple[sp.csr_array, np.ndarray, np.ndarray]]:
+    """Parts of a matrix: neighbours in a ring share three unknowns; per rank its part, numbers, and what is shared."""
+    rng, parts, total = np.random.default_rng(3), [], ranks * each
+    for rank in range(ranks):
+        number = np.sort(np.arange(rank * each, (rank + 1) * each + 3) % total)
+        root = rng.standard_normal((len(number), len(number) if definite else 2))
+        shared = (number % each < 3)
+        parts.append((sp.csr_array(np.tril(root @ root.T + (np.eye(len(number)) if definite else 0.0))), number, shared))
+    return parts
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_solutions_are_those_of_the_whole(ranks):
+    parts, total = chain(ranks, 7), 7 * ranks
+    whole, right, share = np.zeros((total, total)), np.zeros((2, total)), []
+    for lower, number, _ in parts:
+        dense = lower.toarray()
+        whole[np.ix_(number, number)] += dense + np.tril(dense, -1).T
+        share.append(np.random.default_rng(len(share)).standard_normal((2, len(number))))
+        right[:, number] += share[-1]
+    exact = np.linalg.solve(whole, right.T).T
+    found = among(ranks, lambda team: SpreadFactor(*parts[team.rank], team)(share[team.rank]))
+    for (_, number, _), x in zip(parts, found):
+        assert np.allclose(x, exact[:, number], rtol=1e-10, atol=1e-12)
+
+
+def test_a_singular_matrix_is_refused_by_all():
+    parts = chain(2, 7, definite=False)
+    assert all(isinstance(found, Exception) for found in among(2, lambda team: SpreadFactor(*parts[team.rank], team)))
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 8])
+def test_rectangular_format_is_that_of_lapack(n):
+    lower, (row, column) = np.tril(np.random.default_rng(n).standard_normal((n, n))), np.tril_indices(n)
+    packed = np.zeros(n * (n + 1) // 2)
+    packed[rectangular(n, row, column)] = lower[row, column]
+    assert (packed == dtrttf(lower, uplo="L")[0].ravel()).all()
