@@ -10,8 +10,11 @@ import pytest
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
+from orchestrator.config import config_from
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.parts import Move
+from orchestrator.errors import InputError
+from orchestrator.scene.build import build_scene
 from orchestrator.scene.inspection.pairs import pairs_of_mesh
 from orchestrator.scene.interfaces.curvature import bulges, smooth_faces
 from orchestrator.scene.interfaces.facing import facing
@@ -162,3 +165,76 @@ def test_a_file_is_inspected(tmp_path, flange):
     done = CliRunner().invoke(app, ["inspect", str(path)])
     assert done.exit_code == 0 and "no scene yet, 1 problem" in done.stdout and "base/zmin" in done.stdout
     assert CliRunner().invoke(app, ["inspect", str(tmp_path / "nothing.msh")]).exit_code == 2
+
+
+# --- what is wrong ----------------------------------------------------------------------------------------
+
+SLAB = {"box": {"size": [1, 1, 0.5], "cells": [4, 4, 2]}}
+OTHER = {"box": {"size": [1, 1, 0.5], "cells": [3, 3, 1]}}
+AUTO = {"between": "auto", "law": "contact", "friction": 0.2}
+
+
+def slabs(lift: float, *entries, aside: float = 0.0, **changes) -> dict:
+    """A slab above another one, its mesh another one, both held."""
+    return {"name": "slabs", "parts": [{"name": "base", "mesh": SLAB},
+                                       {"name": "lid", "mesh": OTHER, "move": {"translate": [aside, 0, 0.5 + lift]}}],
+            "subdomains": "groups", "materials": [{"young": 1.0, "poisson": 0.3}], "interfaces": list(entries or [AUTO]),
+            "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": "lid/zmax", "displacement": [0, 0, 0]}],
+            **changes}
+
+
+@pytest.mark.parametrize("made, words, cure", [
+    (slabs(0.1), ["look at each other 0.1 apart", "nothing connects"], "exclude: [[base, lid]]"),
+    (slabs(2.0), ["base has no pair: the nearest other part is 'lid', 2 from node to node"], "exclude: [[base, '*']]"),
+    (slabs(-0.2), ["inside each other by about 0.2"], "move the parts"),
+    (slabs(-0.02), ["penetrate each other", "by up to 0.02"], "press fit"),
+    (slabs(0.0, {**AUTO, "exclude": [["base", "ldi"]]}), ["'ldi' matches no"], "did you mean lid?"),
+    (slabs(0.0, {**AUTO, "slave": "bse"}), ["'bse' matches no"], "did you mean base?"),
+], ids=["beyond reach", "alone", "overlap", "penetration", "exclude", "slave"])
+def test_what_is_wrong_with_pairs(made, words, cure):
+    with pytest.raises(InputError) as caught:
+        build_scene(config_from(made))
+    found = [p for p in caught.value.problems if all(word in p.found for word in words)]
+    assert found and any(cure in p.cure for p in found), str(caught.value)
+    assert all(p.path[:2] == ("interfaces", 0) for p in found)
+
+
+def test_what_the_user_may_overrule():
+    def built(*arguments, **keys):
+        return build_scene(config_from(slabs(*arguments, **keys)))
+
+    (interface,) = built(0.1, {**AUTO, "tolerance": 0.5}).interfaces
+    assert interface.mortar is not None and interface.law.gap == pytest.approx(0.1)
+    assert interface.mortar.area.sum() == pytest.approx(1.0)
+    (interface,) = built(0.1, {**AUTO, "within": 0.11}).interfaces
+    assert interface.law.gap == pytest.approx(0.1)
+    for slave in ("base", "lid"):
+        scene = built(0.0, {**AUTO, "slave": slave})
+        assert scene.subdomains[scene.interfaces[0].subdomains[0]].name == slave
+    scene = built(0.0, {**AUTO, "exclude": [["lid", "b*"]]})
+    assert not scene.interfaces and not scene.warnings
+    (interface,) = built(0.0, AUTO, {"between": ["base", "lid"], "law": "perfect"}).interfaces
+    assert interface.law.perfect and interface.entry == 1
+    (interface,) = built(0.0, {**AUTO, "gap": -0.001}).interfaces
+    assert (interface.law.gap == -0.001).all()
+    with pytest.raises(InputError, match="within without gap: geometry"):
+        config_from(slabs(0.0, {**AUTO, "gap": 0.0, "within": 1.0}))
+    with pytest.raises(InputError, match="auto beside law: jump"):
+        config_from(slabs(0.0, {"between": "auto", "law": "jump", "jump": [0, 0, 0]}))
+    turned = slabs(0.0, {**AUTO, "angle": 20})
+    turned["parts"][1]["move"] = {"translate": [0, 0, 0.5], "rotate": {"axis": "x", "degrees": 30}}
+    with pytest.raises(InputError, match="no pair"):
+        build_scene(config_from(turned))
+
+
+def test_pairs_of_matching_meshes_are_found_too():
+    """Parts with nodes that coincide, and grains that share faces: paired node by node, as without auto."""
+    made = slabs(0.0)
+    made["parts"][1]["mesh"] = SLAB
+    (interface,) = build_scene(config_from(made)).interfaces
+    assert interface.matching and interface.law.name == "contact" and not interface.law.gap.any()
+    grains = {"name": "grains", "mesh": {"polycrystal": {"grains": 4, "size": 1.0, "h": 0.4}}, "subdomains": "groups",
+              "materials": [{"young": 1.0, "poisson": 0.3}], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}]}
+    found, named = (build_scene(config_from({**grains, "interfaces": [{**AUTO, "between": b}]})) for b in ("auto", ["*", "*"]))
+    assert [i.name for i in found.interfaces] == [i.name for i in named.interfaces]
+    assert all(i.matching and i.law.name == "contact" and not i.law.gap.any() for i in found.interfaces)

@@ -136,8 +136,8 @@ class Laws:
             if entry.slave is not None and not matching(entry.slave, names):
                 problems.add(("interfaces", i, "slave"), f"{entry.slave!r} matches no subdomain and no volume",
                              "names of parts, shell wildcards allowed", suggestion(entry.slave, names, "part"))
-            if used or (everything and pieces < 2):
-                continue
+            if used or entry.found or (everything and pieces < 2):
+                continue  # of pairs that are found, ``report_neighbours`` says which are missing
             unknown = [p for p in entry.pair if not matching(p, names)]
             if unknown:
                 found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"

@@ -4,7 +4,9 @@
 - parts that touch without any, or that are within reach though nothing connects them, however indirectly: an error where
   an entry of ``interfaces:`` asks for a joint between them (across a gap, for one that opens), else a warning; parts of
   one connected structure may have a clearance;
-- parts inside each other: an error, unless an entry has a press fit that deep.
+- parts inside each other: an error, unless an entry has a press fit that deep;
+- where pairs are found rather than named: parts that look at each other beyond reach while nothing connects them, and parts
+  without any pair: errors too.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.alone import report_alone
 from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.overlap import Solid, overlap
@@ -49,20 +52,27 @@ def report_neighbours(mesh: Mesh, faces: Faces, bodies: list[Body], found: list[
     loose = _unpaired(faces, bodies, found, numbering)
     for one, two in close_bodies(bodies, None):
         pair = tuple(sorted((one.volume, two.volume)))
-        index = laws.foreseen(*((partition.names[b.subdomain], mesh.volumes[b.volume]) for b in (one, two)))
+        known = tuple((partition.names[b.subdomain], mesh.volumes[b.volume]) for b in (one, two))
+        index = laws.foreseen(*known)
         governing[pair] = max(index, governing.get(pair, -1))
-        if laws.apart(index):
-            continue  # the search for gaps has said what does not match
+        if laws.excluded(*known) or (pair in joined if laws.found(index) else laws.apart(index)):
+            continue  # it is not meant; or the search for pairs, or for gaps, has said what there is
         seen = near(one, two, loose[id(one)], loose[id(two)])
         if seen is not None:
             beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
     count, piece = piece_of(mesh, faces)
     inside = _overlaps(mesh, faces, piece, governing, laws, asked, problems) if count > 1 else set()
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
+    told = set(inside)
     for pair, seen in beside.items():
         apart = not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
-        if pair not in inside and (apart or seen.touching):
+        if laws.found(governing[pair]):
+            if pair not in inside and apart:
+                told.add(pair)
+                _beyond_reach(mesh, pair, seen, governing[pair], laws, problems)
+        elif pair not in inside and (apart or seen.touching):
             _report(mesh, pair, seen, pair in joined, governing[pair], laws, asked, problems)
+    report_alone(mesh, bodies, piece, cells, told, partition, laws, problems)
     return list(beside)
 
 
@@ -113,6 +123,16 @@ def _report(mesh: Mesh, pair: tuple[int, int], seen: Near, joined: bool, index: 
                      "only the parts that are joined")
     else:
         problems.warnings.append(f"{names} {how}, without an interface: they may pass through each other")
+
+
+def _beyond_reach(mesh: Mesh, pair: tuple[int, int], seen: Near, index: int, laws: Laws, problems: Problems) -> None:
+    """Faces that look at each other, of parts that nothing connects, and that are too far apart to have been paired."""
+    one, two = (mesh.volumes[v] for v in pair)
+    reach = laws.reach(index)
+    within = f"{reach:g}" if reach is not None else f"{laws.tolerance(index):g} of the element size, from surface to surface"
+    problems.add(("interfaces", index), f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} apart, at "
+                 f"{format_point(seen.where)}, and are no pair: nothing connects the two", f"faces within {within}",
+                 f"raise tolerance, move the parts, or say that they are none: exclude: [[{one}, {two}]]")
 
 
 def _sagitta(mesh: Mesh, faces: Faces, solid: Solid) -> np.ndarray:
