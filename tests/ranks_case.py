@@ -10,6 +10,12 @@ from orchestrator.parallel.team import ALONE, Team
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
+
+
+def _box(name: str, size: list, cells: list, corner: list) -> dict:
+    return {"name": name, "mesh": {"box": {"size": size, "cells": cells}}, "move": {"translate": corner}}
+
+
 CASES = {
     "perfect": {
         "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"grid": [4, 2, 1]},
@@ -41,6 +47,24 @@ CASES = {
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]},
                      {"on": {"box": [[0, 0, 0.5], [0, 1, 1.5]]}, "displacement": [[1e-3, None, None], [0, None, None]]}],
+        "method": {"tolerance": {"error": 1e-6}},
+    },
+    # sides meshed each on its own: a T in which all is bonded, and one that slides on one side; supports beside interfaces
+    "parts bonded": {
+        "parts": [_box("base", [2, 1, 0.5], [7, 4, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 5, 2], [0, 0, 0.5]),
+                  _box("right", [1.1, 1, 0.5], [3, 3, 2], [0.9, 0, 0.5])], "subdomains": "groups",
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "perfect"}],
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "traction": [[10, 0, 5], [0, 10, 1]]}],
+    },
+    "parts in contact": {
+        "parts": [_box("base", [2, 1, 0.5], [6, 3, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 4, 2], [0, 0, 0.5]),
+                  _box("right", [1.1, 1, 0.5], [3, 2, 2], [0.9, 0, 0.5])], "subdomains": "groups",
+        "materials": [{"young": 200e3, "poisson": 0.3}],
+        "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2},
+                       {"between": ["base", "left"], "law": "perfect"}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]}],
         "method": {"tolerance": {"error": 1e-6}},
     },
     "contact on ten nodes": {

@@ -189,7 +189,10 @@ class General:
         kept, known = [], place >= 0
         for index, (one, two) in enumerate(self.sides):
             points = np.arange(self.bounds[index], self.bounds[index + 1])
-            kept.append(points[(known[one] & known[two]) if self.matched[index] else known[one].all() & known[two].all()])
+            if self.matched[index]:
+                kept.append(points[known[one] & known[two]])
+            else:
+                kept.append(points if known[one].all() and known[two].all() else points[:0])
         rows = np.concatenate([np.empty(0, int), *kept])
         columns = np.zeros(total, int)
         columns[place[known]] = np.flatnonzero(known)
