@@ -18,7 +18,8 @@ from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.placed import placed
-from orchestrator.method.interface.traces import TraceSpace, traced
+from orchestrator.method.interface.ties import traced
+from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 

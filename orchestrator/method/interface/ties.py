@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 
 # k⁺ of a tied dof over the body's stiffness with all else held, of which this is about what remains when nothing is.
@@ -88,6 +88,12 @@ class Ties:
         self.stiffness = SHARE * np.where(own > 0, own, own.max(initial=0.0) or 1.0)
 
 
+def traced(interface: Interface, side: int) -> np.ndarray:
+    """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where nodes do not match, all of them,
+    so that the other side meets what is prescribed."""
+    return interface.free if interface.mortar is None else np.ones((len(interface.nodes[side]), 3), dtype=bool)
+
+
 def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:
     """Ties of all interfaces with six-node faces that are not perfect; None where there are none.
 
@@ -100,12 +106,12 @@ def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: in
     for interface, own in zip(scene.interfaces, sides):
         if interface.law.perfect or interface.triangles.shape[1] == 3:
             continue
-        ends, edge = edges_of(interface.triangles, TRIANGLE_EDGES)
-        middle = np.empty(len(ends), dtype=int)
-        middle[edge] = interface.triangles[:, 3:]
-        free = interface.free
-        at, component = np.nonzero(free[middle])
         for side, slot in enumerate(own):
+            triangles, free = interface.triangles_on(side), traced(interface, side)
+            ends, edge = edges_of(triangles, TRIANGLE_EDGES)
+            middle = np.empty(len(ends), dtype=int)
+            middle[edge] = triangles[:, 3:]
+            at, component = np.nonzero(free[middle])
             number = np.full(free.shape, -1)
             number[free] = slot
             tied = number[middle[at], component]

@@ -29,11 +29,11 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.row_products import compiled_times
 from orchestrator.method.interface.rows import times
-from orchestrator.method.interface.ties import Ties, make_ties
+from orchestrator.method.interface.ties import Ties, make_ties, traced
 from orchestrator.method.interface.general_transfer import General, make_transfer
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.scene.model import Interface, Scene, Subdomain
+from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass
@@ -280,17 +280,6 @@ class TraceSpace:
             else:
                 total[:, self.shared[r]] += arrived[r]
         return total
-
-
-def traced(interface: Interface, side: int) -> np.ndarray:
-    """(n, 3) bool, the components of the nodes on side 0 or 1 that have trace dofs: where nodes do not match, all of them,
-    so that the other side meets what is prescribed."""
-    return interface.free if interface.mortar is None else np.ones((len(interface.nodes[side]), 3), dtype=bool)
-
-
-def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Dofs 3 * node + component where nodes are numbered by their place among some, ascending."""
-    return 3 * np.searchsorted(nodes, dofs // 3) + dofs % 3
 
 
 def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:

@@ -132,7 +132,14 @@ class Macro:
 def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
     """(D, size) C, displacements without jump, of all interfaces on both sides."""
     both = space.transfer.displacements(bases)
-    return both if space.ties is None else sp.csr_array(space.ties.change @ both)
+    if space.ties is None:
+        return both
+    both = sp.csr_array(space.ties.change @ both)
+    if isinstance(space.transfer, General):  # points follow the other side, mid-edge nodes their corners
+        loose = np.ones(space.size)
+        loose[space.ties.dofs] = 0.0
+        both = sp.csr_array(sp.diags_array(loose) @ both)
+    return both
 
 
 def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray]) -> sp.csr_array:
