@@ -282,6 +282,11 @@ class TraceSpace:
         return total
 
 
+def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Dofs 3 * node + component where nodes are numbered by their place among some, ascending."""
+    return 3 * np.searchsorted(nodes, dofs // 3) + dofs % 3
+
+
 def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
     """(B,) int, number of the class of each boundary dof."""
     bonded = np.repeat(np.array(perfect, bool), np.diff(transfer.bounds))
