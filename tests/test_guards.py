@@ -161,7 +161,7 @@ def test_answers_are_compared_at_the_scale_of_their_loads(size):
     tight = 1e-9 * np.array([[2.0, 1.0], [1.0, 3.0]])
     for compliance, sound in ((tight, True), (np.array([[2e-9, 1e-9], [-1e-9, 3e-9]]), False)):
         answering = SimpleNamespace(traces=lambda forces, c=compliance: {e: f @ c for e, f in forces.items()})
-        direction = SimpleNamespace(robin=np.zeros_like, robin_block=lambda part: sp.csr_array((2, 2)),
+        direction = SimpleNamespace(robin=np.zeros_like, robin_blocks=lambda some: [sp.csr_array((2, 2)) for _ in some],
                                     space=SimpleNamespace(boundary=[slice(0, 2)]))
         guarded = GuardedTraces(answering, direction, ["block"])
         expected = nullcontext() if sound or size < 1e-290 else pytest.raises(BlackBoxError, match="not reciprocal")

@@ -46,9 +46,12 @@ def test_soles_by_products(case):
     u = np.random.default_rng(0).standard_normal((2, len(space.global_dof)))
     wanted = (whole @ u.T).T
     assert np.abs(direction.robin(u) - wanted).max() <= 1e-13 * np.abs(wanted).max()
-    for part in space.boundary:
-        block = whole[part, part]
-        assert abs(direction.robin_block(part) - block).max() <= 1e-13 * abs(block).max()
+    for some in (range(len(space.boundary)), [2, 0], []):
+        blocks = direction.robin_blocks(some)
+        assert len(blocks) == len(some)
+        for e, found in zip(some, blocks):
+            block = whole[space.boundary[e], space.boundary[e]]
+            assert found.shape == block.shape and abs(found - block).max() <= 1e-13 * abs(block).max()
 
 
 def test_blocks_are_kept_once_where_subdomains_are_alike(case):

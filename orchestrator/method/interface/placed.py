@@ -25,7 +25,14 @@ def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: in
     ends = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
     columns, values = np.empty(total, dtype=kind), np.empty(total)
     for block, at in groups:
-        row = np.repeat(np.arange(block.shape[0]), np.diff(block.indptr))
-        entry = ends[at][:, row] + (np.arange(block.nnz) - block.indptr[row])
-        columns[entry], values[entry] = at[:, block.indices], block.data
+        at = at.astype(kind)
+        run = (np.diff(at, axis=1) == 1).all(axis=1) & (block.nnz > 0)  # dofs one after the other: so are their entries
+        for first in at[run, :1].ravel().tolist():
+            entries = slice(ends[first], ends[first] + block.nnz)
+            np.add(block.indices, first, out=columns[entries], casting="same_kind")
+            values[entries] = block.data
+        if not run.all():
+            row, others = np.repeat(np.arange(block.shape[0]), np.diff(block.indptr)), at[~run]
+            entry = ends[others][:, row] + (np.arange(block.nnz) - block.indptr[row])
+            columns[entry], values[entry] = others[:, block.indices], block.data
     return sp.csr_array((values, columns, ends), shape=(size, size))

@@ -6,7 +6,7 @@ nodes leaves the rows and columns of the interface (paper, remark 2).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -56,12 +56,27 @@ class SearchDirection:
         """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the stiffness there."""
         return self.space.loads(self.times(self.space.trace(u)))
 
-    def robin_block(self, part: slice) -> sp.csr_array:
-        """(t, t) NᵀkN on one subdomain's boundary dofs."""
-        rows = sp.csr_array(self.space.scatter[part])
+    def robin_blocks(self, subdomains: Sequence[int]) -> list[sp.csr_array]:
+        """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in ``space.subdomains``.
+
+        Formed for all at once: no entry couples two subdomains.
+        """
+        parts = [self.space.boundary[e] for e in subdomains]
+        if not parts:
+            return []
+        chosen = np.concatenate([np.arange(part.start, part.stop) for part in parts])
+        rows = sp.csr_array(self.space.scatter[chosen])
         own = np.unique(rows.indices)
         rows = rows[:, own]
-        return sp.csr_array(rows @ self.k[own][:, own] @ rows.T)
+        all_of_them = sp.csr_array(rows @ self.k[own][:, own] @ rows.T)
+        ends, blocks, first = all_of_them.indptr, [], 0
+        for part in parts:
+            last = first + part.stop - part.start
+            entries = slice(ends[first], ends[last])
+            blocks.append(sp.csr_array((all_of_them.data[entries], all_of_them.indices[entries] - first,
+                                        ends[first : last + 1] - ends[first]), shape=(last - first,) * 2))
+            first = last
+        return blocks
 
     @cached_property
     def other_diagonal(self) -> np.ndarray:

@@ -63,6 +63,9 @@ class GuardedTraces(Layer):
         BlackBoxError : also for an answer that no elastic body gives, naming the subdomain
         """
         answers, judged = self.inner.traces(forces), {}
+        first = {(id(forces[e]), id(u)): e for e, u in reversed(answers.items()) if u.size}
+        unknown = [e for e in first.values() if e not in self.own]
+        self.own |= zip(unknown, self.direction.robin_blocks(unknown))
         for e, u in answers.items():
             f, part = np.asarray(forces[e]), self.parts[e]
             which = id(f), id(u)
@@ -71,8 +74,6 @@ class GuardedTraces(Layer):
                 self.known[e] = self.known[judged[which]]
             elif f.size:
                 judged[which] = e
-                if e not in self.own:
-                    self.own[e] = self.direction.robin_block(part)
                 alone = Segments([slice(0, f.shape[1])])
                 self._judge(f, u, alone, [e], part, lambda x, e=e, of=alone: of.sums(x * times(self.own[e], x)))
         return answers

@@ -92,12 +92,10 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox,
     """
     space = direction.space
     under_way, spent, done = {}, 0, {}
-    for e, part in enumerate(space.boundary):
-        size = part.stop - part.start
-        if wanted[space.subdomains[e]] and size:
-            own = direction.robin_block(part)
-            start = np.random.default_rng(0).standard_normal((size, min(BLOCK, size)))
-            under_way[e] = _Krylov(own, start)
+    chosen = [e for e, part in enumerate(space.boundary) if wanted[space.subdomains[e]] and part.stop > part.start]
+    for e, own in zip(chosen, direction.robin_blocks(chosen)):
+        size = own.shape[0]
+        under_way[e] = _Krylov(own, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))))
     while under_way:
         requests = {e: s.forces for e, s in under_way.items()}
         spent += sum(len(r) for r in requests.values())
