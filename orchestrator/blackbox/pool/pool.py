@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
@@ -11,6 +12,8 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.pool import lifetime, workdir
 from orchestrator.blackbox.pool.crew import Crew, Task
+from orchestrator.blackbox.pool.diagnosis import AGREE, ROUGH, difference
+from orchestrator.blackbox.pool.sharing import Sharing
 from orchestrator.blackbox.pool.usage import PoolUsage
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.blackbox.pool.worker import Ended, Worker
@@ -47,7 +50,7 @@ class Pool:
 
     def __init__(self, code: Code, wait: bool = True):
         self._models: list[Model] = []
-        self._home: dict[int, int] = {}  # model → worker
+        self._sharing: Sharing | None = None  # where the models are
         self._broken, self._closed = "", False
         self._folder = workdir.make()
         lifetime.watch(self)
@@ -70,22 +73,17 @@ class Pool:
         Raises BlackBoxError, among others for a model that can still move freely; InputError when
         the disk is full.
         """
-        if self._home:
+        if self._sharing is not None:
             self._crew.stop()
             self._start(wait=True)
         # Longest first to whoever is free would balance the factorisations alone: on 100 grains the busier of two
         # workers then has 4 % more back-substitutions than the mean, instead of 0.1 %. They stay where the factor is.
         dofs = [int((~model.fixed).sum()) for model in models]
-        tasks = longest_first(predicted_cost(dofs), self._crew.count)
+        costs = predicted_cost(dofs)
+        tasks = longest_first(costs, self._crew.count)
         self._models = list(models)
-        self._home = {index: worker for worker, indices in enumerate(tasks) for index in indices}
-        self._usage.hold(self._home, dofs)
-
-        def load_all(worker: Worker, indices: list[int]) -> None:
-            for index in indices:
-                worker.load(index, self._models[index])
-
-        self._run([(w, load_all, indices) for w, indices in enumerate(tasks) if indices])
+        self._sharing = Sharing(tasks, costs, self._load(dict(enumerate(tasks))))
+        self._usage.hold(self._sharing.holders, dofs)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
@@ -172,19 +170,71 @@ class Pool:
             raise BlackBoxError(str(error)) from error
         raise error
 
+    def _load(self, tasks: Mapping[int, Sequence[int]]) -> list[float]:
+        """Have the workers load models; the seconds of each."""
+        seconds = [0.0] * self._crew.count
+
+        def load_all(worker: Worker, indices: Sequence[int]) -> None:
+            begin = time.perf_counter()
+            for index in indices:
+                worker.load(index, self._models[index])
+            seconds[worker.number] = time.perf_counter() - begin
+
+        self._run([(w, load_all, indices) for w, indices in tasks.items() if indices])
+        return seconds
+
     def _solve(self, op: int, forces: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-        jobs: dict[int, list] = {}
-        for index, f in forces.items():
-            if f.size:
-                jobs.setdefault(self._home[index], []).append((index, f))
-
-        def solve_all(worker: Worker, some: list) -> dict[int, np.ndarray]:
-            return worker.solve(op, some, [self._models[index].name for index, _ in some])
-
+        alone, queue = self._sharing.tasks([index for index, f in forces.items() if f.size])
         answers: dict[int, np.ndarray] = {}
-        for part in self._run([(w, solve_all, some) for w, some in jobs.items()]):
-            answers.update(part)
+        busy: dict[int, float] = {}
+
+        def solve_all(worker: Worker, some: list[int]) -> None:
+            begin = time.perf_counter()
+            some = some or queue.take(worker.number)
+            while some:
+                answers.update(worker.solve(op, [(index, forces[index]) for index in some],
+                                            [self._models[index].name for index in some]))
+                some = queue.take(worker.number)
+            busy[worker.number] = time.perf_counter() - begin
+
+        self._run([(w, solve_all, some) for w, some in alone.items()])
+        if op == messages.TRACES:
+            self._sharing.answered(busy)
+            self._balance(forces, answers)
         return {index: answers[index] if f.size else f.copy() for index, f in forces.items()}
+
+    def _balance(self, forces: Mapping[int, np.ndarray], answers: Mapping[int, np.ndarray]) -> None:
+        """Have models of a slow worker loaded by others too, where that pays.
+
+        They are asked what has just been answered. A code that does not repeat itself to rounding keeps its models where
+        they are: results would depend on who was quicker.
+
+        Raises
+        ------
+        BlackBoxError : a worker answers quite otherwise than the one that had the model first
+        """
+        if not self._crew.workers[0].keeps_models:
+            return
+        moves = [(index, worker) for index, worker in self._sharing.moves() if index in answers]
+        if not moves:
+            return
+        tasks: dict[int, list[int]] = {}
+        for index, worker in moves:
+            tasks.setdefault(worker, []).append(index)
+        self._load(tasks)
+
+        def ask_again(worker: Worker, indices: list[int]) -> float:
+            names, largest = [self._models[index].name for index in indices], 0.0
+            for index, found in worker.solve(messages.TRACES, [(i, forces[i]) for i in indices], names).items():
+                largest = max(largest, apart := difference(found, answers[index]))
+                if apart > ROUGH:
+                    raise BlackBoxError(f"another process answers otherwise to the same load: relative difference {apart:.1e}",
+                                        self._models[index].name)
+            return largest
+
+        apart = max(self._run([(w, ask_again, indices) for w, indices in tasks.items()]))
+        self._sharing.settle(moves if apart <= AGREE else [])
+        self._usage.hold(self._sharing.holders, [int((~model.fixed).sum()) for model in self._models])
 
 
 def _rows(index: int, forces: np.ndarray, size: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,11 +24,14 @@ class PoolUsage:
     def __init__(self, crew: Crew, code: Code, folder: Path):
         self._crew, self._code, self._folder = crew, code, folder
         self._held: list[list[int]] = []
+        self._models = 0  # different ones
 
-    def hold(self, home: Mapping[int, int], dofs: list[int]) -> None:
-        """Say which worker (value) holds which model (key), and how many free dofs each model has."""
-        self._held = [[dofs[index] for index, worker in home.items() if worker == number]
-                      for number in range(self._crew.count)]
+    def hold(self, holders: Mapping[int, Sequence[int]], dofs: list[int]) -> None:
+        """Say which workers hold which model (key), and how many free dofs each model has."""
+        self._held, self._models = [[] for _ in range(self._crew.count)], len(holders)
+        for index, workers in holders.items():
+            for worker in workers:
+                self._held[worker].append(dofs[index])
 
     @property
     def asked(self) -> float:
@@ -54,7 +57,7 @@ class PoolUsage:
         seconds = self.clock()
         asked = [note for worker in self._crew.workers for note in worker.compliances()]
         return [{"code": self._code.name, "transport": self._code.settings.transport,
-                 "version": self._code.version(), "models": sum(map(len, self._held)), "workers": self._crew.count,
+                 "version": self._code.version(), "models": self._models, "workers": self._crew.count,
                  "seconds": {**seconds, "total": sum(seconds.values())}, "compliances": asked,
                  "own_matter": self._crew.workers[0].traits().own_matter}]
 
