@@ -1,9 +1,11 @@
 """Interfaces whose sides are meshed each on its own: the operators, and fields that must pass through them unchanged."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from contact_case import contact, written
 from mortar_case import FOUR, SIX, THREE, TURN, TWO, YOUNG, POISSON, axes, blocks, free_mesh, gradients, off, one_piece, patch_scene, there
 
 from orchestrator.run import solve
@@ -167,6 +169,33 @@ def test_constant_stresses_pass(element, layout):
     assert off(scene, solved.parts, strains) < 1e-10
     steps = one_piece(scene, made).solve()
     assert off(scene, [np.stack([s.parts[e] for s in steps]) for e in range(len(bodies))], strains) < 1e-10
+
+
+def bent(folder, sizes):
+    """Energy of what a constant stress across a curved interface is off, over its own; and its operators."""
+    flat = build_scene(blocks(TWO, {n: free_mesh(TWO[n][0], h) for n, h in zip("ab", sizes)}, turn=None,
+                              held=[{"on": "a/zmin", "displacement": [0, 0, 0]}])).mesh
+    x, y, z = flat.nodes.T
+    off_plane = (0.12 * np.sin(2.1 * x + 0.3) + 0.1 * y**2) * (1 - np.abs(z - 0.5) / 0.5)
+    mesh = replace(flat, nodes=np.c_[x, y, z + off_plane])
+    made = contact(law=[{"law": "perfect"}], mesh=written(folder / f"{sizes[0]}.msh", mesh), subdomains="groups",
+                   boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [0, 0, 10]}])
+    strains = gradients(SIX[2:3], None)
+    scene = patch_scene(made, strains)
+    (step,), whole = one_piece(scene, made).solve(), one_piece(scene, made)
+    exact = np.concatenate([(scene.mesh.nodes @ strains[0].T)[s.nodes].ravel() for s in scene.subdomains])
+    wrong = np.concatenate([u.ravel() for u in step.parts]) - exact
+    return np.sqrt(wrong @ (whole.K @ wrong) / (exact @ (whole.K @ exact))), scene.interfaces[0].mortar, np.abs(mesh.nodes - scene.mesh.nodes)
+
+
+def test_curved_bonds(tmp_path):
+    """Nodes of the slave are moved onto the master, by no more than facets are off the surface."""
+    errors = []
+    for sizes in ((0.25, 0.25), (0.3, 0.15), (0.15, 0.075)):
+        error, mortar, moved = bent(tmp_path, sizes)
+        assert 0 < moved.max() < 0.2 * sizes[0] ** 2 and np.abs(mortar.gap).max() < 2e-3 * moved.max()
+        errors.append(error)
+    assert errors[0] < 1e-4 and errors[1] < 1e-3 and errors[2] < errors[1] / 2
 
 
 def test_linear_stresses_pass_between_ten_node_tets():

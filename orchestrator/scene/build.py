@@ -12,6 +12,7 @@ from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import leave_free
+from orchestrator.scene.interfaces.mortar.fitting import fitted
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.quadratic import quadratic
@@ -73,9 +74,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     else:
         whole = False
     numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
+    matter = _matter(mesh, materials, cell_material, boundary)
     interfaces, near = ([], []) if whole else make_interfaces(
-        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set,
-        _matter(mesh, materials, cell_material, boundary))
+        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set, matter)
+    mesh = fitted(mesh, interfaces, matter.held)
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,

@@ -1,0 +1,96 @@
+"""Bonded faces that are curved: the slave's nodes are put onto the master's facets before anything is computed.
+
+Facets of two sizes about one curved surface are apart, or in each other, by what they are off it (h²/8R). What is bonded
+across that slit is not what is bonded face to face. Once the slave's nodes have been moved to P x₂, by no more than facets
+are off the surface anyway, constant stresses pass with an error smaller by, measured in energy, 17 times where both sides
+are equally fine, 25 to 30 where the slave is finer by 2 or 3, and 1.4 where it is coarser. Moving the master's gains nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orchestrator.scene.interfaces.mortar.duals import multipliers
+from orchestrator.scene.interfaces.mortar.points import COVERED
+from orchestrator.scene.interfaces.mortar.segments import find_segments
+from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.model import Interface, Mesh
+
+# Each pass leaves a small share of what was off, as P changes with the nodes.
+PASSES = 3
+# A cell keeps this share of its volume, or its nodes stay where they are.
+KEPT = 0.5
+# Nodes this near their place, in units of the facets around, are there.
+THERE = 1e-9
+# Facets that have been moved are still within the distance they were, and this share of their size.
+SLANTED = 0.1
+
+
+def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mesh:
+    """The mesh with nodes of bonded curved faces moved; ``surfaces`` of these interfaces follow.
+
+    Parameters
+    ----------
+    interfaces : all there are; nothing happens without perfect ones whose nodes do not match
+    held : (n,) bool, nodes that stay because a component of them is prescribed
+    """
+    bonded = [i for i in interfaces if i.surfaces is not None and i.law.perfect]
+    if not bonded:
+        return mesh
+    stays = held.copy()
+    met = np.zeros(len(mesh.nodes), dtype=int)
+    for i in interfaces:
+        for nodes in i.surfaces.nodes if i.surfaces is not None else (i.global_nodes,):
+            met[nodes] += 1
+    stays |= met > 1
+    nodes, corners = mesh.nodes.copy(), mesh.cells[:, :4]
+    far = [np.abs(i.surfaces.segments.distance).max() for i in bonded]
+    before = tet_volumes(mesh.nodes, corners)
+    for _ in range(PASSES):
+        moved, close = nodes.copy(), True
+        for i, apart in zip(bonded, far):
+            here = again(i.surfaces.moved(nodes), apart)
+            where, at = _places(here)
+            own = here.nodes[0][at]
+            at, own = at[~stays[own]], own[~stays[own]]
+            moved[own] = where[at]
+            close &= bool((np.linalg.norm(moved[own] - nodes[own], axis=1)
+                           <= THERE * local_size(here.points[0], here.triangles[0])[at]).all())
+        if close:
+            break
+        while (crushed := tet_volumes(moved, corners) < KEPT * before).any():
+            back = np.unique(corners[crushed])
+            if not (moved[back] != mesh.nodes[back]).any():
+                break
+            moved[back], stays[back] = mesh.nodes[back], True
+        nodes = moved
+    if np.array_equal(nodes, mesh.nodes):
+        return mesh
+    if mesh.cells.shape[1] == 10:
+        nodes[mesh.cells[:, 4:]] = nodes[mesh.cells[:, TET_EDGES]].mean(axis=2)
+    for i, apart in zip(bonded, far):
+        i.surfaces = again(i.surfaces.moved(nodes), apart)
+    return replace(mesh, nodes=nodes)
+
+
+def again(surfaces: Surfaces, apart: float) -> Surfaces:
+    """The same facets with what they have in common where they are now, apart by as much as they were."""
+    slave, master = (x[t[:, :3]] for x, t in zip(surfaces.points, surfaces.triangles))
+    far = apart + SLANTED * np.sqrt(2 * np.linalg.norm(area_vectors(surfaces.points[0], surfaces.triangles[0]), axis=1))
+    return replace(surfaces, segments=find_segments(slave, master, far, far))
+
+
+def _places(surfaces: Surfaces) -> tuple[np.ndarray, np.ndarray]:
+    """(n₁, 3) P x₂ of the slave's nodes, and which of these nodes (m,) are well covered corners."""
+    corners = tuple(t[:, :3] for t in surfaces.triangles)
+    weights = multipliers(surfaces.segments, *corners, surfaces.area, tuple(len(x) for x in surfaces.points))
+    there = np.flatnonzero(weights.share >= COVERED)
+    places = surfaces.points[0].copy()
+    places[there] = (weights.other @ surfaces.points[1])[there] / weights.area[there, None]
+    return places, there
