@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from orchestrator.blackbox.layers.stack import with_layers
+from orchestrator.blackbox.own_loads import add_own_loads
 from orchestrator.blackbox.start import Ahead, make_blackbox
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
@@ -105,6 +106,8 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         give_back()
     method, savings, codes = config.method, Savings(), with_workers(config.codes, team)
     workers = max(code.workers for code in codes)
+    if whole is not None:
+        add_own_loads(whole, codes)
     exact = _undecomposed(codes, whole, told, watch, team) if reference else None
     cases = common_load_cases(whole, method, savings, team)
     rank_of = team.share(None if team.rank else ranks_of(whole, team.size))
@@ -121,6 +124,9 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         if reference and len(codes) > 1 and any(blackbox.traits(number).own_matter for number in placement.codes):
             raise InputError(Problem(("blackbox",), "--reference with several codes, one of which has matter of its own",
                                      "the whole structure in one code", "leave out --reference, or use one code"))
+        if method.tolerance.error == "auto" and any(blackbox.traits(number).own_matter for number in placement.codes):
+            raise InputError(Problem(("method", "tolerance", "error"), "auto beside a code whose matter is its own",
+                                     "a number: the mesh's error is estimated from the YAML's moduli", "write error: 1e-6"))
         workload = Workload(blackbox.usage, watch, team)
         d = prepare(scene, soles, method, blackbox, workers, watch, savings, part)
         workload.end("set_up")

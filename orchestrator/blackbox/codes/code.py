@@ -62,6 +62,15 @@ class Code(ABC):
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a process that reads and writes these paths."""
 
+    def files(self) -> dict[str, str]:
+        """Texts that its processes find in their folder, by name."""
+        return {}
+
+    @property
+    def brings_loads(self) -> bool:
+        """Whether its models have loads of their own, beside those of the YAML."""
+        return False
+
     def environment(self) -> dict[str, str]:
         """Environment of its processes: one thread each, since parallelism is over subdomains."""
         return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -106,6 +115,10 @@ class MessageCode(Code):
 
     def heard(self, numbers: Sequence[float]) -> None:
         """Told the numbers of its processes' first words; what they mean is between the code and its processes."""
+
+    def told(self, model: Model) -> Model:
+        """The model as its processes are told of it: regions may mean something else to it."""
+        return model
 
     @abstractmethod
     def mesh(self, model: Model) -> bytes:

@@ -78,6 +78,7 @@ class PythonCode(MessageCode):
     class Settings(CodeSettings):
         """A solver in Python."""
 
+        loads: bool = Field(False, description="whether the solver's class brings loads of its own: loads(model, step)")
         options: dict[Name, JsonValue] = Field({}, description="keyword arguments of the solver's class")
         python: Name | None = Field(None, description=(
             "the interpreter that the solver's packages are installed for, as /usr/bin/python3, with numpy and SciPy; "
@@ -118,9 +119,14 @@ class PythonCode(MessageCode):
         code = self.settings.code
         return code if self.solver else Path(code.rpartition(":")[0] or code).name
 
+    @property
+    def brings_loads(self) -> bool:
+        """As its entry says: the class is imported by its processes alone."""
+        return self.settings.loads
+
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a server that reads and writes these paths."""
-        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "options", "python"})
+        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "loads", "options", "python"})
         server = [self._code, json.dumps({**own, **self.settings.options}), requests, replies]
         if self.settings.python:
             return [self.settings.python, "-c", _HOSTED, str(_ROOT / "orchestrator"), *server]

@@ -107,7 +107,7 @@ class Server:
         """Until told to quit, or until the orchestrator is gone."""
         self._reply([0, 0, promised(self.solver)], [clock(), 0, 0], [])
         answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
-                   messages.STIFFNESS: self._stiffness}
+                   messages.STIFFNESS: self._stiffness, messages.OWN_LOADS: self._own_loads}
         while len(head := self.requests.read(8)) == 8:
             op = int(np.frombuffer(head, np.int64)[0])
             if op == messages.QUIT:
@@ -173,6 +173,16 @@ class Server:
         lower = sp.coo_array(sp.tril(self._matrix(read_model(f"mesh-{index}.npz"))))
         head = [index, 0, lower.shape[0], lower.nnz]
         self._reply(np.concatenate([head, lower.row, lower.col]), [clock() - start, 0, 0], lower.data)
+
+    def _own_loads(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
+        index, steps, start = int(ints[0]), int(ints[3]), clock()
+        if not callable(getattr(self.solver, "loads", None)):
+            raise ValueError("the solver's class has no method loads(model, step), though its entry says loads: true")
+        model = read_model(f"mesh-{index}.npz")
+        forces = [np.asarray(self.solver.loads(model, step + 1), dtype=float).ravel() for step in range(steps)]
+        if any(force.size != model.fixed.size for force in forces):
+            raise ValueError(f"loads() returned {forces[0].size} nodal forces for {model.fixed.size} dofs")
+        self._reply([index, 0], [clock() - start, 0, 0], np.array(forces))
 
     def _matrix(self, model: Model) -> sp.csr_array:
         """The solver's stiffness; raises ValueError for one that is not square or not symmetric: one triangle is sent."""

@@ -60,6 +60,14 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
     )
 
 
+def body_model(scene: Scene, subdomain: Subdomain) -> Model:
+    """The subdomain's own mesh, without soles."""
+    region, materials = _regions(np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material])
+    return Model(subdomain.name, scene.mesh.nodes[subdomain.nodes], subdomain.connectivity, region, materials, subdomain.fixed,
+                 np.empty(0, int), code=subdomain.code,
+                 origin=Origin(subdomain.nodes, subdomain.cells, scene.mesh.volume, scene.mesh.volumes))
+
+
 def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tuple[int, int]]]:
     """One model per different sole, with the (interface, side) it belongs to; interfaces without soles are left out."""
     models = []

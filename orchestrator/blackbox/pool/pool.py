@@ -54,6 +54,8 @@ class Pool:
         self._broken, self._closed = "", False
         self._folder = workdir.make()
         lifetime.watch(self)
+        for name, text in code.files().items():
+            (self._folder / name).write_text(text, encoding="utf-8")
         workers, worker = code.settings.workers, code.worker()
         self._crew = Crew(lambda number: worker(code, self._folder, number),
                           default_workers() if workers == "auto" else workers)
@@ -115,6 +117,19 @@ class Pool:
         tasks = longest_first([len(model.cells) for model in models], self._crew.count)
         self._run([(w, assemble_all, indices) for w, indices in enumerate(tasks) if indices])
         return matrices
+
+    def own_loads(self, models: Sequence[Model], steps: int) -> list[np.ndarray]:
+        """(steps, 3n) nodal forces of each model that are the code's own, see ``Code.brings_loads``."""
+        found: list[np.ndarray | None] = [None] * len(models)
+        first = len(self._models)
+
+        def ask_all(worker: Worker, indices: list[int]) -> None:
+            for index in indices:
+                found[index] = worker.own_loads(first + index, models[index], steps)
+
+        tasks = longest_first([len(model.cells) for model in models], self._crew.count)
+        self._run([(w, ask_all, indices) for w, indices in enumerate(tasks) if indices])
+        return found
 
     def traits(self, code: int = 0) -> Traits:
         """As the protocol says: what the code declares, or where it leaves that open, its process."""

@@ -79,6 +79,9 @@ class Worker:
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
         raise NotImplementedError
 
+    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+        raise NotImplementedError
+
     def compliances(self) -> list[dict[str, object]]:
         """Subdomains whose interface compliance took the place of runs; none where processes stay alive."""
         return []

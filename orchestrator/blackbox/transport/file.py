@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ class FileWorker(StatelessWorker):
             self._converse(0, "", "it did not start", [], lambda replies, index: None)
 
     def load(self, index: int, model: Model) -> None:
+        model = self.code.told(model)
         self.write_mesh(index, model)
         self._load_requests[index] = messages.load(index, self.element, model)
         self.tallies[index] = Tally(model.name, len(model.trace))
@@ -59,17 +61,26 @@ class FileWorker(StatelessWorker):
         return self.run_cases(messages.TRACES, index, np.eye(self.tallies[index].trace_dofs), name)
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        path = self.write_mesh(index, model)
-        dofs = 3 * len(model.nodes)
+        model = self.code.told(model)
+        return self._asked(index, model, messages.stiffness(index, self.element, model), "the stiffness matrix was not obtained",
+                           lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
 
-        def read(replies: "_Replies", index=index) -> sp.csr_array:
+    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+        model = self.code.told(model)
+        return self._asked(index, model, messages.own_loads(index, self.element, model, steps), "its own loads were not obtained",
+                           lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size))
+
+    def _asked(self, index: int, model: Model, request: Buffers, otherwise: str, check: Callable):
+        """What ``check`` makes of the reply to a request about a mesh that is not kept."""
+        path = self.write_mesh(index, model)
+
+        def read(replies: "_Replies", index: int):
             reply = replies.next()
             self.count(reply.seconds)
-            return messages.check_stiffness(reply, index, dofs)
+            return check(reply)
 
-        request = messages.stiffness(index, self.element, model)
         try:
-            return self._converse(index, model.name, "the stiffness matrix was not obtained", request, read)[0]
+            return self._converse(index, model.name, otherwise, request, read)[0]
         finally:
             path.unlink(missing_ok=True)
 

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
 
-LOAD, TRACES, FIELDS, STIFFNESS, QUIT = 1, 2, 3, 4, 5
+LOAD, TRACES, FIELDS, STIFFNESS, QUIT, OWN_LOADS = 1, 2, 3, 4, 5, 6
 ELEMENTS = {"P1": 1, "P2": 2}
 # Of the ten nodes of a tet in our order, that of the messages, FreeFEM's: its edges are 01, 02, 03, 12, 13, 23.
 EDGE_ORDER = [0, 1, 2, 3, 4, 6, 7, 5, 8, 9]
@@ -76,6 +76,12 @@ def stiffness(index: int, element: str, model: Model) -> Buffers:
     """Assemble the mesh file with nothing clamped and send the matrix."""
     head = [index, ELEMENTS[element], model.fixed.size]
     return [_op(STIFFNESS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(*model.materials.T))]
+
+
+def own_loads(index: int, element: str, model: Model, steps: int) -> Buffers:
+    """Nodal forces of the loads that the code's own model has, at every load step."""
+    head = [index, ELEMENTS[element], model.fixed.size, steps]
+    return [_op(OWN_LOADS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(*model.materials.T))]
 
 
 def _numbers(element: str, model: Model) -> np.ndarray:
@@ -150,6 +156,16 @@ def check_solve(reply: Reply, index: int, rhs: int, size: int) -> np.ndarray:
     if not np.isfinite(reply.reals).all():
         raise BadReply("displacements are not finite", "the forces are not, or the matrix is close to singular")
     return reply.reals.reshape(rhs, size)
+
+
+def check_own_loads(reply: Reply, index: int, steps: int, size: int) -> np.ndarray:
+    """The (steps, size) forces, zero where the model has none; raises BadReply."""
+    _check(reply, index, 2)
+    if reply.reals.size not in (0, steps * size):
+        raise BadReply(f"{reply.reals.size} nodal forces received, {steps} x {size} expected")
+    if not np.isfinite(reply.reals).all():
+        raise BadReply("its own loads are not finite")
+    return reply.reals.reshape(steps, size) if reply.reals.size else np.zeros((steps, size))
 
 
 def check_stiffness(reply: Reply, index: int, dofs: int) -> sp.csr_array:

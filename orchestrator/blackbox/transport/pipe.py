@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -35,6 +37,7 @@ class PipeWorker(Worker):
         self.seconds["start"] += float(reply.seconds[0])
 
     def load(self, index: int, model: Model) -> None:
+        model = self.code.told(model)
         path = self.write_mesh(index, model)
         request = messages.load(index, self.element, model)
         try:
@@ -61,19 +64,29 @@ class PipeWorker(Worker):
         return answers
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        model = self.code.told(model)
+        return self._asked(index, model, messages.stiffness(index, self.element, model), "the stiffness matrix was not obtained",
+                           lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
+
+    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+        model = self.code.told(model)
+        return self._asked(index, model, messages.own_loads(index, self.element, model, steps), "its own loads were not obtained",
+                           lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size))
+
+    def _asked(self, index: int, model: Model, request: messages.Buffers, otherwise: str, read: Callable):
+        """What ``read`` makes of the reply to a request about a mesh that is not kept."""
         path = self.write_mesh(index, model)
-        dofs = 3 * len(model.nodes)
         try:
             deadline = self.deadline()
-            self.channel.write(messages.stiffness(index, self.element, model), deadline)
+            self.channel.write(request, deadline)
             reply = self._reply(deadline)
-            matrix = messages.check_stiffness(reply, index, dofs)
+            answer = read(reply)
         except (Ended, BadReply) as error:
-            raise self.failure("the stiffness matrix was not obtained", error, model.name) from error
+            raise self.failure(otherwise, error, model.name) from error
         finally:
             path.unlink(missing_ok=True)
         self.count(reply.seconds)
-        return matrix
+        return answer
 
     def release(self) -> None:
         super().release()

@@ -34,6 +34,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     iterated, estimated = delivered.iterated, delivered.discretisation
     last, contact = iterated.last, _contact(scene, delivered)
     spent = total(ranks, scene)
+    if foreign_matter(spent["codes"]):
+        estimated = None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,

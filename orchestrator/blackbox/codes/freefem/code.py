@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
 
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.codes.freefem import installation
+from orchestrator.blackbox.codes.freefem.form import FORM_SERVER, check_form, form_server, with_volumes
 from orchestrator.blackbox.codes.freefem.scripts import SERVER, script
 from orchestrator.blackbox.pool.exits import exit_meaning
+from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
 
@@ -27,6 +33,9 @@ _MEANINGS = {
     64: "the server script was started without its two paths",
     65: "the server script received an unknown operation",
     66: "the node numbers sent do not fit the mesh",
+    67: "the form's Stiffness(u, v) is not symmetric: Stiffness(v, u) is another matrix",
+    68: "the form's Stiffness(u, v) acts outside its own regions: write int3d(Th, mine, ...)",
+    69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the error bound would not hold",
     250: "the script was not found",
     139: "segmentation fault",
     127: "the executable or one of its libraries was not found",
@@ -46,21 +55,53 @@ class FreeFem(MessageCode):
     class Settings(CodeSettings):
         """FreeFEM, which can do all that can be asked for."""
 
+        form: Name | None = Field(None, description=(
+            "a .idp file with macros for stiffness and loads, in place of isotropic elasticity; relative to the YAML file"))
+        uniform: bool = Field(False, description=(
+            "of a form: the same at every place, so that subdomains that differ by a translation share one matrix"))
+
+        @classmethod
+        def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
+            """The form."""
+            form = entry.get("form")
+            return {**entry, "form": os.path.abspath(folder / form)} if isinstance(form, str) and form else entry
+
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)
         if problems := installation.missing():
             raise InputError(problems)
+        if self.settings.form:
+            check_form(Path(self.settings.form))
+            self.translation_invariant, self.own_matter = self.settings.uniform, True
         self.executable = installation.executable()
         self._environment = installation.environment()
         self._said = ""
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a subdomain server that reads and writes these paths."""
-        return [self.executable, "-ne", "-nw", "-v", "0", str(script(SERVER)), requests, replies]
+        server = FORM_SERVER if self.settings.form else str(script(SERVER))
+        return [self.executable, "-ne", "-nw", "-v", "0", server, requests, replies]
+
+    def files(self) -> dict[str, str]:
+        """The server's script around a form."""
+        return {FORM_SERVER: form_server(Path(self.settings.form))} if self.settings.form else {}
+
+    @property
+    def brings_loads(self) -> bool:
+        """A form may."""
+        return bool(self.settings.form)
+
+    def told(self, model: Model) -> Model:
+        """Of a form: regions are the volumes of the mesh, then the matter of soles."""
+        return with_volumes(model) if self.settings.form else model
 
     def environment(self) -> dict[str, str]:
         """With its folders of plugins and includes, and OpenBLAS."""
-        return dict(self._environment)
+        result = dict(self._environment)
+        if self.settings.form:  # what it includes is beside it
+            folders = [str(Path(self.settings.form).parent), *filter(None, [result.get("FF_INCLUDEPATH")])]
+            result["FF_INCLUDEPATH"] = ";".join(folders)
+        return result
 
     def heard(self, numbers: Sequence[float]) -> None:
         """Its version: to ask for it takes a process."""

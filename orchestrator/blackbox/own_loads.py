@@ -1,0 +1,41 @@
+"""Loads that a code's own model has beside those of the YAML: heat, own weight, whatever a form or a solver says.
+
+They are asked for once, before anything is decomposed, and added to the scene's: energies, reactions and the error bound
+then know them like any others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.models.extended import body_model
+from orchestrator.blackbox.pool.pool import Pool
+from orchestrator.config.blackbox import CodeSettings
+from orchestrator.scene.model import Scene
+
+
+def add_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> None:
+    """Adds them to the loads of the scene and of its subdomains.
+
+    Parameters
+    ----------
+    settings : the entries of ``blackbox``
+
+    Raises
+    ------
+    InputError : a code that is not installed
+    BlackBoxError : its processes do not start, or answer nonsense
+    """
+    for index, code in find_codes(settings, {s.code for s in scene.subdomains}).items():
+        if not code.brings_loads:
+            continue
+        own = [s for s in scene.subdomains if s.code == index]
+        with Pool(code) as pool:
+            found = pool.own_loads([body_model(scene, s) for s in own], scene.steps)
+        for s, forces in zip(own, found):
+            forces = forces.reshape(scene.steps, -1, 3)
+            s.loads += forces
+            np.add.at(scene.loads, (slice(None), s.nodes), forces)
