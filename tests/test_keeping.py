@@ -35,6 +35,9 @@ PRESSED = {"mesh": {"box": {"size": [2.0, 1.0, 2.0], "cells": [4, 2, 4]}}, "subd
                         {"on": "zmax", "displacement": [[0, 0, -0.005], [0.004, 0, -0.005], [-0.004, 0, -0.006]]}]}
 TURNED = {"boundary": [{"on": "xmin", "displacement": [0, 0, 0]},
                        {"on": "xmax", "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]}
+APART = {"mesh": None, "subdomains": "groups", "parts": [
+    {"name": "low", "mesh": {"box": {"size": [2.0, 1.0, 1.0], "cells": [4, 2, 2]}}},
+    {"name": "up", "mesh": {"box": {"size": [2.0, 1.0, 1.0], "cells": [5, 3, 2]}}, "move": {"translate": [0.0, 0.0, 1.0]}}]}
 CASES = {
     "bonded": {**METIS, **TURNED},
     "bonded, three directions kept": {**CUBES, **TURNED, "method": {"memory": 3}},
@@ -43,6 +46,10 @@ CASES = {
     "contact": PRESSED,
     "contact, step by step": {**PRESSED, "method": {"increment": 1}},
     "contact, four differences kept": {**PRESSED, "method": {"memory": 4}},
+    "bonded, nodes that do not match": {**TURNED, **APART, "interfaces": [{"law": "perfect"}], "boundary": [
+        {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2.0}, "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]},
+    "contact, nodes that do not match": {**PRESSED, **APART, "boundary": [
+        {**entry, "on": {"plane": "z", "at": at}} for entry, at in zip(PRESSED["boundary"], (0.0, 2.0))]},
 }
 
 

@@ -1,0 +1,140 @@
+"""The method where nodes do not match: as fast as where they do, and the solution of the same operators in one piece."""
+
+import numpy as np
+import pytest
+from contact_case import PATH
+from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, one_piece, patch_scene
+
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+
+SLIDES = {"law": "contact", "friction": 0.3}
+
+
+def boxes(bodies: dict, cells: tuple) -> dict:
+    """Structured meshes, of so many cells in every direction."""
+    return {name: {"box": {"size": list(map(float, size)), "cells": [n, n, max(1, round(n * size[2] / size[0]))]}}
+            for (name, (size, _)), n in zip(bodies.items(), cells)}
+
+
+def bonded(cells, **changes):
+    """A short beam of two parts, bent and pulled."""
+    return blocks(TWO, boxes(TWO, cells), turn=None, **changes,
+                  held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [10, 0, 50]}])
+
+
+def pressed(bodies, cells, law, path=PATH, element="P1", error=1e-9, **method):
+    """Pressed, sheared and let go."""
+    low, top = ([{"on": f"{name}/{side}", "displacement": move} for name, (size, corner) in bodies.items()
+                 if (corner[2] + size[2] * (side == "zmax")) == level]
+                for side, level, move in (("zmin", 0, [0, 0, 0]), ("zmax", max(c[2] + s[2] for s, c in bodies.values()), path)))
+    return blocks(bodies, boxes(bodies, cells), law=law, turn=None, element=element, held=low + top,
+                  method={"tolerance": {"error": error}, "max_iterations": 300, **method})
+
+
+def energy_norm(whole, u):
+    """Of displacements (n, 3) of all nodes, each of which belongs to one part."""
+    flat = np.concatenate([u[s.nodes].ravel() for s in whole.scene.subdomains])
+    return float(np.sqrt(flat @ (whole.K @ flat)))
+
+
+@pytest.mark.parametrize("cells", [(2, 6), (6, 2), (5, 6)])
+def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
+    """What is delivered has no jump; its distance from the solution of the same operators is bounded, closely."""
+    scene = build_scene(bonded(cells))
+    assert [i.mortar is None for i in scene.interfaces] == [False]
+    whole = one_piece(scene, bonded(cells))
+    exact, = whole.solve()
+    u = np.zeros_like(scene.mesh.nodes)
+    for s, part in zip(scene.subdomains, exact.parts):
+        u[s.nodes] = part
+    for stages in (1, 3, 6):
+        solved = solve(bonded(cells, method={"tolerance": {"error": 1e-9}, "max_iterations": stages}), scene)
+        error = energy_norm(whole, solved.displacement[0] - u) / energy_norm(whole, u)
+        assert error < solved.error_bound < 2 * error, stages
+        apart = whole.pairs.D @ np.concatenate([solved.displacement[0][s.nodes].ravel() for s in scene.subdomains])
+        assert np.abs(apart).max() < 1e-12 * np.abs(u).max()
+    tight = {"method": {"tolerance": {"error": 1e-6}}}
+    alike = bonded((6, 6), **tight)
+    assert solve(bonded(cells, **tight), scene).iterations <= 1.2 * solve(alike, build_scene(alike)).iterations
+
+
+@pytest.mark.parametrize("macro", [{"strategy": "none"}, {"strategy": "continuity"}, {"basis": "modes"}], ids=str)
+def test_every_macro_problem(macro):
+    made = bonded((3, 4), method={"macro": macro, "tolerance": {"error": 1e-8}})
+    scene = build_scene(made)
+    solved, (exact,) = solve(made, scene), one_piece(scene, made).solve()
+    assert solved.converged
+    for part, theirs in zip(solved.parts, exact.parts):
+        assert np.abs(part[0] - theirs).max() < 1e-7 * np.abs(theirs).max()
+
+
+@pytest.mark.parametrize("bodies, cells, law, element", [
+    (TWO, (2, 6), {**SLIDES, "friction": 0.1}, "P1"), (TWO, (6, 2), {**SLIDES, "friction": 0.0}, "P1"),
+    (TWO, (4, 5), {**SLIDES, "friction": 0.4}, "P1"), (TWO, (4, 5), {**SLIDES, "gap": 0.002}, "P1"),
+    (TWO, (5, 4), {**SLIDES, "gap": -0.002}, "P1"), (TWO, (2, 3), SLIDES, "P2"),
+    (FOUR, (4, 3, 5, 4), {**SLIDES, "friction": 0.1}, "P1"),
+], ids=["fine on coarse", "without friction", "much friction", "gap", "press fit", "ten nodes", "four round an edge"])
+def test_contact_is_that_of_one_piece(bodies, cells, law, element):
+    """Four load steps with reversal: every status, displacements and forces."""
+    made = pressed(bodies, cells, law, element=element)
+    scene = build_scene(made)
+    assert all(i.mortar is not None for i in scene.interfaces)
+    solved = solve(made, scene)
+    assert solved.converged, solved.stop_reason
+    local = solved.iterated.local
+    start = [([part[t] for part in solved.parts], local.force[t].T) for t in range(scene.steps)]
+    for t, step in enumerate(one_piece(scene, made).solve(start)):
+        assert step.converged
+        assert np.array_equal(local.status[t], step.status), t
+        far, strong = max(np.abs(part).max() for part in step.parts), np.abs(step.force).max()
+        assert max(np.abs(part[t] - theirs).max() for part, theirs in zip(solved.parts, step.parts)) < 1e-6 * far
+        assert np.abs(local.force[t].T - step.force).max() <= 1e-6 * strong
+
+
+def test_contact_takes_as_many_stages():
+    """A mesh three times as coarse beside the fine one, against the fine one on both sides."""
+    counts = []
+    for cells in ((6, 6), (2, 6), (6, 2)):
+        made = pressed(TWO, cells, SLIDES, error=1e-6)
+        counts.append(solve(made, build_scene(made)).iterations)
+    assert max(counts[1:]) <= 1.4 * counts[0], counts
+
+
+@pytest.mark.parametrize("element, cells", [("P1", (3, 7)), ("P1", (7, 3)), ("P2", (2, 3))])
+@pytest.mark.parametrize("gap", [0.0, 1e-4, -1e-4])
+def test_constant_pressure_passes(element, cells, gap):
+    """With friction that sticks, across a plane turned anyhow; the gap closes evenly, the press fit opens evenly."""
+    stress = np.array([[[0, 0, 2.0], [0, 0, 0], [2.0, 0, -10.0]]])
+    made = blocks(TWO, boxes(TWO, cells), law={**SLIDES, "gap": gap}, element=element, stresses=stress,
+                  held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": [0, 0, 0]}],
+                  method={"tolerance": {"error": 1e-10}, "max_iterations": 300})
+    scene = patch_scene(made, gradients(stress, TURN))
+    shift = -gap * axes(TURN)[2]
+    upper = scene.subdomains[1]
+    upper.prescribed += np.where(upper.fixed, shift, 0.0)
+    solved = solve(made, scene)
+    assert solved.converged, solved.stop_reason
+    exact = np.einsum("tij,nj->tni", gradients(stress, TURN), scene.mesh.nodes)
+    size = np.abs(exact).max()
+    for s, part, moved in zip(scene.subdomains, solved.parts, (0.0, shift)):
+        assert np.abs(part - exact[:, s.nodes] - moved).max() < 1e-8 * size
+    assert np.abs(solved.interfaces.pressure - 10.0).max() < 1e-7
+    assert np.abs(np.linalg.norm(solved.interfaces.friction_traction, axis=2) - 2.0).max() < 1e-7
+    assert np.abs(solved.interfaces.gap).max() < 1e-8 * size
+
+
+def test_springs_and_jumps_act_across():
+    """A column of two parts on springs: what they give is stress over stiffness; a jump is what is imposed."""
+    for law, given in (({"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e4}, [1e-3, 0, 5e-4]),
+                       ({"law": "jump", "jump": [0.001, 0.002, 0.003]}, [0.001, 0.002, 0.003])):
+        made = blocks(TWO, boxes(TWO, (3, 4)), law={**law, "between": ["a", "b"]}, turn=None, held=[
+            {"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [10, 0, 50]}])
+        scene = build_scene(made)
+        solved = solve(made, scene)
+        assert solved.converged, solved.stop_reason
+        mortar, sign = scene.interfaces[0].mortar, 1 if scene.interfaces[0].subdomains == (0, 1) else -1
+        u1, u2 = (solved.parts[e][0][own].ravel() for e, own in zip(scene.interfaces[0].subdomains, scene.interfaces[0].nodes))
+        jump = sign * (mortar.second @ u2 - mortar.first @ u1).reshape(-1, 3)
+        mean = (mortar.area @ jump) / mortar.area.sum()
+        assert np.abs(mean - given).max() < 1e-9 * np.abs(given).max()
