@@ -12,11 +12,12 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from orchestrator.compiled import in_parts
 from orchestrator.config.base import Positive, either
 from orchestrator.config.entry import Entry
-from orchestrator.laws.coulomb import OPENS, SLIPS, STICKS, answer, slopes
+from orchestrator.laws.coulomb import OPENS, SLIPS, STICKS, answer, measured, slopes
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, Points, dot
+from orchestrator.laws.points import Answer, Points
 from orchestrator.laws.status import BONDED, Hold, Status
 
 OPEN = Status(OPENS, "open", "#d0d0d0", Hold.NEVER, Hold.NEVER)
@@ -138,17 +139,10 @@ class Contact(Law):
     @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Pressures, and the four measures."""
-        traction = at.force / points.area
-        normal, shear = points.along(traction), points.across(traction)
-        size = np.sqrt(dot(shear, shear))
-        slip = points.across(np.diff(at.answered, axis=0, prepend=at.before[None]))
-        rubbing = (at.status == SLIP) & (points["friction"] > 0)
-        return np.abs(normal), {
-            "penetration": -(points["gap"] + points.along(at.jump)),
-            "tension": normal,
-            "cone": size - points["friction"] * np.maximum(-normal, 0.0),
-            "slip_direction": (size * np.sqrt(dot(slip, slip)) - dot(slip, shear))[rubbing],
-        }
+        parts = in_parts(measured, len(points), points.normal, points.area, points["gap"], points["friction"],
+                         *(np.ascontiguousarray(x) for x in (at.force, at.jump, at.answered, at.before, at.status)))
+        pressure, *largest = np.max(parts, axis=0)[:, None]
+        return pressure, dict(zip(("penetration", "tension", "cone", "slip_direction"), largest))
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open gap."""

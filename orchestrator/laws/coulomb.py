@@ -75,3 +75,43 @@ def slopes(normal, stiff_n, stiff_t, gap, friction, F, previous, active, slope):
             for d in range(3):
                 slope[c, d, r] = ((1.0 - turn) * n[c] - steep * e[c]) * n[d] - curved * e[c] * e[d]
             slope[c, c, r] += turn
+
+
+@compiled
+def measured(start, stop, normal, area, gap, friction, force, jump, answered, before, status):
+    """The largest |p|, −(g₀ + n·d), n·f/A, |f_t|/A − μ p and, where it slips, (|f_t| |Δs| − f_t·Δs)/A; at least 0.
+
+    Parameters
+    ----------
+    force, jump : (T, 3, P) of the linear stage; answered : (T, 3, P) jump of the local stage, before (3, P) the first step
+    status : (T, P)
+    """
+    largest, traction, slip, part = np.zeros(5), np.empty(3), np.empty(3), slice(start, stop)
+    force, jump, answered = force[:, :, part], jump[:, :, part], answered[:, :, part]
+    normal, before, status, area, gap, friction = (
+        normal[:, part], before[:, part], status[:, part], area[part], gap[part], friction[part])
+    for t in range(len(force)):
+        earlier = before if t == 0 else answered[t - 1]
+        for p in range(stop - start):
+            pressed, opened, moved = 0.0, gap[p], 0.0
+            for c in range(3):
+                n = normal[c, p]
+                traction[c] = force[t, c, p] / area[p]
+                slip[c] = answered[t, c, p] - earlier[c, p]
+                pressed += traction[c] * n
+                opened += jump[t, c, p] * n
+                moved += slip[c] * n
+            shear, length, work = 0.0, 0.0, 0.0
+            for c in range(3):
+                across, along = traction[c] - pressed * normal[c, p], slip[c] - moved * normal[c, p]
+                shear += across * across
+                length += along * along
+                work += across * along
+            shear = math.sqrt(shear)
+            rubbed = 0.0
+            if status[t, p] == SLIPS and friction[p] > 0.0:
+                rubbed = shear * math.sqrt(length) - work
+            for m, value in enumerate((abs(pressed), -opened, pressed, shear - friction[p] * max(-pressed, 0.0), rubbed)):
+                if value > largest[m] or value != value:
+                    largest[m] = value
+    return largest

@@ -39,6 +39,11 @@ class Points:
         return Points(np.ascontiguousarray(self.normal[:, part]), self.stiff_n[part], self.stiff_t[part], self.area[part],
                       {name: values[..., part] for name, values in self.own.items()})
 
+    @property
+    def search(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Normals and stiffness along and across them, as loops take them."""
+        return self.normal, self.stiff_n, self.stiff_t
+
     def along(self, x: np.ndarray) -> np.ndarray:
         """(…, P) normal components of (…, 3, P)."""
         return dot(x, self.normal)

@@ -70,15 +70,19 @@ def weighted_residual(s: np.ndarray, image: np.ndarray, root: np.ndarray) -> tup
     return residual, r, sum(in_parts(_residual, s.shape[1], s, image, root, residual, r))
 
 
+# Slices are counted from zero: what a loop need not look for at the end of an array it does several numbers at a time.
+
+
 @compiled
 def _residual(start, stop, s, image, root, residual, r):
     """Sum of squares of r = root (image − s), written, in columns from start to stop."""
-    total = 0.0
+    total, weight = 0.0, root[start:stop]
     for t in range(len(s)):
-        for i in range(start, stop):
-            residual[t, i] = image[t, i] - s[t, i]
-            r[t, i] = root[i] * residual[t, i]
-            total += r[t, i] * r[t, i]
+        old, new, apart, weighted = s[t, start:stop], image[t, start:stop], residual[t, start:stop], r[t, start:stop]
+        for i in range(len(weight)):
+            apart[i] = new[i] - old[i]
+            weighted[i] = weight[i] * apart[i]
+            total += weighted[i] * weighted[i]
     return total
 
 
@@ -89,15 +93,16 @@ def _add(start, stop, s, r, s_before, r_before, root, relaxation, change, dr, or
     for t in range(len(s)):
         for a in range(start, stop, BLOCK):
             b = min(a + BLOCK, stop)
-            latest = dr[new, t]
-            for i in range(a, b):
-                latest[i] = r[t, i] - r_before[t, i]
-                change[new, t, i] = s[t, i] - s_before[t, i] + relaxation * latest[i] / root[i]
+            weight, s_new, s_old, r_new, r_old = root[a:b], s[t, a:b], s_before[t, a:b], r[t, a:b], r_before[t, a:b]
+            latest, moved = dr[new, t, a:b], change[new, t, a:b]
+            for i in range(len(weight)):
+                latest[i] = r_new[i] - r_old[i]
+                moved[i] = s_new[i] - s_old[i] + relaxation * latest[i] / weight[i]
             for n in range(len(order)):
-                other, along, across = dr[order[n], t], 0.0, 0.0
-                for i in range(a, b):
+                other, along, across = dr[order[n], t, a:b], 0.0, 0.0
+                for i in range(len(other)):
                     along += latest[i] * other[i]
-                    across += r[t, i] * other[i]
+                    across += r_new[i] * other[i]
                 products[0, n] += along
                 products[1, n] += across
     return products
@@ -109,9 +114,10 @@ def _next(start, stop, s, r, root, relaxation, change, order, gamma, state):
     for t in range(len(s)):
         for a in range(start, stop, BLOCK):
             b = min(a + BLOCK, stop)
-            for i in range(a, b):
-                state[t, i] = s[t, i] + relaxation * r[t, i] / root[i]
+            weight, old, left, result = root[a:b], s[t, a:b], r[t, a:b], state[t, a:b]
+            for i in range(len(weight)):
+                result[i] = old[i] + relaxation * left[i] / weight[i]
             for n in range(len(order)):
-                other = change[order[n], t]
-                for i in range(a, b):
-                    state[t, i] -= gamma[n] * other[i]
+                share, other = gamma[n], change[order[n], t, a:b]
+                for i in range(len(other)):
+                    result[i] -= share * other[i]

@@ -128,7 +128,7 @@ class CoarseCorrection:
         for t in range(steps):
             y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
             force = self.pairs.force(F, previous).force
-            previous = self.predict.jump(F, self.pairs.stabilised(force, F, previous))
+            previous = self.pairs.settled(force, F, previous)[1]
         r, u, s = self.response, fields.u.copy(), fields.s.copy()
         w, f = (x.copy() for x in fields.extended)
         for e, part, boundary in zip(self.own, self.parts, self.stage.space.boundary):

@@ -12,9 +12,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Points
 from orchestrator.laws.status import Status, table
+from orchestrator.method.interface import pair_loops
 from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.point_traces import GeneralTraces, NodeCompliance, PairTraces, inverses, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
@@ -92,7 +94,7 @@ class Pairs:
 
     def traces(self, w: np.ndarray, f: np.ndarray) -> PairTraces | GeneralTraces:
         """Traces (T, D + G) at the pairs."""
-        return PairTraces.of(self, w, f) if self.nodes is None else GeneralTraces(self, w, f)
+        return (PairTraces if self.nodes is None else GeneralTraces)(self, w, f)
 
     def responses(self, W: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What fields W, F (m, D + G) of the bodies change F by, those of the first sides and of the second: (m, 3, P) each."""
@@ -121,16 +123,18 @@ class Pairs:
             answer.derivative = np.where(free[:, None] & free, slope, 0.0)
         return answer
 
-    def stabilised(self, force: np.ndarray, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_before); what the laws answer where nothing is stabilised.
+    def settled(self, lawful: np.ndarray, F: np.ndarray, previous: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_before), where anything is stabilised, and d = (F − f̂)/keq.
 
         Parameters
         ----------
-        force : law(F); F, previous : as for ``force``
+        lawful : law(F); F, previous : as for ``force``
         """
-        if self.stabilisation is None:
-            return force
-        return force + self.stabilisation * (self.resisted(F, previous) - force)
+        force, jump = np.empty_like(F), np.empty_like(F)
+        epsilon = np.empty(0) if self.stabilisation is None else self.stabilisation
+        in_parts(pair_loops.settled, len(self), self.free, *self.points.search, epsilon, F, previous,
+                 np.ascontiguousarray(lawful), force, jump)
+        return force, jump
 
     def resisted(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(3, P) F − keq d_before: the force that leaves pairs where they were at the end of the load step before."""

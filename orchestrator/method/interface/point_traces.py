@@ -27,7 +27,9 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
+from orchestrator.compiled import Compiled, in_parts
 from orchestrator.laws.points import Points
+from orchestrator.method.interface import pair_loops
 from orchestrator.method.interface.rows import times
 
 if TYPE_CHECKING:
@@ -39,50 +41,61 @@ KNOWN = 1e-2
 
 @dataclass
 class PairTraces:
-    """Traces at node pairs, of both sides and all load steps, (T, 3, P) each; zero where prescribed."""
+    """Traces at node pairs, of both sides and all load steps; zero where prescribed.
+
+    Parameters
+    ----------
+    w, f : (T, D + G) traces
+    """
 
     pairs: Pairs
-    w1: np.ndarray
-    w2: np.ndarray
-    f1: np.ndarray
-    f2: np.ndarray
+    w: np.ndarray
+    f: np.ndarray
 
-    @classmethod
-    def of(cls, pairs: Pairs, w: np.ndarray, f: np.ndarray) -> PairTraces:
-        """From traces (T, D + G)."""
-        transfer = pairs.transfer
-        return cls(pairs, transfer.first(w), transfer.second(w), transfer.first(f), transfer.second(f))
+    @cached_property
+    def _both(self) -> tuple[np.ndarray, np.ndarray]:
+        jump, force = np.empty((2, len(self.w), 3, len(self.pairs)))
+        self._loop(pair_loops.at_pairs, *self._ends, self.w, self.f, jump, force)
+        return jump, force
 
     @property
     def jump(self) -> np.ndarray:
         """(T, 3, P) w₂ − w₁."""
-        return self.w2 - self.w1
+        return self._both[0]
 
     @property
     def force(self) -> np.ndarray:
-        """(T, 3, P) force on side 1."""
-        return 0.5 * (self.f1 - self.f2)
+        """(T, 3, P) force on side 1, ½(f₁ − f₂)."""
+        return self._both[1]
+
+    @property
+    def _ends(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.pairs.transfer.one, self.pairs.transfer.two, self.pairs.free
+
+    @property
+    def _search(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.pairs.points.search
 
     def predicted(self) -> np.ndarray:
         """(T, 3, P) F, the search direction of eq. 10 with no jump."""
-        half_jump = self.pairs.points.stiffness(self.w2 - self.w1)
-        return self.pairs.masked(0.5 * (self.f1 - self.f2) + half_jump)
+        F = np.empty_like(self.jump)
+        self._loop(pair_loops.predicted, self.pairs.free, *self._search, self.jump, self.force, F)
+        return F
 
     def hats(self, force: np.ndarray, jump: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(T, D) ŵ and f̂ of the sides for f̂ and d (T, 3, P); of ghosts, what the laws give is left out."""
-        transfer = self.pairs.transfer
-        first = 0.5 * (self.w1 + self.w2 - jump) - self.pairs.points.compliance(self.f1 + self.f2) / 4
-        return transfer.spread(first, first + jump)[:, : transfer.size], transfer.spread(force, -force)[:, : transfer.size]
+        size = self.pairs.transfer.size
+        w_hat, f_hat = np.zeros((2, len(self.w), size))
+        self._loop(pair_loops.hats, *self._ends, size, *self._search, self.w, self.f, force, jump, w_hat, f_hat)
+        return w_hat, f_hat
 
     def squares(self, force: np.ndarray) -> tuple[float, float, float]:
         """Of f − f̂, of f and of what both sides do not cancel, in the norm of (k⁺)⁻¹; what is this rank's to add up."""
+        parts = self._loop(pair_loops.squares, *self._ends, self.pairs.mine, *self._search, self.f, force)
+        return tuple(np.sum(parts, axis=0).tolist())
 
-        def norm2(x: np.ndarray) -> float:
-            """Σ x · x/keq, once for pairs between ranks."""
-            return float((np.einsum("tip,tip->p", x, self.pairs.points.compliance(x)) * self.pairs.mine).sum())
-
-        return (norm2(self.f1 - force) + norm2(self.f2 + force), norm2(self.f1) + norm2(self.f2),
-                norm2(self.f1 + self.f2))
+    def _loop(self, function: Compiled, *arguments) -> list:
+        return in_parts(function, len(self.pairs), *arguments)
 
 
 @dataclass

@@ -21,8 +21,9 @@ def compiled_times(matrix, rows: np.ndarray) -> np.ndarray:
 def _times(start, stop, indptr, indices, data, rows, result):
     """Columns from start to stop of the result."""
     for i in range(start, stop):
+        columns, values = indices[indptr[i] : indptr[i + 1]], data[indptr[i] : indptr[i + 1]]
         for t in range(len(rows)):
-            total = 0.0
-            for j in range(indptr[i], indptr[i + 1]):
-                total += data[j] * rows[t, indices[j]]
+            row, total = rows[t], 0.0
+            for j in range(len(columns)):
+                total += values[j] * row[columns[j]]
             result[t, i] = total

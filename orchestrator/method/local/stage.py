@@ -67,10 +67,6 @@ class LawStage:
         rest[pairs.transfer.dofs if pairs.nodes is None else pairs.nodes.there] = rest[pairs.tied] = False
         return np.flatnonzero(rest[: self.direction.space.size])
 
-    def jump(self, F: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """(3, P) d that goes with f̂."""
-        return self.pairs.masked(self.pairs.points.compliance(F - force))
-
     def __call__(self, fields: Admissible) -> LocalState:
         """Local stage for the fields of all steps."""
         pairs, steps = self.pairs, len(fields.s)
@@ -82,8 +78,8 @@ class LawStage:
         for t in range(steps):
             answer = pairs.force(F[t], previous)
             lawful[t], status[t] = answer.force, answer.status
-            force[t] = pairs.stabilised(answer.force, F[t], previous)
-            previous = jump[t] = self.jump(F[t], force[t])
+            force[t], previous = pairs.settled(answer.force, F[t], previous)
+            jump[t] = previous
         w_hat, f_hat = at.hats(force, jump)
         tied = pairs.tied
         w_hat[:, tied] = pairs.targets
@@ -107,5 +103,6 @@ class LawStage:
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps."""
-        return {status.name: int((local.status == status)[:, self.pairs.mine].sum())
-                for status in self.pairs.statuses if status != BONDED}
+        mine = self.pairs.mine
+        found = local.status if mine.all() else local.status[:, mine]
+        return {status.name: int(np.count_nonzero(found == status)) for status in self.pairs.statuses if status != BONDED}

@@ -12,7 +12,9 @@ from functools import cache
 
 import numpy as np
 
+from orchestrator.compiled import compiled, in_parts
 from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local.state import LocalState
 
@@ -58,9 +60,15 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     w, f = fields.w, fields.f
     counted = local_stage.counts(local)
     apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
-    parts = [*latin_parts(stage, local_stage, fields, local, exact),
-             _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
-             _square(residual, 1 / k), _square(fields.s + residual, 1 / k), np.array(list(counted.values()))]
+    if local.force is None or exact_norms(direction, exact):
+        parts = [*latin_parts(stage, local_stage, fields, local, exact),
+                 _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
+                 _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
+    else:  # laws are compiled anyway
+        robin = stage.robin_force(fields.s, fields.alpha)
+        parts = np.sum(in_parts(all_squares, space.size, k, w, f, fields.s, residual, robin, apart, unbalanced, *local.hats),
+                       axis=0).tolist()
+    parts.append(np.array(list(counted.values())))
     if macro is not None:
         parts += macro.imbalance(f)
     sums = space.team.sum_later(*parts)
@@ -78,6 +86,11 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     return cache(result)
 
 
+def exact_norms(direction: SearchDirection, wanted: bool) -> bool:
+    """Whether inverse norms take k as it is, see ``latin_parts``."""
+    return wanted or direction.space.total <= EXACT_LIMIT
+
+
 def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,
                 exact: bool = False) -> tuple[float, float]:
     """This rank's part of numerator and denominator of the paper's η, eq. 16, transposes mended.
@@ -93,7 +106,7 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
     direction, w, f = stage.direction, fields.w, fields.f
-    exact = exact or direction.space.total <= EXACT_LIMIT
+    exact = exact_norms(direction, exact)
     kw = stage.robin_force(fields.s, fields.alpha) - f  # known: no product with k
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats
@@ -105,6 +118,27 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         return np.vdot(w, kw) + (np.vdot(f, direction.solve(f)) if exact else _square(f, 1 / direction.diagonal))
 
     return size(w - w_hat, kw - kw_hat, f - f_hat), size(w, kw, f) + size(w_hat, kw_hat, f_hat)
+
+
+@compiled
+def all_squares(start, stop, k, w, f, s, residual, robin, apart, unbalanced, w_hat, f_hat, kw_hat):
+    """All sums of ``measure`` in the order of its parts, over the trace dofs from start to stop; inverse norms by the diagonal."""
+    gap, total, jump, moved, imbalance, force, change, state = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    own, part = k[start:stop], slice(start, stop)
+    for t in range(len(w)):
+        x, y, xh, yh, kxh, loaded = w[t, part], f[t, part], w_hat[t, part], f_hat[t, part], kw_hat[t, part], robin[t, part]
+        a, u, old, left = apart[t, part], unbalanced[t, part], s[t, part], residual[t, part]
+        for i in range(len(own)):
+            inverse, kx = 1.0 / own[i], loaded[i] - y[i]
+            gap += (x[i] - xh[i]) * (kx - kxh[i]) + inverse * (y[i] - yh[i]) ** 2
+            total += x[i] * kx + inverse * y[i] ** 2 + xh[i] * kxh[i] + inverse * yh[i] ** 2
+            jump += own[i] * a[i] ** 2
+            moved += own[i] * x[i] ** 2
+            imbalance += inverse * u[i] ** 2
+            force += inverse * y[i] ** 2
+            change += inverse * left[i] ** 2
+            state += inverse * (old[i] + left[i]) ** 2
+    return gap, total, jump, moved, imbalance, force, change, state
 
 
 def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, energy: np.ndarray) -> float:

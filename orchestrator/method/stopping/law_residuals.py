@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Stages
-from orchestrator.laws.points import dot
+from orchestrator.method.interface.pair_loops import largest_tractions
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
 from orchestrator.method.local.state import LocalState
@@ -94,8 +95,8 @@ def _measured(pairs: Pairs, at: PairTraces | GeneralTraces, local: LocalState, l
                 pressure, *(values[measure.name] for measure in law.measures)))]
         largest += found
     if pairs.stabilisation is not None:
-        springs, carried = local.force - local.lawful, local.lawful
-        largest += [_largest(np.sqrt(dot(x, x)) / pairs.points.area) for x in (springs, carried)]
+        parts = in_parts(largest_tractions, len(pairs), pairs.points.area, local.force, local.lawful)
+        largest += np.max(parts, axis=0).tolist()
     ends, result = iter(team.max(*largest)), {}
     for law in pairs.laws:
         rest, pressure = next(ends), next(ends)
