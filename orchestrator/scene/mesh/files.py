@@ -1,8 +1,12 @@
-"""Mesh files: any format meshio reads, as long as it holds four-node tets; groups are kept by name."""
+"""Mesh files: what meshio, gmsh or ``inp`` reads, as long as it holds tets; groups are kept by name.
+
+Of ten-node tets the corners are kept, and edges that bend become straight: said, with how far.
+"""
 
 from __future__ import annotations
 
 import io
+import tempfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -11,6 +15,8 @@ import meshio
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.scene.mesh.inp import read_inp
+from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.model import Mesh
 
@@ -19,6 +25,8 @@ TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "fl
         "netgen:index")
 # Bytes that reading takes per byte of the file, at least.
 ROOM = 2.0
+BY_GMSH = {".unv", ".med", ".bdf", ".nas"}  # gmsh reads more of these than meshio does
+BENT = 1e-6  # of an edge's length, from which its middle is not where a straight one's would be
 FLAT_CELLS = {"vertex", "line", "triangle", "quad"}
 
 
@@ -37,12 +45,12 @@ def read(path: Path) -> Mesh:
     ------
     InputError : no such file, too large, unreadable, no tets, quadratic tets, other solid elements
     """
-    raw = _load(path)
+    raw, remarks = straightened(_load(path))
     solid = sorted({block.type for block in raw.cells} - FLAT_CELLS - {"line3", "triangle6", "quad8", "quad9"})
     problem = None
-    if any(kind.startswith("tetra") and kind != "tetra" for kind in solid):
+    if any(kind.startswith("tetra") and kind not in ("tetra", "tetra10") for kind in solid):
         problem = Problem(("mesh", "file"), f"{path}: tetrahedra of higher order ({', '.join(solid)})",
-                          "four-node tetrahedra", "save the mesh with linear elements (gmsh: -order 1) and write "
+                          "four- or ten-node tetrahedra", "save the mesh with linear elements (gmsh: -order 1) and write "
                           "blackbox: {element: P2}: the nodes amid the edges are put back here")
     elif "tetra" not in solid and solid:
         problem = Problem(("mesh", "file"), f"{path}: no tetrahedra but {', '.join(solid)}", "four-node tetrahedra",
@@ -72,7 +80,29 @@ def read(path: Path) -> Mesh:
         if dimension == 2:
             named.setdefault(name, np.empty((0, 3), dtype=np.int64))
     points = np.asarray(raw.points, dtype=float)[used]
-    return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path))
+    return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=remarks)
+
+
+def straightened(raw: meshio.Mesh) -> tuple[meshio.Mesh, list[str]]:
+    """The mesh with four-node tets and three-node triangles in the place of those with ten and six, and what to say of it."""
+    corners, linear = {"tetra10": 4, "triangle6": 3}, {"tetra10": "tetra", "triangle6": "triangle"}
+    if not any(block.type in corners for block in raw.cells):
+        return raw, []
+    said = ["ten-node tetrahedra are read by their corners; blackbox: {element: P2} puts a node on the middle of every edge"]
+    tets = [block.data for block in raw.cells if block.type == "tetra10"]
+    if tets:
+        tets = np.vstack(tets)
+        ends = raw.points[tets[:, TET_EDGES]]
+        length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+        # meshio's, gmsh's and CalculiX's order of the nodes amid the edges is VTK's
+        bend = np.linalg.norm(raw.points[tets[:, 4:]] - ends.mean(axis=2), axis=2)
+        if (bend > BENT * length).any():
+            worst = np.unravel_index(np.argmax(bend / length), bend.shape)
+            said.append(f"edges that bend are straight here: their middles are off by up to {bend.max():.3g}, or "
+                        f"{bend[worst] / length[worst]:.2g} of an edge; a finer mesh follows the shape better")
+    cells = [meshio.CellBlock(linear.get(b.type, b.type), b.data[:, : corners[b.type]] if b.type in corners else b.data)
+             for b in raw.cells]
+    return meshio.Mesh(raw.points, cells, cell_data=raw.cell_data, cell_sets=raw.cell_sets, field_data=raw.field_data), said
 
 
 def _load(path: Path) -> meshio.Mesh:
@@ -81,6 +111,10 @@ def _load(path: Path) -> meshio.Mesh:
                                  "check the path"))
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
     heard = io.StringIO()
+    if path.suffix.lower() == ".inp":
+        return read_inp(path)
+    if path.suffix.lower() in BY_GMSH:
+        return _by_gmsh(path)
     try:
         # meshio prints its complaint and ends the program.
         with redirect_stderr(heard), redirect_stdout(heard):
@@ -90,6 +124,30 @@ def _load(path: Path) -> meshio.Mesh:
         raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: {reason or type(error).__name__}",
                                  "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
                                  "check that the ending fits the content, or convert it with gmsh")) from None
+
+
+def _by_gmsh(path: Path) -> meshio.Mesh:
+    """What gmsh reads: its groups become physical names, as in its own files."""
+    import gmsh
+
+    from orchestrator.scene.mesh.gmsh_session import last_complaint, session
+
+    with session(), tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
+        try:
+            gmsh.open(str(path))
+        except Exception as error:
+            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: {last_complaint(error)}", "a mesh file that gmsh reads",
+                                     "check that the ending fits the content, or save it as .msh")) from None
+        for group in gmsh.model.getPhysicalGroups():
+            name = gmsh.model.getPhysicalName(*group)
+            if name != name.strip():  # MED's have 80 letters
+                gmsh.model.removePhysicalName(name)
+                gmsh.model.setPhysicalName(*group, name.strip())
+        gmsh.option.setNumber("Mesh.SaveAll", 1)
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.write(str(Path(folder) / "mesh.msh"))
+        with redirect_stdout(io.StringIO()):
+            return meshio.read(Path(folder) / "mesh.msh")
 
 
 def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.ndarray, dict, str]:

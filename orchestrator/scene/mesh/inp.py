@@ -1,0 +1,164 @@
+"""CalculiX's and Abaqus's .inp files: nodes, elements and the sets that have names.
+
+Element sets name volumes and shells, element surfaces (S1 … S4 of tets) and node sets name boundary faces: of a node set
+those that have all their corners in it. Everything else of a deck (matter, steps, equations) is left to where it belongs.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from orchestrator.scene.mesh.inp_cards import Row, cards, numbers, problem
+
+# type of element → meshio's word, nodes
+_SHAPES = {4: ("tetra", 4), 10: ("tetra10", 10), 6: ("wedge", 6), 15: ("wedge15", 15), 8: ("hexahedron", 8), 20: ("hexahedron20", 20)}
+_FLAT = {"3": ("triangle", 3), "6": ("triangle6", 6), "4": ("quad", 4), "8": ("quad8", 8)}
+_LINES = {"B31": ("line", 2), "T3D2": ("line", 2), "B32": ("line3", 3), "T3D3": ("line3", 3)}
+_FACES = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])  # of a tet, S1 … S4
+
+
+def read_inp(path: Path) -> meshio.Mesh:
+    """The mesh as meshio would have it, surfaces as triangles.
+
+    Raises
+    ------
+    InputError : a line that cannot be read, told with its file and number; a file included that is not there
+    """
+    deck = _Deck()
+    for card, options, rows in cards(path):
+        deck.take(card, options, rows)
+    return deck.mesh()
+
+
+class _Deck:
+    """What has been read so far."""
+
+    def __init__(self) -> None:
+        self.nodes: list[np.ndarray] = []
+        self.blocks: dict[str, list[np.ndarray]] = {}
+        self.numbers: dict[str, list[np.ndarray]] = {}
+        self.elements: dict[str, list[np.ndarray]] = {}  # sets, by name
+        self.points: dict[str, list[np.ndarray]] = {}
+        self.surfaces: dict[str, list[tuple[str, int]]] = {}  # (element or set, face)
+
+    def take(self, card: str, options: dict[str, str], rows: list[Row]) -> None:
+        """One card with its lines."""
+        if card == "NODE":
+            table = numbers(rows)
+            if len(table) % 4:
+                rows[0].fail(f"{len(table)} numbers for nodes", "a number and three coordinates for each")
+            table = table.reshape(-1, 4)
+            self.nodes.append(table)
+            if "NSET" in options:
+                self.points.setdefault(options["NSET"], []).append(table[:, 0].astype(int))
+        elif card == "ELEMENT":
+            self._elements(options, rows)
+        elif card in ("ELSET", "NSET"):
+            sets = self.elements if card == "ELSET" else self.points
+            sets.setdefault(options.get(card, ""), []).append(self._members(sets, options, rows))
+        elif card == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "ELEMENT":
+            faces = self.surfaces.setdefault(options.get("NAME", ""), [])
+            for row in rows:
+                side = row.words[1].upper() if len(row.words) > 1 else ""
+                if side not in ("S1", "S2", "S3", "S4"):
+                    row.fail(f"a face {side or 'that is not named'}", "S1, S2, S3 or S4 of a tetrahedron")
+                faces.append((row.words[0], int(side[1]) - 1))
+
+    def _elements(self, options: dict[str, str], rows: list[Row]) -> None:
+        kind, count = _shape(options.get("TYPE", ""), rows)
+        table = numbers(rows).astype(int)
+        if len(table) % (count + 1):
+            rows[0].fail(f"{len(table)} numbers for elements of {count} nodes", f"a number and {count} nodes for each")
+        table = table.reshape(-1, count + 1)
+        self.blocks.setdefault(kind, []).append(table[:, 1:])
+        self.numbers.setdefault(kind, []).append(table[:, 0])
+        if "ELSET" in options:
+            self.elements.setdefault(options["ELSET"], []).append(table[:, 0])
+
+    @staticmethod
+    def _members(sets: dict[str, list[np.ndarray]], options: dict[str, str], rows: list[Row]) -> np.ndarray:
+        found: list[np.ndarray] = [np.empty(0, dtype=int)]
+        for row in rows:
+            if "GENERATE" in options:
+                first, last, *step = row.integers()
+                found.append(np.arange(first, last + 1, *step))
+                continue
+            for word in row.words:
+                name = next((n for n in sets if n.upper() == word.upper()), None)
+                found += sets[name] if name else [np.array([row.integer(word)])]
+        return np.concatenate(found)
+
+    def mesh(self) -> meshio.Mesh:
+        """All of it."""
+        nodes = np.vstack([np.empty((0, 4)), *self.nodes])
+        ids = nodes[:, 0].astype(int)
+        place = np.full(int(ids.max(initial=0)) + 2, -1)
+        place[ids] = np.arange(len(ids))
+        blocks = {kind: np.vstack(tables) for kind, tables in self.blocks.items()}
+        for kind, table in blocks.items():
+            unknown = table[(place[np.clip(table, 0, len(place) - 1)] < 0)]
+            if len(unknown):
+                raise problem("", f"an element has node {unknown[0]}, which is not there", "the nodes of every element")
+            blocks[kind] = place[table]
+        numbers = {kind: np.concatenate(parts) for kind, parts in self.numbers.items()}
+        sets = {name: np.unique(np.concatenate(parts)) for name, parts in self.elements.items() if name}
+        cells = [meshio.CellBlock(kind, table) for kind, table in blocks.items()]
+        named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in sets.items()}
+        faces = self._faces(blocks, numbers, sets, place)
+        if faces:
+            cells.append(meshio.CellBlock("triangle", np.vstack(list(faces.values()))))
+            ends = np.cumsum([0] + [len(f) for f in faces.values()])
+            for name in named:
+                named[name].append(np.empty(0, dtype=int))
+            for i, name in enumerate(faces):
+                empty = [np.empty(0, dtype=int) for _ in blocks]
+                known = named.get(name, [*empty, None])
+                named[name] = [*known[:-1], np.arange(ends[i], ends[i + 1])]
+        return meshio.Mesh(nodes[:, 1:], cells, cell_sets=named)
+
+    def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray], sets: dict[str, np.ndarray],
+               place: np.ndarray) -> dict[str, np.ndarray]:
+        """Corners (f, 3) of the faces of each surface and node set."""
+        kinds = [kind for kind in ("tetra", "tetra10") if kind in blocks]
+        if not kinds:
+            return {}
+        tets, ids = (np.concatenate(parts) for parts in ([blocks[k][:, :4] for k in kinds], [numbers[k] for k in kinds]))
+        order = np.argsort(ids)
+        upper, found = {name.upper(): members for name, members in sets.items()}, {}
+        for name, entries in self.surfaces.items():
+            chosen = [np.empty((0, 3), dtype=int)]
+            for word, side in entries:
+                members = upper.get(word.upper(), np.array([int(word)]) if word.isdigit() else np.empty(0, dtype=int))
+                at = order[np.clip(np.searchsorted(ids[order], members), 0, len(ids) - 1)]
+                chosen.append(tets[at[ids[at] == members]][:, _FACES[side]])
+            found[name] = np.concatenate(chosen)
+        every = tets[:, _FACES].reshape(-1, 3)
+        _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
+        outer = every[first[count == 1]]
+        for name, parts in self.points.items():
+            if not name or name in found or name in sets:
+                continue
+            inside = np.zeros(int(place.max(initial=0)) + 1, dtype=bool)
+            members = np.unique(np.concatenate(parts))
+            members = place[members[(members >= 0) & (members < len(place))]]
+            inside[members[members >= 0]] = True
+            chosen = outer[inside[outer].all(axis=1)]
+            if len(chosen):
+                found[name] = chosen
+        return found
+
+
+def _shape(word: str, rows: list[Row]) -> tuple[str, int]:
+    kind = word.upper()
+    digits = "".join(c for c in kind[3:] if c.isdigit()) if kind.startswith("C3D") else ""
+    if digits and int(digits) in _SHAPES:
+        return _SHAPES[int(digits)]
+    if kind in _LINES:
+        return _LINES[kind]
+    for head in ("STRI", "CPS", "CPE", "CAX", "M3D", "S"):
+        if kind.startswith(head) and kind[len(head):len(head) + 1] in _FLAT:
+            return _FLAT[kind[len(head)]]
+    rows[0].fail(f"elements of type {word or '(none)'}", "C3D4 or C3D10, and shells or beams that are passed over")

@@ -1,0 +1,126 @@
+"""Mesh files of other programs: names, node sets, surfaces, ten-node tets."""
+
+import gmsh
+import numpy as np
+import pytest
+
+from orchestrator.errors import InputError
+from orchestrator.scene.mesh.files import read
+from orchestrator.scene.mesh.gmsh_session import session
+from orchestrator.scene.mesh.geometry import tet_volumes
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    """Two boxes that share a face, one side named, as gmsh writes them; q: ten-node tets, bent: of a ball."""
+    folder = tmp_path_factory.mktemp("saved")
+    with session():
+        one, two = gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1), gmsh.model.occ.addBox(1, 0, 0, 1, 1, 1)
+        gmsh.model.occ.fragment([(3, one)], [(3, two)])
+        gmsh.model.occ.synchronize()
+        sides = gmsh.model.getEntitiesInBoundingBox(-0.01, -0.01, -0.01, 0.01, 1.01, 1.01, 2)
+        for dimension, number, tags, name in ((3, 1, [1], "left"), (3, 2, [2], "right"), (2, 3, [t for _, t in sides], "clamp")):
+            gmsh.model.addPhysicalGroup(dimension, tags, number, name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.7)
+        gmsh.model.mesh.generate(3)
+        for ending in ("msh", "unv", "bdf", "inp", "med"):
+            gmsh.write(str(folder / f"a.{ending}"))
+        gmsh.model.mesh.setOrder(2)
+        for ending in ("msh", "unv", "inp", "med"):
+            gmsh.write(str(folder / f"q.{ending}"))
+        gmsh.model.add("ball")
+        gmsh.model.occ.addSphere(0, 0, 0, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(2)
+        gmsh.write(str(folder / "bent.msh"))
+    return folder
+
+
+def check(mesh, names=("left", "right"), clamp="clamp"):
+    assert list(mesh.volumes) == list(names) and mesh.cells.shape[1] == 4
+    volumes = tet_volumes(mesh.nodes, mesh.cells)
+    assert np.allclose([volumes[mesh.volume == i].sum() for i in range(2)], 1.0)
+    assert (np.abs(mesh.nodes[mesh.surfaces[clamp]][..., 0]) < 1e-12).all()
+    corner = mesh.nodes[mesh.surfaces[clamp]]
+    assert np.isclose(np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1).sum() / 2, 1.0)
+
+
+@pytest.mark.parametrize("name", ["a.msh", "a.unv", "a.inp", "a.med", "q.msh", "q.unv", "q.inp", "q.med"])
+def test_names_survive_every_format(saved, name):
+    mesh = read(saved / name)
+    check(mesh)
+    assert bool(mesh.remarks) == name.startswith("q") and "bend" not in str(mesh.remarks)
+
+
+def test_nastran_has_numbers_for_names(saved):
+    check(read(saved / "a.bdf"), ("volume_1", "volume_2"), "surface_1")
+
+
+def test_edges_that_bend_are_told(saved):
+    mesh = read(saved / "bent.msh")
+    assert "edges that bend are straight here" in mesh.remarks[1]
+
+
+DECK = """** a deck as people write them
+*HEADING
+whatever, 1, 2
+*NODE, NSET=ALL
+1, 0, 0, 0
+2, 1., 0, 0
+3, 0, 1.D0, 0
+4, 0, 0, 1
+*INCLUDE, INPUT=more.inc
+*ELEMENT, TYPE=C3D4, ELSET=Body
+10, 1, 2, 3, 4
+*Element, type=C3D4, elset=Body
+11, 2, 3, 4, 5
+*NSET, NSET=base, GENERATE
+1, 3, 1
+*ELSET, ELSET=lower
+10
+*SURFACE, NAME=front, TYPE=ELEMENT
+lower, S2
+11, S3
+*MATERIAL, NAME=STEEL
+*ELASTIC
+210000, .3
+*STEP
+*CLOAD
+1, 1, 1.
+"""
+
+
+def deck(tmp_path, text=DECK):
+    (tmp_path / "more.inc").write_text("*NODE\n5, 1, 1, 1\n")
+    (tmp_path / "part.inp").write_text(text)
+    return tmp_path / "part.inp"
+
+
+def test_a_deck_with_node_sets_surfaces_and_files_included(tmp_path):
+    mesh = read(deck(tmp_path))
+    assert len(mesh.cells) == 2 and sorted(mesh.volumes) == ["Body", "lower"] and not mesh.remarks
+    faces = {name: {tuple(sorted(map(tuple, mesh.nodes[triangle].tolist()))) for triangle in triangles}
+             for name, triangles in mesh.surfaces.items()}
+    point = dict(zip(range(1, 6), [(0., 0., 0.), (1., 0., 0.), (0., 1., 0.), (0., 0., 1.), (1., 1., 1.)]))
+    face = lambda *nodes: tuple(sorted(point[n] for n in nodes))  # noqa: E731
+    assert faces["base"] == {face(1, 2, 3)}
+    assert faces["front"] == {face(1, 4, 2), face(3, 5, 4)}  # S2 of a tet: 1-4-2; S3: 2-4-3
+    assert len(faces["ALL"]) == 3  # of the one tet that has them all
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ("3, 0, 1.D0, 0", "3, 0, one, 0", "part.inp:7: 'one'"), ("lower, S2", "lower, P2", "part.inp:19: a face P2"),
+    ("11, 2, 3, 4, 5", "11, 2, 3, 4", "numbers for elements of 4 nodes"), ("10, 1, 2, 3, 4", "10, 1, 2, 3, 9", "node 9"),
+    ("TYPE=C3D4, ELSET", "TYPE=C3D99, ELSET", "elements of type C3D99"), ("more.inc", "less.inc", "less.inc: No such file")])
+def test_what_is_wrong_with_a_deck_is_told_with_its_line(tmp_path, old, new, words):
+    with pytest.raises(InputError) as caught:
+        read(deck(tmp_path, DECK.replace(old, new, 1)))
+    assert words in str(caught.value)
+
+
+def test_hexahedra_are_refused_with_a_cure(tmp_path):
+    text = DECK.replace("*ELEMENT, TYPE=C3D4, ELSET=Body\n10, 1, 2, 3, 4", "*ELEMENT, TYPE=C3D8\n10, 1,2,3,4,5,1,2,3").replace(
+        "*Element, type=C3D4, elset=Body\n11, 2, 3, 4, 5\n", "")
+    with pytest.raises(InputError, match="no tetrahedra but hexahedron"):
+        read(deck(tmp_path, text.replace("lower, S2\n11, S3\n", "")))
