@@ -90,7 +90,7 @@ BAD = {
     "path with a zero": ({"mesh": 'mesh: {file: "a\\0.msh"}'}, "no file"),
     "folder for a mesh": ({"mesh": "mesh: {file: .}"}, "no file"),
     "hexahedra": ({"mesh": "mesh: {file: bricks.vtu}"}, "no tetrahedra but hexahedron"),
-    "twenty nodes": ({"mesh": "mesh: {file: twenty.vtu}"}, "element: P2"),
+    "twenty nodes": ({"mesh": "mesh: {file: twenty.msh}"}, "element: P2"),
     "empty group": ({"mesh": "mesh: {file: groups.msh}", "loaded": "  {on: empty, traction: [1, 0, 0]}]"}, "without triangles"),
     "volume for a surface": ({"mesh": "mesh: {file: groups.msh}", "loaded": "  {on: body, traction: [1, 0, 0]}]"}, "only a volume"),
     "text for a model": ({"mesh": "mesh: {step: unreadable.stp}"}, "STEP or BREP"),
@@ -152,7 +152,7 @@ def folder(tmp_path_factory):
     mesh = bricks(np.array([4.0, 1.0, 1.0]), np.array([8, 2, 2]), "box")
     left = mesh.surfaces["xmin"]
     meshio.Mesh(mesh.nodes, [("hexahedron", np.arange(8)[None])]).write(folder / "bricks.vtu")
-    meshio.Mesh(np.random.default_rng(0).random((20, 3)), [("tetra20", np.arange(20)[None])]).write(folder / "twenty.vtu")
+    meshio.Mesh(np.random.default_rng(0).random((20, 3)), [("tetra20", np.arange(20)[None])]).write(folder / "twenty.msh", file_format="gmsh22")
     tags = [np.full(len(mesh.cells), 1), np.full(len(left), 2)]
     meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("triangle", left)],
                 cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
