@@ -23,6 +23,8 @@ from orchestrator.scene.interfaces.mortar.segments import Segments
 CONDITION = 1e12
 # Weights below this share of a row's are rounding.
 NOTHING = 1e-14
+# Overlaps integrated at once: what is in work fits the processor's cache.
+CHUNK = 5_000
 # Integrates polynomials of degree 4 over a triangle (Strang & Fix 1973): weights, barycentric coordinates.
 _A, _B = 0.445948490915965, 0.091576213509771
 DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
@@ -61,42 +63,48 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
     counts : (n₁, n₂) numbers of nodes
     dual : whether multipliers are dual, else the slave's linear functions themselves
     """
-    size, one, two = segments.fans
-    size = size * slave_area[segments.slave][:, None]
-    linear, at = moments(size, one, one), segments.slave
-    first = np.einsum("mt,mtvk->mk", size, one) / 3
-    gram, mass = np.zeros((len(slave), 3, 3)), np.zeros((len(slave), 3))
-    np.add.at(gram, at, linear)
-    np.add.at(mass, at, first)
-    covered = mass.sum(axis=1)
-    sound, shape = _dual(gram, mass) if dual else (covered > 0, np.broadcast_to(np.eye(3), gram.shape))
-    there = sound[at]
-    segments, size, one, two, linear, first = segments.some(there), size[there], one[there], two[there], linear[there], first[there]
-    at, on = segments.slave, segments.master
-    shape = shape[at]
-    quadratic = slave.shape[1] == 6, master.shape[1] == 6
-    own = _integrals(size, one, one, linear if not quadratic[0] else None)
-    other = _integrals(size, one, two, moments(size, one, two) if not quadratic[1] else None)
-    corners = slave[:, :3]
+    corners, quadratic = slave[:, :3], (slave.shape[1] == 6, master.shape[1] == 6)
+    ends = np.searchsorted(segments.slave, np.append(np.unique(segments.slave[::CHUNK]), len(slave)))  # facets stay whole
+    parts = [_integrated(segments.some(slice(a, b)), slave_area, dual, quadratic) for a, b in zip(ends[:-1], ends[1:])]
+    at, on, own, other, weights, covered = (np.concatenate(found) for found in zip(*parts)) if parts else \
+        (np.empty(0, int), np.empty(0, int), *(np.empty((0, 3, width)) for width in (slave.shape[1], master.shape[1], 1)), np.empty(0))
 
     def assembled(values: np.ndarray, columns: np.ndarray, width: int) -> sp.csr_array:
         rows = np.broadcast_to(corners[at][:, :, None], values.shape)
         columns = np.broadcast_to(columns[:, None], values.shape)
         return sp.csr_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(counts[0], width))
 
-    weights = np.einsum("mij,mj->mi", shape, first)[:, :, None]
-    area = np.bincount(corners[at].ravel(), weights=weights.ravel(), minlength=counts[0])
-    around = np.bincount(corners.ravel(), weights=np.repeat(slave_area, 3), minlength=counts[0])
-    part = np.bincount(corners.ravel(), weights=np.repeat(np.where(sound, covered, 0.0), 3), minlength=counts[0])
-    matrices = (assembled(shape @ own, slave[at], counts[0]), assembled(shape @ other, master[on], counts[1]),
+    area, part, around = (np.bincount(nodes.ravel(), weights=values.ravel(), minlength=counts[0]) for nodes, values in (
+        (corners[at], weights), (corners[at], np.repeat(covered, 3)), (corners, np.repeat(slave_area, 3))))
+    matrices = (assembled(own, slave[at], counts[0]), assembled(other, master[on], counts[1]),
                 assembled(weights, on[:, None], len(master)))
     return Weights(*(cleaned(m, area) for m in matrices), area, part / np.where(around > 0, around, 1.0))
 
 
+def _integrated(segments: Segments, slave_area: np.ndarray, dual: bool, quadratic: tuple[bool, bool]) -> tuple[np.ndarray, ...]:
+    """What each overlap (m,) adds, of whole facets: the facets of both sides, ∫ψNᵀ with the functions of the slave (m, 3, 3 or 6)
+    and of the master, ∫ψ (m, 3, 1), the area (m,)."""
+    size, one, two = segments.fans
+    size = size * slave_area[segments.slave][:, None]
+    linear = moments(size, one, one)
+    first = (size[:, :, None] * one.sum(axis=2)).sum(axis=1) / 3
+    facets, at = np.unique(segments.slave, return_inverse=True)
+    gram, mass = np.zeros((len(facets), 3, 3)), np.zeros((len(facets), 3))
+    np.add.at(gram, at, linear)
+    np.add.at(mass, at, first)
+    sound, shape = _dual(gram, mass) if dual else (mass.sum(axis=1) > 0, np.broadcast_to(np.eye(3), gram.shape))
+    there, shape = sound[at], shape[at]
+    own = _integrals(size, one, one, linear if not quadratic[0] else None)
+    other = _integrals(size, one, two, moments(size, one, two) if not quadratic[1] else None)
+    found = (segments.slave, segments.master, shape @ own, shape @ other, shape @ first[:, :, None], size.sum(axis=1))
+    return found if there.all() else tuple(f[there] for f in found)
+
+
 def moments(size: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """(m, 3, 3) ∫ a bᵀ over triangles of areas (m, t), of functions that are linear there, given at corners (m, t, 3, 3)."""
-    return (np.einsum("mt,mtk,mtl->mkl", size, one.sum(axis=2), two.sum(axis=2))
-            + np.einsum("mt,mtvk,mtvl->mkl", size, one, two)) / 12
+    both = [np.concatenate([at.sum(axis=2, keepdims=True), at], axis=2).reshape(len(size), -1, 3) for at in (one, two)]
+    weighted = both[0] * np.repeat(size, 4, axis=1)[:, :, None]
+    return weighted.transpose(0, 2, 1) @ both[1] / 12
 
 
 def _integrals(size: np.ndarray, one: np.ndarray, two: np.ndarray, linear: np.ndarray | None) -> np.ndarray:

@@ -25,8 +25,8 @@ SNAP = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
 # Overlaps of less than this share of the slave's facet, squared edges that touch, are rounding.
 NOTHING = 1e-12
-# Pairs of facets worked on at once: some 60 MB.
-CHUNK = 100_000
+# Pairs of facets worked on at once: some 12 MB.
+CHUNK = 20_000
 # Masters are searched in classes of size that differ by this factor: the largest of a class sets how far one searches.
 CLASS = 4.0
 
