@@ -292,14 +292,22 @@ def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[
                 dofs.append((at, inverses(stiffness, ~held[at]), np.ones(at.shape, bool), lawful))
     transfer = flat.at(rows, matching.bounds)
     nodes = NodeCompliance.of_interfaces(dofs, len(space.owner))
+    nodes.coupling = S = sp.csr_array(transfer.B @ nodes.compliance @ transfer.B.T)
+    lawful = _components(np.arange(matching.bounds[sum(not i.law.perfect for i in interfaces)]), rows.shape[1])
+    nodes.of_laws.coupling = sp.csr_array(S[lawful][:, lawful])
     if mortars:
         chosen = np.concatenate([np.arange(part.start, part.stop) for part in mortars])
-        B = sp.csr_array(transfer.B[(np.arange(3)[:, None] * rows.shape[1] + chosen).ravel()])
+        at = _components(chosen, rows.shape[1])
         ends = np.cumsum([0] + [part.stop - part.start for part in mortars])
         points.stiff_n[chosen], points.stiff_t[chosen] = search_stiffness(
-            sp.csr_array(B @ nodes.compliance @ B.T), points.normal[:, chosen],
+            sp.csr_array(S[at][:, at]), points.normal[:, chosen],
             [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
     return transfer, transfer.exists, nodes
+
+
+def _components(points: np.ndarray, count: int) -> np.ndarray:
+    """(3 R,) where components of some points (R,) are in (3, count), flat."""
+    return (np.arange(3)[:, None] * count + points).ravel()
 
 
 def _beside_laws(stabilisation: np.ndarray, wanted: list[Interface], bounds: np.ndarray, points: Points) -> np.ndarray:

@@ -153,11 +153,13 @@ class NodeCompliance:
     ----------
     compliance : (D + G, D + G) sparse, blocks of 3 × 3
     there : (D + G,) bool, traces of these interfaces
+    coupling : (3P, 3P) sparse S = B C Bᵀ at their points
     of_laws : the same of the interfaces that are not perfect alone
     """
 
     compliance: sp.csr_array
     there: np.ndarray
+    coupling: sp.csr_array | None = None
     of_laws: NodeCompliance | None = None
 
     @classmethod
