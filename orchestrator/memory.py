@@ -14,7 +14,7 @@ from functools import cache
 # mallopt(3): arrays of at least so many bytes are taken from the system
 _THRESHOLD = -3
 LARGE = 1 << 20  # from which a page fault per 4 kB is small beside the work on them, done once
-LARGEST = 32 << 20  # what the C library itself would come to on 64 bits
+LARGEST = 32 << 20  # what the C library itself comes to at most, on 64 bits
 
 
 @cache
@@ -34,8 +34,8 @@ def give_back() -> None:
         library.malloc_trim(0)
 
 
-def keep_at_hand() -> None:
-    """Large arrays are kept for the next ones from now on; what is free now goes back."""
+def keep_at_hand(size: int) -> None:
+    """Arrays of up to ``size`` bytes are kept for the next ones from now on; what is free now goes back."""
     if (library := _library()) is not None:
-        library.mallopt(_THRESHOLD, LARGEST)
+        library.mallopt(_THRESHOLD, min(max(size, LARGE), LARGEST))
         library.malloc_trim(0)

@@ -14,11 +14,11 @@ from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
 from orchestrator.memory import give_back, keep_at_hand
 from orchestrator.method.decomposition import prepare
-from orchestrator.method.delivery.deliver import deliver
+from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
-from orchestrator.method.load_cases import common_load_cases
+from orchestrator.method.load_cases import LoadCases, common_load_cases
 from orchestrator.method.part import Part
 from orchestrator.method.solver import check_iterations, iterate
 from orchestrator.method.start import Start, numbers_of
@@ -39,6 +39,7 @@ from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.summary.workload import Workload
 from orchestrator.results.unexpected import unexpected
 from orchestrator.savings import Savings
+from orchestrator.scene.aside import set_aside
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles
@@ -104,16 +105,43 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
     """The stages of a solution: prepare, iterate, deliver, summarise; the whole scene is on rank 0."""
     if team.size > 1:
         give_back()
-    method, savings, codes = config.method, Savings(), with_workers(config.codes, team)
-    workers = max(code.workers for code in codes)
+    method, codes = config.method, with_workers(config.codes, team)
     if whole is not None:
         add_own_loads(whole, codes)
     exact = _undecomposed(codes, whole, told, watch, team) if reference else None
-    cases = common_load_cases(whole, method, savings, team)
+    cases = common_load_cases(whole, method, team)
     rank_of = team.share(None if team.rank else ranks_of(whole, team.size))
     with watch("parts"):
-        part = Part.handed_out(whole, rank_of, team)
-    scene, placement = part.scene, Placement.of(part.scene, rank_of, team)
+        parts = [Part.handed_out(whole, rank_of, team)]
+    estimate, on_the_way = DiscretisationEstimate(whole, cases), reference or method.tolerance.error == "auto"
+    with set_aside(whole, team.size > 1 and not on_the_way):
+        placement = Placement.of(parts[0].scene, rank_of, team)
+        delivered, setup_sweeps, ranks = _part_solved(  # which alone holds the part
+            config, parts.pop(), placement, codes, cases, told, start, watch, team, ahead,
+            estimate, (whole, exact) if reference else None)
+    if ranks is None:
+        return None
+    if team.size > 1:
+        give_back()  # of this rank's part nothing is left
+    with watch("bound"):
+        wanted = method.tolerance.error == "auto" or config.output.fields
+        delivered = on_whole(delivered, whole, estimate if wanted else None)
+    summary = summarise(config, whole, delivered, setup_sweeps, exact, ranks, watch)
+    return Solution.of(whole, delivered, summary, exact)
+
+
+def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequence, cases: LoadCases, told: Subscribers,
+                 start: Start | None, watch: Stopwatch, team: Team, ahead: Ahead | None, estimate: DiscretisationEstimate,
+                 reference: tuple[Scene | None, Reference | None] | None) -> tuple[Delivered, float, list[Spent] | None]:
+    """This rank's part of a solution: what is delivered, back-substitutions in set-up, and on rank 0 what all have spent.
+
+    Parameters
+    ----------
+    reference : whole scene and undecomposed solution, on rank 0, where it is asked for
+    """
+    method, scene, savings, workers = config.method, part.scene, Savings(), max(code.workers for code in codes)
+    if team.rank == 0:
+        savings.add(cases.switch, "load steps", cases.left_out)
     with watch("soles"):
         soles = make_soles(scene, method.sole, method.skip.congruent, placement.touched)
     told.stage("assembling and factorising")
@@ -131,26 +159,22 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         d = prepare(scene, soles, method, blackbox, workers, watch, savings, part)
         workload.end("set_up")
 
-        chosen, estimate = cases.part_of(d), DiscretisationEstimate(whole, cases)
-        true_error = TrueError(chosen, whole, cases, exact, watch) if reference else None
+        chosen = cases.part_of(d)
+        true_error = TrueError(chosen, reference[0], cases, reference[1], watch) if reference else None
         numbers = numbers_of(chosen)
         begin = Start.handed_out(start, chosen, numbers)
         if team.size > 1:
-            keep_at_hand()
+            keep_at_hand(16 * d.steps * d.space.size)  # traces of all load steps, two such arrays in one
         iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
                            estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen])
         workload.end("iterations")
         if team.size > 1:
             give_back()
 
-        wanted = method.tolerance.error == "auto" or config.output.fields
-        delivered = deliver(d, chosen, cases, iterated, method.tolerance, estimate if wanted else None, watch, whole)
+        delivered = deliver(d, chosen, cases, iterated, method.tolerance, watch)
         ranks = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                      true_error.asked if true_error else 0.0))
-    if ranks is None:
-        return None
-    summary = summarise(config, whole, delivered, d.setup_sweeps, exact, ranks, watch)
-    return Solution.of(whole, delivered, summary, exact)
+    return delivered, d.setup_sweeps, ranks
 
 
 def _undecomposed(codes: Sequence, scene: Scene | None, told: Subscribers, watch: Stopwatch, team: Team) -> Reference | None:

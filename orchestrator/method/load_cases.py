@@ -19,7 +19,6 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.parallel.team import Team
-from orchestrator.savings import Savings
 from orchestrator.scene.model import Scene
 
 SAME = 1e-12  # part of a load vector that the others leave unexplained, relative to it
@@ -75,18 +74,14 @@ def load_cases(scene: Scene, skip, anchored: bool = False) -> LoadCases:
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 
 
-def common_load_cases(scene: Scene | None, method, savings: Savings, team: Team) -> LoadCases:
+def common_load_cases(scene: Scene | None, method, team: Team) -> LoadCases:
     """The same for all ranks: rank 0 decides, which has the scene.
 
     Parameters
     ----------
     method : ``method`` of the configuration
-    savings : where the steps left out are noted
     """
-    cases = team.share(None if team.rank else load_cases(scene, method.skip, bool(stabilisation(scene, method).any())))
-    if team.rank == 0:
-        savings.add(cases.switch, "load steps", cases.left_out)
-    return cases
+    return team.share(None if team.rank else load_cases(scene, method.skip, bool(stabilisation(scene, method).any())))
 
 
 def _load_vectors(scene: Scene) -> np.ndarray:

@@ -30,47 +30,48 @@ class Delivered:
     ----------
     iterated : what the iterations ended with, for all load steps, with the noise of the answers in its bound; not
         converged where a guard is broken
-    displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean
-        of the sides; None but on rank 0
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
-    sides : per subdomain (T, n_E, 3), continuous over perfect interfaces; None where no interface opens
+    continuous : per subdomain (T, n_E, 3), continuous over perfect interfaces
+    all_perfect : whether no interface opens
     interfaces : what happens on the interfaces that are not perfect; None where there are none
     laws : how well the laws hold there
     stabilised : what stabilisation carried; None where there is none
     reactions : per boundary entry, per load step, its resultant force
+    displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean of the sides
     discretisation : its estimated error, if asked for
     """
 
     iterated: Iterated
-    displacement: np.ndarray | None
     parts: list[np.ndarray | None]
-    sides: list[np.ndarray | None] | None
+    continuous: list[np.ndarray | None]
+    all_perfect: bool
     interfaces: InterfaceFields | None
     laws: LawResiduals | None
     stabilised: Stabilised | None
     reactions: list[list[list[float]]]
-    discretisation: Estimate | None
+    displacement: np.ndarray | None = None
+    discretisation: Estimate | None = None
+
+    @property
+    def sides(self) -> list[np.ndarray | None] | None:
+        """As ``continuous``; None where no interface opens."""
+        return None if self.all_perfect else self.continuous
 
 
 def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, tolerance,
-            estimate: DiscretisationEstimate | None, watch: Stopwatch, whole: Scene | None) -> Delivered:
-    """Recover what is delivered, and judge it.
+            watch: Stopwatch) -> Delivered:
+    """Recover what is delivered, and judge it; ``on_whole`` completes it.
 
     Parameters
     ----------
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
     tolerance : ``method.tolerance`` of the configuration
-    estimate : estimates the discretisation error; None: it is not wanted
-    whole : the scene of all ranks, on rank 0
     """
     with watch("linear_stage"):
         continuous, parts = ([part if part is None else cases.all_steps(part) for part in each]
                              for each in recover(chosen, iterated.fields, iterated.bound))
         iterated = expanded(d, iterated, cases)
-    discretisation = own = laws = lengths = None
-    if estimate is not None:
-        with watch("bound"):
-            discretisation = estimate.of_parts(d, iterated.bound, parts)
+    own = laws = lengths = None
     interfaces, inside = interface_fields(d, iterated), interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
@@ -82,10 +83,17 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
     carried, acting = stabilised(d, iterated), reactions(d, parts, iterated.fields.f)
-    parts, own, interfaces = of_all(d, parts), own and of_all(d, own), all_interfaces(d, interfaces)
-    displacement = None
-    if own is None:
-        continuous = of_all(d, continuous)
-    if whole is not None:
-        displacement = on_mesh(whole, continuous) if own is None else mean_of_sides(whole, own)
-    return Delivered(iterated, displacement, parts, own, interfaces, laws, carried, acting, discretisation)
+    return Delivered(iterated, of_all(d, parts), of_all(d, continuous if own is None else own), d.all_perfect,
+                     all_interfaces(d, interfaces), laws, carried, acting)
+
+
+def on_whole(delivered: Delivered, whole: Scene, estimate: DiscretisationEstimate | None) -> Delivered:
+    """With what needs the whole scene and nothing else of the method, on rank 0.
+
+    Parameters
+    ----------
+    estimate : estimates the discretisation error; None: it is not wanted
+    """
+    continuous = delivered.continuous
+    displacement = (on_mesh if delivered.all_perfect else mean_of_sides)(whole, continuous)
+    return replace(delivered, displacement=displacement, discretisation=estimate and estimate.of_delivered(continuous))

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.recovery import delivered, of_all, recover
+from orchestrator.method.delivery.recovery import of_all, recover
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.load_cases import LoadCases
 from orchestrator.method.stopping.bound import Bound
@@ -48,7 +48,6 @@ class DiscretisationEstimate:
             parts = [self.cases.all_steps(u) for u in parts]
         return d.space.team.share(self.estimator(parts).relative)
 
-    def of_parts(self, d: Decomposition, bound: Bound, parts: list[np.ndarray | None]) -> Estimate | None:
-        """Of recovered displacements, on rank 0; None elsewhere."""
-        whole = of_all(d, delivered(d, bound, parts))
-        return None if d.space.team.rank else self.estimator(whole)
+    def of_delivered(self, continuous: list[np.ndarray]) -> Estimate:
+        """Of delivered displacements, per subdomain, on rank 0."""
+        return self.estimator(continuous)

@@ -20,6 +20,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.congruence import first_congruent
 
+TOGETHER = 32  # subdomains of one shape whose products are formed at once: their strains are many numbers
 UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of a product, of combined back-substitutions
 
 
@@ -64,9 +65,13 @@ def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> I
     ends = np.cumsum([0] + [modes.shape[1] for modes in d.modes])
     own = d.own
     judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
-    for kind, members in _alike(d, judged).items():
+    known: dict[int, Matter] = {}
+    for kind, members in ((kind, alike[a : a + TOGETHER]) for kind, alike in _alike(d, judged).items()
+                          for a in range(0, len(alike), TOGETHER)):
         one = own[kind]
-        matter = Matter(scene.mesh.nodes[one.nodes], one.connectivity, *moduli[one.material].T)
+        if kind not in known:
+            known = {kind: Matter(scene.mesh.nodes[one.nodes], one.connectivity, *moduli[one.material].T)}
+        matter = known[kind]
         root = np.sqrt(np.repeat(matter.stiff, 3))
         together = np.vstack([parts[own[e].index].reshape(steps, -1) for e in members])
         resisting = np.split(matter.forces(together), len(members))

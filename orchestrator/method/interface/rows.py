@@ -20,3 +20,11 @@ def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
 def dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(T,) products of the rows of (T, n) with each other."""
     return np.einsum("ti,ti->t", a, b)
+
+
+def narrow(matrix: sp.csr_array) -> sp.csr_array:
+    """The same matrix with indices of 32 bits where they suffice: a third less to keep, and to read in every product."""
+    if max(matrix.nnz, *matrix.shape) > np.iinfo(np.int32).max:
+        return matrix
+    return sp.csr_array((matrix.data, matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)),
+                        shape=matrix.shape)

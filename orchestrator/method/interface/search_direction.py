@@ -40,7 +40,10 @@ class SearchDirection:
     def __init__(self, whole: sp.csr_array, space: TraceSpace):
         self.whole, self.space = whole, space
         d = space.size
-        self.k = whole if whole.shape[0] == d else sp.csr_array(whole[:d][:, :d])
+        # own rows come first and meet no ghosts: the same numbers, not a copy
+        own = whole.indptr[d]
+        self.k = whole if whole.shape[0] == d else sp.csr_array(
+            (whole.data[:own], whole.indices[:own], whole.indptr[: d + 1]), shape=(d, d))
         self.diagonal = self.k.diagonal()
 
     @cached_property

@@ -28,7 +28,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.row_products import compiled_times
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import narrow, times
 from orchestrator.method.interface.ties import Ties, make_ties, traced
 from orchestrator.method.interface.general_transfer import General, make_transfer
 from orchestrator.method.interface.transfer import Matching
@@ -212,7 +212,7 @@ class TraceSpace:
         d = self.size
         loose = np.delete(np.arange(d), self.held)
         sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), d))
-        return sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T)
+        return narrow(sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T))
 
     def trace(self, boundary: np.ndarray) -> np.ndarray:
         """(T, D) traces w = N u of boundary displacements (T, B), eq. 1; held ones at rest."""
@@ -264,7 +264,7 @@ class TraceSpace:
     def classes(self) -> sp.csr_array:
         """(classes, B) 0/1 matrix: boundary dofs that perfect interfaces make one and the same."""
         b = len(self.label)
-        return sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(self.label.max(initial=-1) + 1, b))
+        return narrow(sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(self.label.max(initial=-1) + 1, b)))
 
     def class_sums(self, values: np.ndarray) -> np.ndarray:
         """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""

@@ -18,6 +18,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.rows import narrow
+
 
 @dataclass(frozen=True)
 class Matching:
@@ -125,8 +127,8 @@ class Matching:
             filled[dofs], source[dofs], column[dofs], sign_of[dofs] = width[mine], where[mine], number[mine], sign
         ends = np.concatenate([[0], np.cumsum(filled)])
         within = np.arange(ends[-1]) - np.repeat(ends[:-1], filled)
-        return sp.csr_array((np.repeat(sign_of, filled) * flat[np.repeat(source, filled) + within],
-                             np.repeat(column, filled) + within, ends), shape=(self.size, int(widths.sum())))
+        return narrow(sp.csr_array((np.repeat(sign_of, filled) * flat[np.repeat(source, filled) + within],
+                                    np.repeat(column, filled) + within, ends), shape=(self.size, int(widths.sum()))))
 
     def displacements(self, bases: Sequence[np.ndarray]) -> sp.csr_array:
         """(D, sum of m) fields of every interface without any jump: (points, m) each, the same on both its sides."""

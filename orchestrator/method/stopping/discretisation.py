@@ -74,7 +74,8 @@ class Estimator:
         sizes = [len(s.nodes) for s in scene.subdomains]
         offsets = np.cumsum([0, *sizes])
         self.order = np.concatenate([s.cells for s in scene.subdomains])
-        self.cells = np.concatenate([s.connectivity + a for s, a in zip(scene.subdomains, offsets)])
+        kind = np.int32 if offsets[-1] < np.iinfo(np.int32).max else np.int64
+        self.cells = np.concatenate([(s.connectivity + a).astype(kind) for s, a in zip(scene.subdomains, offsets)])
         nodes = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
         self.gradients, self.volumes = shape_gradients(nodes, self.cells)
         lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[self.order]
@@ -89,7 +90,7 @@ class Estimator:
         keys = joined[self.cells.T] * len(matters) + matter.ravel()[material]
         occurs = np.zeros(int(keys.max()) + 1, dtype=bool)
         occurs[keys] = True
-        self.corner = (np.cumsum(occurs) - 1)[keys]
+        self.corner = (np.cumsum(occurs) - 1).astype(kind)[keys]
         self.node = np.empty(self.corner.max() + 1, dtype=int)
         self.node[self.corner] = np.concatenate([s.nodes for s in scene.subdomains])[self.cells.T]
         self.weight = self._sum(np.ones((1, len(self.cells))))

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import narrow, times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
 
@@ -45,8 +45,8 @@ class RigidModes:
 
         def sparse(values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
             row, field = np.nonzero(values.T)
-            return sp.csr_array((values[field, row], (row, starts[owner[row]] + field)),
-                                shape=(values.shape[1], starts[-1]))
+            return narrow(sp.csr_array((values[field, row], (row, starts[owner[row]] + field)),
+                                       shape=(values.shape[1], starts[-1])))
 
         self.boundary, self.traces = sparse(dense, subdomain), sparse(traces, space.owner)
 
