@@ -52,14 +52,16 @@ CASES = {
     # sides meshed each on its own: a T in which all is bonded, and one that slides on one side; supports beside interfaces
     "parts bonded": {
         "parts": [_box("base", [2, 1, 0.5], [7, 4, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 5, 2], [0, 0, 0.5]),
-                  _box("right", [1.1, 1, 0.5], [3, 3, 2], [0.9, 0, 0.5])], "subdomains": "groups",
+                  _box("right", [1.1, 1, 0.5], [3, 3, 2], [0.9, 0, 0.5]), _box("end", [0.5, 1, 0.5], [2, 3, 2], [2, 0, 0])],
+        "subdomains": "groups",
         "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "perfect"}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 1}, "traction": [[10, 0, 5], [0, 10, 1]]}],
     },
     "parts in contact": {
         "parts": [_box("base", [2, 1, 0.5], [6, 3, 2], [0, 0, 0]), _box("left", [0.9, 1, 0.5], [4, 4, 2], [0, 0, 0.5]),
-                  _box("right", [1.1, 1, 0.5], [3, 2, 2], [0.9, 0, 0.5])], "subdomains": "groups",
+                  _box("right", [1.1, 1, 0.5], [3, 2, 2], [0.9, 0, 0.5]), _box("end", [0.5, 1, 0.5], [2, 2, 2], [2, 0, 0])],
+        "subdomains": "groups",
         "materials": [{"young": 200e3, "poisson": 0.3}],
         "interfaces": [{"between": ["*", "*"], "law": "contact", "friction": 0.2},
                        {"between": ["base", "left"], "law": "perfect"}],
