@@ -57,6 +57,8 @@ _LISTED = {
                      "meshes of 27 and 125 grains (343 and 1,000 if set), twenty seeds each: sound, round, in which time"),
     "stability": ("robustness.stability:run",
                   "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
+    "meshed_apart": ("robustness.meshed_apart:run",
+                     "parts meshed each on its own: pairs, bonded, bolted, shrunk and pressed, beside conforming, Lamé, Hertz"),
     "faults": ("robustness.faults:run",
                "runs killed at random moments and disks full at every stage, then resumed: nothing is lost"),
     "falsified": ("robustness.falsified:run",
