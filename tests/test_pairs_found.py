@@ -199,6 +199,15 @@ def test_what_is_wrong_with_pairs(made, words, cure):
     assert all(p.path[:2] == ("interfaces", 0) for p in found)
 
 
+def test_loads_on_faces_that_lie_on_another_part_are_told():
+    """A plane takes the faces of both parts."""
+    for on, words in (({"plane": "z", "at": 0.5}, "50 faces of base, lid"), ("lid/zmax", "")):
+        made = slabs(0.0, boundary=[{"on": "base/zmin", "displacement": [0, 0, 0]}, {"on": on, "pressure": 1.0},
+                                    {"on": "lid/xmin", "displacement": [0, 0, 0]}])
+        warnings = build_scene(config_from(made)).warnings
+        assert [words in w and "lie on another part" in w for w in warnings] == ([True] if words else [])
+
+
 def test_what_the_user_may_overrule():
     def built(*arguments, **keys):
         return build_scene(config_from(slabs(*arguments, **keys)))

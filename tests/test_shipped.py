@@ -53,6 +53,7 @@ SHIPPED_CODES = {  # what shortens it, iterations at most, its codes and transpo
                    ["freefem pipe", "freefem file", "calculix file", "scikit-fem pipe", "template.py pipe"]),
     "assembly_codes": (["mesh.h=10", "output.fields=false"], 30, ["freefem pipe", "calculix file"]),
     "punch": ([], 50, ["freefem pipe", "calculix file"]),
+    "slider": (["parts.1.mesh.box.cells=[6, 6, 5]"], 60, ["freefem pipe", "scikit-fem pipe"]),
 }
 
 
@@ -134,5 +135,8 @@ def test_shipped_configurations_of_several_codes(name, tmp_path, configs_dir):
     if name == "punch":  # sticks in part, sticks more, slides, sticks again
         assert statuses(summary, "slip")[2] == statuses(summary, "stick")[3] == 88
         assert abs(reactions[0][2][0] / reactions[0][2][2]) == pytest.approx(0.3, rel=0.03)
+    elif name == "slider":  # dragged there and back, all of it
+        assert all(abs(np.hypot(*step[:2]) / step[2]) == pytest.approx(0.3, rel=1e-4) for step in reactions[0][1:])
+        assert summary["status_counts"]["slip"][1] == sum(summary["status_counts"][k][1] for k in ("open", "stick", "slip"))
     else:
         assert summary["error_bound"] <= 1e-6

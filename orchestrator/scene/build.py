@@ -8,6 +8,7 @@ from orchestrator.config import Config, steps, vectors_per_step
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
+from orchestrator.scene.conditions.covered import loads_on_pairs
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
@@ -77,6 +78,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     matter = _matter(mesh, materials, cell_material, boundary)
     interfaces, near = ([], []) if whole else make_interfaces(
         mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set, matter)
+    problems.warnings += loads_on_pairs(mesh, boundary, interfaces, numbering)
     mesh = fitted(mesh, interfaces, matter.held)
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
