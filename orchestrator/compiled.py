@@ -12,8 +12,10 @@ questions to the codes their cores have nothing else to do.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache
 from itertools import count
 from typing import Any
@@ -58,6 +60,21 @@ class Compiled:
 def compiled(function: Callable[..., Any]) -> Compiled:
     """Decorator: see ``Compiled``."""
     return Compiled(function)
+
+
+def make_ready() -> None:
+    """Import the compiler and have it set itself up in another thread: for when it will be needed, and something else comes
+    first that leaves a core to it."""
+    def start() -> None:
+        with suppress(Exception):  # whoever needs it will meet that again
+            _nothing(0)
+
+    threading.Thread(target=start, name="compiler", daemon=True).start()
+
+
+@compiled
+def _nothing(number):
+    return number
 
 
 def in_parts(function: Compiled, size: int, *arguments) -> list:

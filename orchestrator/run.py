@@ -10,6 +10,7 @@ from pathlib import Path
 from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.own_loads import add_own_loads
 from orchestrator.blackbox.start import Ahead, make_blackbox
+from orchestrator.compiled import make_ready
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
 from orchestrator.memory import give_back, keep_at_hand
@@ -24,6 +25,7 @@ from orchestrator.method.solver import check_iterations, iterate
 from orchestrator.method.start import Start, numbers_of
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
+from orchestrator.registry import LAWS
 from orchestrator.results.figures.artist import Artist
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import kept_mesh
@@ -209,6 +211,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     with locked(folder), unexpected(folder, team), drawing as artist:
         with Progress(quiet) as progress, Ahead(with_workers(config.codes, team)) as ahead:
             progress.stage("meshing")
+            if not all(LAWS[entry.law].perfect for entry in config.interfaces):
+                make_ready()
             if not resume:
                 begun(folder)
             if team.size > 1:
