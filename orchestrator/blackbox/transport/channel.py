@@ -67,26 +67,24 @@ class Channel:
 
     def read_into(self, target: memoryview, deadline: float) -> None:
         """Fill ``target`` (bytes); raises Ended."""
-        at = 0
-        while at < len(target):
-            if self._start == self._stop:
-                self._fill(deadline)
-            n = min(len(target) - at, self._stop - self._start)
-            target[at : at + n] = memoryview(self._buffer)[self._start : self._start + n]
-            self._start += n
-            at += n
+        at = min(len(target), self._stop - self._start)
+        target[:at] = memoryview(self._buffer)[self._start : self._start + at]
+        self._start += at
+        while at < len(target):  # nothing is kept: what the target has room for goes there at once
+            received = self._receive([target[at:], self._buffer], deadline)
+            here = min(received, len(target) - at)
+            at, self._start, self._stop = at + here, 0, received - here
 
-    def _fill(self, deadline: float) -> None:
+    def _receive(self, buffers: list, deadline: float) -> int:
         while True:
             try:
-                received = os.readv(self._in, [self._buffer])
+                received = os.readv(self._in, buffers)
             except BlockingIOError:
                 self._wait(self._in, select.POLLIN, deadline)
                 continue
             if received == 0:
                 raise Ended("it ended before its answer was complete")
-            self._start, self._stop = 0, received
-            return
+            return received
 
     def _wait(self, fd: int, event: int, deadline: float) -> None:
         poll = select.poll()

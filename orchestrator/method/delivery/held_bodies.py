@@ -91,9 +91,14 @@ class _Motions:
             apart.append(normal[:, None, None] * opening + tangential[:, None, None] * (columns - opening))
         gram = np.zeros((self.bodies, 6, self.bodies, 6))
         gram[range(self.bodies), :, range(self.bodies), :] = self.support
-        for one, two, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0)):
-            blocks = sign * np.einsum("nki,nkj->nij", apart[one], apart[two])
-            np.add.at(gram.transpose(0, 2, 1, 3), (self.sides[:, one], self.sides[:, two]), blocks)
+        offsets = self.interfaces.offsets
+        for a, b in zip(offsets[:-1], offsets[1:]):
+            if a == b:
+                continue
+            both = np.concatenate([apart[0][a:b].reshape(-1, 6), -apart[1][a:b].reshape(-1, 6)], axis=1)
+            blocks = (both.T @ both).reshape(2, 6, 2, 6)
+            for one, two in ((0, 0), (1, 1), (0, 1), (1, 0)):
+                gram[self.sides[a, one], :, self.sides[a, two]] += blocks[one, :, two]
         values, vectors = np.linalg.eigh(gram.reshape(6 * self.bodies, -1))
         loose = vectors[:, values <= FREE * max(values[-1], 1e-300)].reshape(self.bodies, 6, -1)
         return np.linalg.norm(loose, axis=(1, 2)) > 1e-3
