@@ -22,6 +22,8 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.method.coarse.dense_fields import DenseFields
+from orchestrator.compiled import in_parts
+from orchestrator.method.coarse.kernels import carried_along
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
@@ -129,15 +131,24 @@ class CoarseCorrection:
             y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
             force = self.pairs.force(F, previous).force
             previous = self.pairs.settled(force, F, previous)[1]
-        r, u, s = self.response, fields.u.copy(), fields.s.copy()
-        w, f = (x.copy() for x in fields.extended)
-        for e, part, boundary in zip(self.own, self.parts, self.stage.space.boundary):
-            s[:, part] += y[:, e] @ r.V[:, part]
-            u[:, boundary] += y[:, e] @ self.boundary_response[:, boundary]
-        for e, part in self.everyone:  # ghosts move with their own bodies, whose fields all ranks know
-            w[:, part] += y[:, e] @ r.W[:, part]
-            f[:, part] += y[:, e] @ r.F[:, part]
-        return Admissible.of_extended(s, u, fields.alpha, w, f, self.stage.space)
+        r, space = self.response, self.stage.space
+        s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, self.boundary_response, self.body_of_boundary)
+        # ghosts move with their own bodies, whose fields all ranks know
+        w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
+        return Admissible.of_extended(s, u, fields.alpha, w, f, space)
+
+    @staticmethod
+    def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """at (T, n) with what fields y (T, bodies, 12) add, whose response (12, n) is that of each column's own body."""
+        result = np.empty_like(at)
+        in_parts(carried_along, at.shape[1], body, y, response, at, result)
+        return result
+
+    @cached_property
+    def body_of_boundary(self) -> np.ndarray:
+        """(B,) int, the body of each boundary dof."""
+        parts = self.stage.space.boundary
+        return np.repeat(self.own, [part.stop - part.start for part in parts])
 
     @property
     def interfaces(self) -> np.ndarray:
@@ -153,13 +164,6 @@ class CoarseCorrection:
         """Take back what was told of an iteration."""
         self.problem.recall(memory)
         self.radius = memory.notes["coarse"]["radius"]
-
-    @cached_property
-    def everyone(self) -> list[tuple[int, slice | np.ndarray]]:
-        """Bodies, and where their trace dofs are, ghosts included."""
-        owner, size = self.stage.space.owner, self.stage.space.size
-        ghosts = [(int(e), size + np.flatnonzero(owner[size:] == e)) for e in np.unique(owner[size:])]
-        return [*zip(self.own, self.parts), *ghosts]
 
     def _independent(self, fields: np.ndarray, k_fields: np.ndarray) -> np.ndarray:
         """(own bodies, 12, 12) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.

@@ -6,6 +6,32 @@ import numpy as np
 
 from orchestrator.compiled import compiled
 
+BLOCK = 1024  # columns of fields that stay in a core's own cache from one load step to the next
+
+
+@compiled
+def carried_along(start, stop, body, y, fields, at, result):
+    """result (T, D) = at + y fields in columns from start to stop: each moves with the fields of its body.
+
+    Parameters
+    ----------
+    body : (D,) int, same ones together; y : (T, bodies, m); fields : (m, D)
+    """
+    a = start
+    while a < stop:
+        b = a + 1
+        while b < stop and b < a + BLOCK and body[b] == body[a]:
+            b += 1
+        for t in range(len(at)):
+            before, after, shares = at[t, a:b], result[t, a:b], y[t, body[a]]
+            for i in range(len(before)):
+                after[i] = before[i]
+            for m in range(len(shares)):
+                share, field = shares[m], fields[m, a:b]
+                for i in range(len(field)):
+                    after[i] += share * field[i]
+        a = b
+
 
 @compiled
 def spread(L, chosen, bounds, both, F):
