@@ -93,3 +93,15 @@ def test_hard_cases_before_and_after(tmp_path, case):
         assert run.converged and run.summary["true_error"] <= run.summary["error_bound"] <= 1e-6
         iterations[name] = run.iterations
     assert iterations["auto"] < 0.6 * iterations["before"] and iterations["auto"] <= 30, iterations
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+@pytest.mark.parametrize("poisson", [0.3, 0.499])
+def test_copies_of_matter_that_flows_resist_by_the_mean_of_its_moduli(element, poisson):
+    """λ' = √(λ μ) where ten-node tets are nearly incompressible; the matter's own everywhere else."""
+    made = config(materials=[{"young": 200e3, "poisson": poisson}], blackbox={**IN_PROCESS, "element": element},
+                  **method({"kind": "overlap"}))
+    for one, _ in make_soles(build_scene(made), made.method.sole):
+        ratio = 2 * one.poisson / (1 - 2 * one.poisson)  # λ/μ
+        own = 2 * poisson / (1 - 2 * poisson)
+        assert np.allclose(ratio, np.sqrt(own) if (element, poisson) == ("P2", 0.499) else own, rtol=1e-9)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.overlap import first_row
+from orchestrator.scene.soles.overlap import INCOMPRESSIBLE, first_row
 
 CONTRAST = 10.0  # of moduli in one side's first row of cells
-INCOMPRESSIBLE = 0.49
 SLENDER = 10.0  # largest over smallest extent
 SLACK = 1e-6
 

@@ -10,6 +10,11 @@ nothing that the sole is too soft for.
 
 With ten-node tets an element may join two nodes of the interface by an edge that is on none of its faces,
 whose middle is not a trace. In the copy, one end of such an edge is a node of its own, clamped.
+
+A copy of nearly incompressible matter, clamped behind, resists by its bulk modulus what the subdomain itself, free to flow,
+resists by its shear modulus alone. Of two such extremes the best search direction is the geometric mean, as for Robin conditions
+between any two ends of a spectrum: λ' = √(λ μ) in the copy. Soft modes are fewer then, and what they cost. Four-node tets
+cannot flow without changing their volumes: their copies keep their bulk modulus.
 """
 
 from __future__ import annotations
@@ -20,6 +25,8 @@ from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_o
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.partition.numbering import position_rank
 from orchestrator.scene.soles.sole import Sole
+
+INCOMPRESSIBLE = 0.49  # Poisson's ratio from which matter counts as nearly incompressible
 
 
 def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
@@ -50,7 +57,14 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
     if triangles.shape[1] == 6:
         points, cells = _without_chords(inner, triangles, points, cells, np.concatenate(sides))
         points, cells = with_middles(inner, triangles, points, cells)
+        poisson = np.where(poisson > INCOMPRESSIBLE, _between(poisson), poisson)
     return Sole(points, cells, 0.5 * ratio * young, poisson)
+
+
+def _between(poisson: np.ndarray) -> np.ndarray:
+    """ν' of λ' = √(λ μ), given ν > 0: with λ/μ = 2ν/(1 − 2ν), ν = (λ/μ) / (2 (λ/μ + 1))."""
+    ratio = np.sqrt(np.maximum(2 * poisson / (1 - 2 * poisson), 0.0))
+    return ratio / (2 * (ratio + 1))
 
 
 def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray, cells: np.ndarray,
