@@ -8,6 +8,7 @@ from pydantic import Field
 
 from orchestrator.config.base import ByName, Name, Names, Part, PartlyFree, Vector, either, one_or_per_step
 from orchestrator.config.entry import Entry
+from orchestrator.config.turning import Axis, Rotate
 from orchestrator.registry import LAWS
 
 
@@ -26,23 +27,64 @@ Displacement = one_or_per_step(PartlyFree, "three numbers (null: free), or a lis
 Traction = one_or_per_step(Vector, "three numbers, or a list of such, one per load step")
 
 
+class Resultant(Part):
+    """A force and a moment on a surface as a whole, spread over it as a traction that varies linearly."""
+
+    force: Vector = Field([0.0, 0.0, 0.0], description="the force; zero by default, for a moment alone")
+    moment: Vector = Field([0.0, 0.0, 0.0], description="the moment about `about`; zero by default")
+    about: Vector | None = Field(None, description="where the force acts, on the surface or not; none: the surface's centre")
+
+
+class LinearPressure(Part):
+    """A pressure that varies linearly, as a liquid's."""
+
+    value: float = Field(0.0, description="at the point `at`, force per area along the inward normal")
+    at: Vector = Field(description="a point, as one of a liquid's surface")
+    gradient: Vector = Field(description="change per length along x, y and z")
+
+
+class Motion(Part):
+    """A rigid motion: a shift, and a turn that is small."""
+
+    translate: Vector = Field([0.0, 0.0, 0.0], description="the shift of points on the turn's axis")
+    rotate: Rotate | None = Field(None, description="{axis, degrees, about}; none: no turn")
+
+
+Pressure = either(LinearPressure, float, lambda value: isinstance(value, (dict, LinearPressure)),
+                  "a number, or {at: [0, 0, 10], gradient: [0, 0, -9.81e-6]}")
+
+
 class BoundaryCondition(Part):
-    """Exactly one of displacement, traction and pressure, on a place."""
+    """Exactly one of displacement, motion, traction, pressure and resultant, on a place."""
 
     on: Where = Field(description="a surface group (shell wildcards allowed), a plane or a box")
     displacement: Displacement | None = Field(None, description="prescribed components; null leaves one free")
+    motion: Motion | None = Field(None, description="prescribed rigid motion: {translate, rotate: {axis, degrees, about}}")
     traction: Traction | None = Field(None, description="force per area")
-    pressure: float | None = Field(None, description="force per area along the inward normal")
+    pressure: Pressure | None = Field(None, description=(
+        "force per area along the inward normal: a number, or {value, at, gradient}"))
+    resultant: Resultant | None = Field(None, description="force and moment as a whole: {force, moment, about}")
     history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")
+
+
+class Spin(Part):
+    """A steady rotation, whose centrifugal force acts on matter that has a density."""
+
+    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
+    rate: float = Field(description="angle in radians per time")
+    about: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
 
 
 class BodyForce(Part):
-    """A force per volume on the volumes it names; several add up."""
+    """Exactly one of body_force, gravity and spin, on the volumes it names; several add up."""
 
     on: Names = Field(
         ["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")
-    body_force: Traction = Field(description="force per volume")
-    history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")
+    body_force: Traction | None = Field(None, description="force per volume")
+    gravity: Vector | None = Field(None, description="acceleration, times the materials' density")
+    spin: Spin | None = Field(None, description="{axis, rate, about}: centrifugal force by the materials' density")
+    history: Name | None = Field(None, description=(
+        "name of the factors per load step, of the force; none: the same at every step"))
 
 
 Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping]

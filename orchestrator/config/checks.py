@@ -27,7 +27,8 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
-    ("boundary", "*"): ("displacement", "traction", "pressure"),
+    ("boundary", "*"): ("displacement", "motion", "traction", "pressure", "resultant"),
+    ("loads", "*"): ("body_force", "gravity", "spin"),
 }
 ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",)}
 
@@ -218,9 +219,17 @@ def parts_fit(data: Any) -> Iterator[Problem]:
         if element != said[0][1]:
             yield Problem(path, f"{element} beside {said[0][1]} in {_dotted(said[0][0])}", "one element for all parts",
                           "choose one: parts of different elements in one scene are not supported")
-    for path, axis in find(data, ("parts", "*", "move", "rotate", "axis")):
-        if isinstance(axis, list) and not any(axis):
-            yield Problem(path, _show(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
+
+
+def directions(data: Any) -> Iterator[Problem]:
+    """Axes have a direction, and what is spread over a surface is something."""
+    for where in (("parts", "*", "move", "rotate", "axis"), ("boundary", "*", "motion", "rotate", "axis"), ("loads", "*", "spin", "axis")):
+        for path, axis in find(data, where):
+            if isinstance(axis, list) and not any(axis):
+                yield Problem(path, _show(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
+    for path, resultant in find(data, ("boundary", "*", "resultant")):
+        if isinstance(resultant, dict) and not resultant.get("force") and not resultant.get("moment"):
+            yield Problem(path, "neither force nor moment", "one of them, or both", "add force: [0, 0, -1000]")
 
 
 def one_element(data: Any) -> Iterator[Problem]:
@@ -247,7 +256,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
 
 
 RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
-         heeded, one_element, a_mesh, parts_fit]
+         heeded, one_element, a_mesh, parts_fit, directions]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -95,5 +95,6 @@ class Material(Part):
     poisson: float = Field(gt=-1, lt=0.5, description=(
         "Poisson's ratio, between -1 and 0.5, both excluded: displacement elements lock at 0.5; "
         "take 0.49 at most for rubber-like matter"))
+    density: Positive | None = Field(None, description="mass per volume, for gravity and spin; none: no weight is asked for")
     on: Names = Field(
         ["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")

@@ -6,21 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from orchestrator.config.base import Part, Positive, Vector, either
+from orchestrator.config.base import Part, Positive, Vector
 from orchestrator.config.mesh import Material, Mesh
+from orchestrator.config.turning import Rotate
 
 # In names of what is in a part, between the part's and its own: base/rod, base/zmin.
 INSIDE = "/"
-
-Axis = either(Literal["x", "y", "z"], Vector, lambda value: isinstance(value, str), "x, y or z, or a vector of three numbers")
-
-
-class Rotate(Part):
-    """A turn about an axis, right-handed."""
-
-    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
-    degrees: float = Field(description="angle, right-handed about the axis")
-    about: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
 
 
 class Move(Part):
@@ -38,6 +29,7 @@ class Matter(Part):
 
     young: Positive = Material.model_fields["young"]
     poisson: float = Material.model_fields["poisson"]
+    density: Positive | None = Material.model_fields["density"]
 
 
 class OnePart(Part):

@@ -8,11 +8,11 @@ from orchestrator.config.model import Config
 Entry = BoundaryCondition | BodyForce
 
 
-def vector_of(entry: Entry) -> list:
-    """The entry's vector, or list of vectors; a pressure is the vector (p, 0, 0)."""
+def vector_of(entry: Entry) -> list | None:
+    """The entry's vector, or list of vectors; a uniform pressure is the vector (p, 0, 0). None: a field, see ``factors``."""
     if isinstance(entry, BodyForce):
         return entry.body_force
-    if entry.pressure is not None:
+    if isinstance(entry.pressure, float | int):
         return [entry.pressure, 0.0, 0.0]
     return entry.displacement if entry.displacement is not None else entry.traction
 
@@ -27,12 +27,17 @@ def steps(config: Config) -> int:
     for entry in (*config.boundary, *config.loads):
         if entry.history is not None:
             return len(config.histories[entry.history])
-        if is_per_step(vector := vector_of(entry)):
+        if (vector := vector_of(entry)) is not None and is_per_step(vector):
             return len(vector)
     return 1
 
 
-def vectors_per_step(entry: Entry, config: Config) -> list[list[float | None]]:
+def factors(entry: Entry, config: Config) -> list[float]:
+    """What multiplies the entry at every load step."""
+    return [1.0] * steps(config) if entry.history is None else list(config.histories[entry.history])
+
+
+def vectors_per_step(entry: Entry, config: Config) -> list[list[float | None]] | None:
     """Values of a boundary condition or body force at every load step.
 
     Parameters
@@ -44,12 +49,14 @@ def vectors_per_step(entry: Entry, config: Config) -> list[list[float | None]]:
     -------
     (steps, 3) numbers in the YAML's units, None for free components. A history multiplies the
     vector; without one the vector is the same at every step. Pressures are in column 0.
+    None where the entry is a field
     """
     vector = vector_of(entry)
+    if vector is None:
+        return None
     if is_per_step(vector):
         return [[_number(value, 1.0) for value in row] for row in vector]
-    factors = [1.0] * steps(config) if entry.history is None else config.histories[entry.history]
-    return [[_number(value, factor) for value in vector] for factor in factors]
+    return [[_number(value, factor) for value in vector] for factor in factors(entry, config)]
 
 
 def _number(value: float | None, factor: float) -> float | None:

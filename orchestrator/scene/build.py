@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.config import Config, steps, vectors_per_step
+from orchestrator.config import Config, factors, steps, vectors_per_step
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
@@ -63,7 +63,8 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
                  "give fewer load steps, or a coarser mesh")
     materials, cell_material = assign_materials(mesh, config.matter, problems)
     vectors = [vectors_per_step(entry, config) for entry in config.boundary]
-    boundary = resolve_boundary(mesh, faces, config.boundary, vectors, problems)
+    times = [factors(entry, config) for entry in config.boundary]
+    boundary = resolve_boundary(mesh, faces, config.boundary, vectors, times, problems)
     unresolved = any(path[0] == "boundary" for path in (p.path for p in problems.found))
     try:
         partition = make_partition(mesh, faces, config.subdomains)
@@ -82,8 +83,9 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     mesh = fitted(mesh, interfaces, matter.held)
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
-    body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads], numbering, split,
-               problems)
+    body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads],
+               [factors(entry, config) for entry in config.loads], [m.density for m in config.matter], cell_material, numbering,
+               split, problems)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)

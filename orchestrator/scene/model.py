@@ -173,6 +173,7 @@ class BoundaryEntry:
     nodes : (p,) int, global ids of all nodes on those faces
     fixed : (3,) bool, prescribed components (displacement entries; all False for forces)
     values : (steps, 3) float, displacement or traction per step; pressures in column 0
+    slope, about : (steps, 3, 3) and (3,) float, where it varies: values + slope (x − about); None: it is uniform
     """
 
     index: int
@@ -182,6 +183,8 @@ class BoundaryEntry:
     nodes: np.ndarray
     fixed: np.ndarray
     values: np.ndarray
+    slope: np.ndarray | None = None
+    about: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.conditions.affine import resultant
 from orchestrator.scene.model import Scene
 
 
@@ -133,15 +133,8 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[
         for c in () if forces is None else range(3):
             held = np.flatnonzero(s.fixed[:, c])
             np.add.at(supported[:, :, c], (slice(None), s.held_by[held, c]), forces[:, held, c])
-    # every face is on one rank
-    area = [area_vectors(scene.mesh.nodes, entry.triangles) for entry in scene.boundary]
-    whole, sizes = np.array([a.sum(axis=0) for a in area]), np.array([np.linalg.norm(a, axis=1).sum() for a in area])
-    supported, whole, sizes = d.space.team.sum(supported, whole, sizes)
-    result = []
-    for entry, area, size in zip(scene.boundary, whole, sizes):
-        if entry.kind == "displacement":
-            total = supported[:, entry.index]
-        else:
-            total = -entry.values[:, :1] * area if entry.kind == "pressure" else entry.values * size
-        result.append(total.tolist())
-    return result
+    for entry in scene.boundary:  # every face is on one rank
+        if entry.kind != "displacement":
+            supported[:, entry.index] = resultant(entry, scene.mesh.nodes)
+    total, = d.space.team.sum(supported)
+    return total.swapaxes(0, 1).tolist()

@@ -11,44 +11,49 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.scene.conditions.affine import KINDS, field_of
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
 
-KINDS = ("displacement", "traction", "pressure")
 # Two entries agree when their values differ by rounding only.
 SAME = 1e-12
 
 
 def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list[list[list[float | None]]],
-                     problems: Problems) -> list[BoundaryEntry]:
+                     factors: list[list[float]], problems: Problems) -> list[BoundaryEntry]:
     """Finds the faces of each entry of ``boundary:``.
 
     Parameters
     ----------
-    vectors : per entry (steps, 3) values, None for free components; pressures in column 0
+    vectors : per entry (steps, 3) values, None for free components; pressures in column 0; None for fields
+    factors : per entry (steps,) what multiplies it
     """
     resolved = []
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
         kind = next(k for k in KINDS if getattr(entry, k, None) is not None)
         chosen = select(mesh, faces, entry.on, ("boundary", i, "on"), problems)
-        if kind != "displacement":
+        if kind not in ("displacement", "motion"):
             inside = chosen[faces.neighbour[chosen] >= 0]
             if len(inside):
                 where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
                 problems.add(("boundary", i, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the "
                              f"first at {where}: a {kind} there has no side to act on", "faces of the outer boundary",
                              "select outer faces; for forces inside the body use loads:")
+        triangles, cells = faces.triangles[chosen], np.c_[faces.owner[chosen], faces.neighbour[chosen]]
+        if rows is None:
+            acts, values, slope, about = field_of(entry, factors[i], mesh.nodes, triangles)
+            resolved.append(BoundaryEntry(i, acts, triangles, cells, np.unique(triangles),
+                                          np.full(3, acts == "displacement"), values, slope, about))
+            continue
         given = np.array([[value is not None for value in row] for row in rows])
         if (given != given[0]).any():
             problems.add(("boundary", i, kind), "components that are free at some load steps only",
                          "the same components prescribed at every load step", "replace null by numbers, or numbers by null")
         values = np.array([[0.0 if value is None else value for value in row] for row in rows], dtype=float)
-        triangles = faces.triangles[chosen]
-        resolved.append(BoundaryEntry(i, kind, triangles, np.c_[faces.owner[chosen], faces.neighbour[chosen]],
-                                      np.unique(triangles),
+        resolved.append(BoundaryEntry(i, kind, triangles, cells, np.unique(triangles),
                                       given.all(axis=0) & (kind == "displacement"), values))
     return resolved
 
@@ -94,10 +99,17 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
         if not entry.fixed.any():
             continue
         at = _labels(entry, cell_subdomain, numbering, label)
+        varies = None
+        if entry.slope is not None:  # copies of a node that are one are at one place, but for rounding
+            first = np.zeros(count, dtype=int)
+            first[label] = np.arange(len(label))
+            varies = np.einsum("tij,nj->tni", entry.slope, mesh.nodes[numbering.nodes[first[at]]] - entry.about)
         for c in np.flatnonzero(entry.fixed):
             earlier = setter[at, c]
             there = values[:, at, c]
             wanted = entry.values[:, c, None]
+            if varies is not None:
+                wanted = wanted + varies[:, :, c]
             differs = np.abs(there - wanted) > SAME * np.maximum(np.abs(there), np.abs(wanted))
             clash = (earlier >= 0) & differs.any(axis=0)
             if clash.any():
@@ -107,7 +119,8 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
                 problems.add(("boundary", entry.index, "displacement"),
                              f"boundary[{earlier[first]}] and boundary[{entry.index}] contradict each other on "
                              f"{clash.sum()} nodes, the first at {format_point(mesh.nodes[node])}: u{'xyz'[c]} = "
-                             f"{there[step, first]:g} and {entry.values[step, c]:g} at load step {step + 1}",
+                             f"{there[step, first]:g} and {np.broadcast_to(wanted, there.shape)[step, first]:g} at load "
+                             f"step {step + 1}",
                              "one value per node and component",
                              f"put null for u{'xyz'[c]} in one of the two, or select faces that do not meet")
             values[:, at, c] = wanted

@@ -23,6 +23,11 @@ TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 
 # Integrals of the shape functions over an element, as shares of its volume or area, by number of nodes.
 TET_SHARES = {4: np.full(4, 1 / 4), 10: np.r_[np.full(4, -1 / 20), np.full(6, 1 / 5)]}
+# Of shape functions times barycentric coordinates, ∫ φ_a λ_b.
+_IS_END = (TET_EDGES[:, :, None] == np.arange(4)).any(axis=1)
+TET_MOMENTS = {4: (1 + np.eye(4)) / 20, 10: np.vstack([(np.eye(4) - 1) / 60, (1 + _IS_END) / 30])}
+_IS_END = (TRIANGLE_EDGES[:, :, None] == np.arange(3)).any(axis=1)
+TRIANGLE_MOMENTS = {3: (1 + np.eye(3)) / 12, 6: np.vstack([(3 * np.eye(3) - 1) / 60, (1 + _IS_END) / 15])}
 TRIANGLE_SHARES = {3: np.full(3, 1 / 3), 6: np.r_[np.zeros(3), np.full(3, 1 / 3)]}
 
 
