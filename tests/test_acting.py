@@ -101,6 +101,16 @@ def test_a_rigid_motion_of_two_sides_moves_all_without_stress(element):
     assert np.abs(solution.reactions).max() < 1e-8 * 200e3 * np.abs(exact).max()
 
 
+def test_a_plane_of_symmetry_is_held_along_its_normal():
+    """A quarter of a bar that is pulled, ν = 0.3: uniform stress, free to contract."""
+    data = problem([*({"on": side, "symmetry": True} for side in ("xmin", "ymin", "zmin")), {"on": "xmax", "traction": [20, 0, 0]}],
+                   materials=[{"young": 200e3, "poisson": 0.3}])
+    u, x = (solution := solve(config_from(data))).displacement[0], solution.scene.mesh.nodes
+    assert np.abs(u - 1e-4 * x * [1, -0.3, -0.3]).max() < 1e-9
+    with pytest.raises(InputError, match="a plane of symmetry that is curved, or across no axis"):
+        build_scene(config_from(problem([HELD, {"on": "*", "symmetry": True}])))
+
+
 def test_motions_that_contradict_a_support_are_told():
     motion = {"on": "zmin", "motion": {"rotate": {"axis": "x", "degrees": 1.0}}}
     with pytest.raises(InputError, match=r"boundary\[0\] and boundary\[1\] contradict each other"):

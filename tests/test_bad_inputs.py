@@ -19,7 +19,7 @@ from orchestrator.scene.mesh.structured import bricks
 
 PATIENCE = 10  # seconds that any of them may take
 
-FOREIGN = {"rotation": "not supported", "symmetry": "along its normal", "temperature": "no part", "gravity": "body_force",
+FOREIGN = {"rotation": "motion:", "symmetry": "in an entry of boundary", "temperature": "no part", "gravity": "density:",
            "contact": "law between parts", "dynamics": "load steps", "nlgeom": "small",
            "plane_stress": "slab"}
 
@@ -65,10 +65,10 @@ BAD = {
     # other programs
     **{f"{key} elsewhere": ({"extra": f"{key}: 1"}, word) for key, word in FOREIGN.items()},
     "moduli by letters": ({"materials": "materials: [{E: 200e3, nu: 0.3}]"}, "write young"),
-    "density": ({"materials": "materials: [{young: 200e3, poisson: 0.3, density: 7.8e-9}]"}, "body_force"),
+    "density": ({"materials": "materials: [{young: 200e3, poisson: 0.3, rho: 7.8e-9}]"}, "gravity"),
     "fixed": ({"held": "boundary: [{on: {plane: x, at: 0}, fixed: true},"}, "displacement: [0, 0, 0]"),
     "force": ({"loaded": "  {on: {plane: x, at: 4}, force: [1, 0, 0]}]"}, "force per area"),
-    "rotation of a face": ({"held": "boundary: [{on: {plane: x, at: 0}, rotation: [0, 0, 0]},"}, "not supported"),
+    "rotation of a face": ({"held": "boundary: [{on: {plane: x, at: 0}, rotation: [0, 0, 0]},"}, "motion: {rotate"),
     # mesh
     "no source": ({"mesh": "mesh: {}"}, "exactly one of them"),
     "a thousand millions of cells": ({"mesh": "mesh: {box: {size: [4, 1, 1], cells: [1000, 1000, 1000]}}"}, "1e+09 nodes"),

@@ -55,10 +55,11 @@ Pressure = either(LinearPressure, float, lambda value: isinstance(value, (dict, 
 
 
 class BoundaryCondition(Part):
-    """Exactly one of displacement, motion, traction, pressure and resultant, on a place."""
+    """Exactly one of displacement, symmetry, motion, traction, pressure and resultant, on a place."""
 
     on: Where = Field(description="a surface group (shell wildcards allowed), a plane or a box")
     displacement: Displacement | None = Field(None, description="prescribed components; null leaves one free")
+    symmetry: Literal[True] | None = Field(None, description="true: held along the normal of a plane across an axis")
     motion: Motion | None = Field(None, description="prescribed rigid motion: {translate, rotate: {axis, degrees, about}}")
     traction: Traction | None = Field(None, description="force per area")
     pressure: Pressure | None = Field(None, description=(

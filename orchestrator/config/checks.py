@@ -27,7 +27,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
-    ("boundary", "*"): ("displacement", "motion", "traction", "pressure", "resultant"),
+    ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant"),
     ("loads", "*"): ("body_force", "gravity", "spin"),
 }
 ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",)}

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 # What to do → the words for it. None of them is a key of this program's own, in whatever mapping.
 _WORDS: dict[str, tuple[str, ...]] = {
-    "not supported; solid elements have displacements alone: turn a face by different displacements or tractions on parts "
-    "of it, each with an on: of its own": ("rotation", "rx", "ry", "rz", "moment", "torque"),
-    "not supported; hold what lies on the plane along its normal: {on: {plane: x, at: 0}, displacement: [0, null, null]}":
+    "write an entry of boundary with motion: {rotate: {axis: z, degrees: 0.1, about: [0, 0, 0]}}":
+        ("rotation", "rx", "ry", "rz", "remote_displacement"),
+    "write an entry of boundary with resultant: {force: [0, 0, 1], moment: [0, 0, 0], about: [0, 0, 0]}":
+        ("moment", "torque", "total_force", "remote_force", "remote_load"),
+    "write symmetry: true in an entry of boundary, on a plane across an axis":
         ("symmetry", "symmetric", "symmetry_plane", "roller", "slider"),
     "not supported; periodic and cyclic bodies are modelled whole, or cut along planes of symmetry":
         ("antisymmetry", "periodic", "cyclic", "cyclic_symmetry"),
     "not supported; temperature plays no part: what it causes goes in as loads: body_force, or boundary: traction":
         ("temperature", "thermal", "thermal_expansion", "expansion", "alpha", "heat", "conductivity", "initial_temperature"),
-    "not supported; write weight as a force per volume, density times acceleration: loads: [{body_force: [0, 0, -7.7e-5]}]":
-        ("gravity", "weight", "density", "rho", "acceleration", "mass", "centrifugal", "rotational_speed"),
+    "write loads: [{gravity: [0, 0, -9810]}], with density: 7.85e-9 in materials (steel in t, mm, s)":
+        ("weight", "rho", "acceleration", "mass", "gravity", "density"),
+    "write loads: [{spin: {axis: z, rate: 314}}], radians per time, with density: in materials":
+        ("centrifugal", "rotational_speed", "omega"),
+    "write pressure: {at: [0, 0, 10], gradient: [0, 0, -9.81e-6]} in an entry of boundary":
+        ("hydrostatic", "hydrostatic_pressure"),
     "not supported here; contact is a law between parts: interfaces: [{between: [a, b], law: contact, friction: 0.2}]":
         ("contact", "contact_pair", "contacts"),
     "not supported; parts are tied where they share faces: interfaces: [{between: [a, b], law: perfect}]":
@@ -31,7 +37,7 @@ _WORDS: dict[str, tuple[str, ...]] = {
     "not supported; bodies are solid tetrahedra": ("shell", "truss", "cross_section"),
     "write displacement: [0, 0, 0] in an entry of boundary; null leaves a component free":
         ("fixed", "clamped", "clamp", "encastre", "fix", "support", "dirichlet", "ux", "uy", "uz"),
-    "write traction: [0, 0, 1], force per area, or pressure: 1, in an entry of boundary":
+    "write traction: [0, 0, 1], force per area, pressure: 1, or resultant: {force: [0, 0, 1]}, in an entry of boundary":
         ("force", "point_load", "nodal_force", "neumann", "line_load"),
 }
 _OTHER_NAMES = {"e": "young", "youngs_modulus": "young", "young_modulus": "young", "elastic_modulus": "young", "nu": "poisson",

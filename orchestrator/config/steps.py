@@ -12,6 +12,8 @@ def vector_of(entry: Entry) -> list | None:
     """The entry's vector, or list of vectors; a uniform pressure is the vector (p, 0, 0). None: a field, see ``factors``."""
     if isinstance(entry, BodyForce):
         return entry.body_force
+    if entry.symmetry:
+        return None
     if isinstance(entry.pressure, float | int):
         return [entry.pressure, 0.0, 0.0]
     return entry.displacement if entry.displacement is not None else entry.traction

@@ -16,7 +16,8 @@ from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.quadratic import TRIANGLE_MOMENTS
 from orchestrator.scene.model import BoundaryEntry
 
-KINDS = ("displacement", "motion", "traction", "pressure", "resultant")
+KINDS = ("displacement", "symmetry", "motion", "traction", "pressure", "resultant")
+STRAIGHT = 1e-6  # how far a plane's normal may be from its axis: coordinates in files have that many digits
 
 
 def field_of(entry: BoundaryCondition, factors: list[float], nodes: np.ndarray,
@@ -62,6 +63,13 @@ def spread(resultant: Any, nodes: np.ndarray, triangles: np.ndarray) -> tuple[np
     point = centre if resultant.about is None else np.array(resultant.about, dtype=float)
     moment = np.array(resultant.moment, dtype=float) + np.cross(point - centre, force)
     return force / area.sum(), cross(np.linalg.solve(inertia, moment)), centre
+
+
+def normal_of(nodes: np.ndarray, triangles: np.ndarray) -> int | None:
+    """The axis, 0, 1 or 2, that all faces are across; None where there is no such axis."""
+    vectors = np.abs(area_vectors(nodes, triangles))
+    axis = int(vectors.sum(axis=0).argmax())
+    return axis if (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all() else None
 
 
 def cross(vector: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.conditions.affine import KINDS, field_of
+from orchestrator.scene.conditions.affine import KINDS, field_of, normal_of
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
@@ -35,7 +35,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
         kind = next(k for k in KINDS if getattr(entry, k, None) is not None)
         chosen = select(mesh, faces, entry.on, ("boundary", i, "on"), problems)
-        if kind not in ("displacement", "motion"):
+        if kind not in ("displacement", "motion", "symmetry"):
             inside = chosen[faces.neighbour[chosen] >= 0]
             if len(inside):
                 where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
@@ -43,6 +43,15 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                              f"first at {where}: a {kind} there has no side to act on", "faces of the outer boundary",
                              "select outer faces; for forces inside the body use loads:")
         triangles, cells = faces.triangles[chosen], np.c_[faces.owner[chosen], faces.neighbour[chosen]]
+        if kind == "symmetry":
+            axis = normal_of(mesh.nodes, triangles)
+            if axis is None:
+                problems.add(("boundary", i, "on"), "a plane of symmetry that is curved, or across no axis",
+                             "faces on a plane across x, y or z", "turn the model so that the plane is across an axis (parts "
+                             "have move: {rotate: …}), or select the plane's faces alone")
+            resolved.append(BoundaryEntry(i, "displacement", triangles, cells, np.unique(triangles), np.arange(3) == axis,
+                                          np.zeros((len(factors[i]), 3))))
+            continue
         if rows is None:
             acts, values, slope, about = field_of(entry, factors[i], mesh.nodes, triangles)
             resolved.append(BoundaryEntry(i, acts, triangles, cells, np.unique(triangles),
