@@ -135,8 +135,8 @@ def test_shipped_configurations_of_several_codes(name, tmp_path, configs_dir):
     if name == "punch":  # sticks in part, sticks more, slides, sticks again
         assert statuses(summary, "slip")[2] == statuses(summary, "stick")[3] == 88
         assert abs(reactions[0][2][0] / reactions[0][2][2]) == pytest.approx(0.3, rel=0.03)
-    elif name == "slider":  # dragged there and back, all of it
-        assert all(abs(np.hypot(*step[:2]) / step[2]) == pytest.approx(0.3, rel=1e-4) for step in reactions[0][1:])
-        assert summary["status_counts"]["slip"][1] == sum(summary["status_counts"][k][1] for k in ("open", "stick", "slip"))
+    elif name == "slider":  # dragged there and back, all of it, nearly all along the way
+        assert statuses(summary, "stick")[0] > 0 and statuses(summary, "stick")[1:] == [0, 0]
+        assert all(0.298 < np.hypot(*step[:2]) / step[2] <= 0.3 for step in reactions[0][1:])
     else:
         assert summary["error_bound"] <= 1e-6
