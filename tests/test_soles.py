@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from method_case import CUBES, METIS, box_of, config, irregular, layered, method, prepared
+from method_case import CUBES, METIS, PULL, box_of, config, irregular, layered, method, prepared
 
 from orchestrator.blackbox.models.extended import extended_model, rim_model, sides_by_subdomain, sole_models
 from orchestrator.blackbox.protocol import Model
@@ -13,6 +13,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.soles.facets import Facets, between, facets_of
 from orchestrator.scene.soles.make import make_soles, soles_of
+from orchestrator.scene.soles.nodal import WALL, stiffer
 from orchestrator.scene.soles.prisms import prisms
 from orchestrator.scene.soles.sole import merge
 
@@ -266,3 +267,24 @@ def test_symmetric_soles_are_assembled_once():
     for kind, count in (("symmetric", 1), ("layer", 2)):
         soles = make_soles(scene, settings(kind=kind))
         assert len(sole_models(scene, soles)) == count * len(scene.interfaces)
+
+
+def test_springs_are_stiffer_where_interfaces_meet_and_beside_what_is_prescribed():
+    """By the area of all interfaces of a body at a node; twice where one side alone yields. Uniform pressure between two
+    blocks asks for springs in proportion to their areas: there nothing is changed."""
+    contact = [{"law": "contact", "friction": 0.2}]
+    two = build_scene(config(subdomains={"slices": {"axis": "x", "count": 2}}, interfaces=contact))
+    assert (stiffer(two, two.interfaces[0], 0) == 1).all()
+    clamp = {"on": {"box": [[-0.1, -0.1, -0.1], [0.1, 1.1, 2.1]]}, "displacement": [0, 0, 0]}  # half of the face
+    many = build_scene(config(**CUBES, interfaces=contact, boundary=[clamp, PULL]))
+    seen = 0
+    for i in many.interfaces:
+        x, factor = many.side_points(i, 0), stiffer(many, i, 0)
+        assert factor == pytest.approx(stiffer(many, i, 1))
+        met = sum(np.isclose(x[:, axis], 1.0) for axis in (1, 2)) + np.isclose(x[:, :1], [1, 2, 3]).any(axis=1)
+        held = [many.subdomains[e].fixed[nodes].any(axis=1) for e, nodes in zip(i.subdomains, i.nodes)]
+        wall = held[0] != held[1]
+        seen += wall.sum()
+        assert factor[(met == 1) & ~wall] == pytest.approx(1) and factor[(met == 1) & wall] == pytest.approx(WALL)
+        assert (factor[(met == 2) & ~wall] > 1.2).all() and (factor[met == 3] > 1.5).all()
+    assert seen == 6  # three nodes on the clamp's rim, of two interfaces

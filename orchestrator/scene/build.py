@@ -16,10 +16,11 @@ from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.mortar.fitting import fitted
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
+from orchestrator.scene.mesh.patch import node_areas
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
-from orchestrator.scene.model import BoundaryEntry, Material, Mesh, Scene, Subdomain
+from orchestrator.scene.model import BoundaryEntry, Interface, Material, Mesh, Scene, Subdomain
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
 
@@ -100,6 +101,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
                           for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads)}]
     subdomains = _subdomains(partition, numbering, cell_material, held_by, split_prescribed, split)
     assign_codes(mesh, subdomains, config.codes)
+    _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
                  fixed, prescribed, _joined(split, numbering), count, problems.warnings, near)
 
@@ -126,6 +128,17 @@ def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: 
                               held_by[start:end] >= 0, np.ascontiguousarray(prescribed[:, start:end]),
                               np.ascontiguousarray(split[:, start:end]), held_by[start:end], body=partition.body(i)))
     return made
+
+
+def _contact_areas(mesh: Mesh, subdomains: list[Subdomain], interfaces: list[Interface]) -> None:
+    """Enter at every subdomain's nodes the area of its interfaces that are not perfect."""
+    for s in subdomains:
+        s.contact_area = np.zeros(len(s.nodes))
+    for i in interfaces:
+        if not i.law.perfect:
+            for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes)):
+                s = subdomains[e]
+                s.contact_area[nodes] += node_areas(mesh.nodes[s.nodes[nodes]], i.triangles_on(side))
 
 
 def _joined(split: np.ndarray, numbering: SplitNumbering) -> np.ndarray:

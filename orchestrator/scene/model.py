@@ -64,6 +64,7 @@ class Subdomain:
     loads : (steps, n_E, 3) float, consistent nodal forces of tractions, pressures, body forces
     held_by : (n_E, 3) int, entry of ``boundary`` that prescribes each component, −1 for none
     code : index of the entry of the YAML's ``blackbox`` that solves it
+    contact_area : (n_E,) float, area of its interfaces that are not perfect, all of them together
     body : name of the body that it is a piece of; its own where bodies are not cut further
     """
 
@@ -78,6 +79,7 @@ class Subdomain:
     loads: np.ndarray
     held_by: np.ndarray
     code: int = 0
+    contact_area: np.ndarray = field(default_factory=lambda: np.zeros(0))
     body: str = ""
 
     def __post_init__(self) -> None:

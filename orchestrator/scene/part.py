@@ -83,7 +83,8 @@ def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndar
         return replace(s, nodes=np.searchsorted(nodes, s.nodes), cells=np.searchsorted(cells, s.cells))
     return replace(s, nodes=np.searchsorted(nodes, s.nodes[kept]), cells=np.searchsorted(cells, s.cells[rows]),
                    connectivity=np.searchsorted(kept, s.connectivity[rows]), material=s.material[rows], fixed=s.fixed[kept],
-                   prescribed=s.prescribed[:, kept], loads=s.loads[:, kept], held_by=s.held_by[kept])
+                   prescribed=s.prescribed[:, kept], loads=s.loads[:, kept], held_by=s.held_by[kept],
+                   contact_area=s.contact_area[kept])
 
 
 def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[int, np.ndarray]) -> Interface:

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.laws.status import BONDED
-from orchestrator.method.interface.pairs import lawful_nodes, node_areas, pair_normals
+from orchestrator.method.interface.pairs import lawful_nodes, pair_normals, point_areas
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.model import Interface, Scene
 
@@ -128,7 +128,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     both = [pair_normals(scene.points(i), i) for i in chosen]
     normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
     length = _joined([l[c] for (_, l), c in zip(both, corners)])
-    area = _joined([node_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
+    area = _joined([point_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
     initial = _joined([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
 
     jump, force = np.zeros((2, steps, len(normal), 3))

@@ -21,9 +21,9 @@ from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.point_traces import GeneralTraces, NodeCompliance, PairTraces, inverses, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Matching
-from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.mesh.patch import node_areas, node_normals
+from orchestrator.scene.soles.nodal import stiffer
 
 # Prescribed components are taken out of a normal that keeps this much of its length.
 UPRIGHT = 1e-6
@@ -220,7 +220,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         free.append(i.free[mobile])
         upright, length = pair_normals(points, i)
         normal.append(upright[mobile])
-        area.append(node_areas(points, i)[mobile])
+        area.append(point_areas(points, i)[mobile])
         own.append(i.law.parameters(mobile, length[mobile], area[-1]))
     bounds = np.cumsum([0] + [len(a) for a in area])
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
@@ -240,7 +240,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
     if isinstance(space.transfer, General):
         transfer, exists, nodes = _general(scene, space, k, wanted, transfer, points)
     if stabilisation is not None:  # on all ranks, or on none
-        stabilisation = _beside_laws(stabilisation, wanted, bounds, points) if stabilisation.any() else None
+        stabilisation = _beside_laws(stabilisation, scene, wanted, bounds, points) if stabilisation.any() else None
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
@@ -310,10 +310,15 @@ def _components(points: np.ndarray, count: int) -> np.ndarray:
     return (np.arange(3)[:, None] * count + points).ravel()
 
 
-def _beside_laws(stabilisation: np.ndarray, wanted: list[Interface], bounds: np.ndarray, points: Points) -> np.ndarray:
-    """(P,) ε of every pair: its spring ε keq is to be weak beside the law's own, which may be softer than keq."""
+def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface], bounds: np.ndarray,
+                 points: Points) -> np.ndarray:
+    """(P,) ε of every pair: its spring ε keq is to be weak beside the law's own, which may be softer than keq, and no
+    stiffer where soles are made ``stiffer`` at single nodes."""
     each, rigidity = (np.repeat(x, np.diff(bounds)) for x in (
         stabilisation[[i.index for i in wanted]], np.array([i.law.rigidity for i in wanted])))
+    for i, start, end in zip(wanted, bounds[:-1], bounds[1:]):
+        if i.matching and not i.law.perfect:
+            each[start:end] /= stiffer(scene, i, 0)[lawful_nodes(i)]
     return each * np.minimum(1.0, rigidity * points.area / points.stiff_n)
 
 
@@ -360,13 +365,11 @@ def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, 
     return np.where((length < 1.0)[:, None], inside / length[:, None], normal), length
 
 
-def node_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
+def point_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
     """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied. Where nodes do
     not match that of the points; none for other nodes, whose share they have."""
     if interface.mortar is not None:
         area = np.zeros(len(points))
         area[interface.mortar.points] = interface.mortar.area
         return area
-    corners = interface.triangles[:, :3]
-    area = np.linalg.norm(area_vectors(points, corners), axis=1)
-    return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
+    return node_areas(points, interface.triangles)

@@ -1,4 +1,4 @@
-"""What a patch of facets is like at its nodes: local mesh size, normals."""
+"""What a patch of facets is like at its nodes: local mesh size, area, normals."""
 
 from __future__ import annotations
 
@@ -20,6 +20,18 @@ def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     count = np.bincount(triangles.ravel(), minlength=len(points))
     total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
     return np.sqrt(2 * total / count)
+
+
+def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,) a third of the area of the facets around each corner; none for mid-edge nodes.
+
+    Parameters
+    ----------
+    points : (n, 3); triangles : (k, 3 or 6) int, indices of points
+    """
+    corners = triangles[:, :3]
+    area = np.linalg.norm(area_vectors(points, corners), axis=1)
+    return np.bincount(corners.ravel(), weights=np.repeat(area / 3, 3), minlength=len(points))
 
 
 def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -20,6 +20,7 @@ from orchestrator.scene.congruence import equal
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.soles.nodal import stiffer
 
 # Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
 THIN = 0.01
@@ -79,7 +80,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
     ``between`` them, near the softer. Under other laws than the perfect one
     the coarse contact problem moves whole bodies only, and the sole has to serve all waves between the mesh
     size h and the body's size L: E_S/thickness = contact_ratio × E/√(hL), the mean that optimised
-    Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006). ν_S is the smaller ratio, at most
+    Schwarz methods choose (Gander, SIAM J. Numer. Anal. 44, 2006); springs are ``stiffer`` at some nodes. ν_S is the smaller ratio, at most
     0.3: a nearly incompressible sole is stiff in the wrong direction. With ten-node tets the mesh size is
     half the facets', which is the distance of nodes, unless mid-edge nodes are tied to the corners.
     Where nodes do not match, bonded sides whose facets differ get soles of one thickness, see ``thickness_between``.
@@ -106,6 +107,8 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
         reach = np.sqrt(h * scene.sizes[list(interface.subdomains)].min())
         ratio = settings.contact_ratio * (thickness / reach)[triangles].mean(axis=1)
     thin = THIN if kind == "springs" else 1.0
+    if kind == "springs" and not interface.law.perfect:
+        thickness = thickness / stiffer(scene, interface, side)
     E = young.max(axis=1) if interface.law.as_one else between(*young.T)
     stiffen, stretch = (STIFFEN, STRETCH) if quadratic else (1.0, 1.0)
     return Facets(points, triangles, thin * stiffen * ratio * E, nu, thin * stretch * thickness)
