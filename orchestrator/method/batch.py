@@ -105,8 +105,7 @@ class Batch:
             self.iteration += 1
             with watch("linear_stage"):
                 evaluated = d.stage(self.s)
-                moved, asked = d.space.team.max(np.abs(evaluated.w).max(initial=0.0), self.s.any())
-                self.sweeps += asked * share * (1 - self.frozen.mean())
+                largest = d.space.team.max_later(np.abs(evaluated.w).max(initial=0.0), self.s.any())
             if d.coarse is not None:
                 with watch("coarse"):
                     evaluated = d.coarse(evaluated)
@@ -114,6 +113,8 @@ class Batch:
                 local = d.local(evaluated)
             with watch("acceleration"):
                 residual, best = acceleration.take(evaluated, local.s)
+            moved, asked = largest()
+            self.sweeps += asked * share * (1 - self.frozen.mean())
             with watch("bound"):
                 measures = measure(d.stage, d.local, best, local, residual, exact)
                 verdict = criterion(best, local, measures)

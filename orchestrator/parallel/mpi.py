@@ -58,6 +58,7 @@ class Ranks(Team):
         else:  # one rank adds, all take its bits
             everyone = np.empty((1, len(mine)))
             request = self._world.Ireduce(mine, everyone if self.rank == 0 else None, MPI.SUM, root=0)
+        self._open[id(request)] = request, mine, everyone
 
         def result() -> list[np.ndarray]:
             self._wait(request)
@@ -70,11 +71,17 @@ class Ranks(Team):
 
         return result
 
-    def max(self, *values: float) -> list[float]:
+    def max_later(self, *values: float) -> Callable[[], list[float]]:
         everyone, mine = np.empty((self.size, len(values))), np.array(values, float)
         self._count(mine)
-        self._wait(self._world.Iallgather(mine, everyone))
-        return everyone.max(axis=0).tolist()
+        request = self._world.Iallgather(mine, everyone)
+        self._open[id(request)] = request, mine, everyone
+
+        def result() -> list[float]:
+            self._wait(request)
+            return everyone.max(axis=0).tolist()
+
+        return result
 
     def exchange(self, outgoing: Mapping[int, np.ndarray],
                  incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:

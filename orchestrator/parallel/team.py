@@ -38,9 +38,13 @@ class Team:
         """Sums of arrays (or numbers) over the ranks, the same bits everywhere."""
         return self.sum_later(*parts)()
 
+    def max_later(self, *values: float) -> Callable[[], list[float]]:
+        """Begin to find the largest of each value over the ranks; calling what is returned waits for them."""
+        return lambda: [float(value) for value in values]
+
     def max(self, *values: float) -> list[float]:
         """Largest of each value over the ranks."""
-        return [float(value) for value in values]
+        return self.max_later(*values)()
 
     def exchange(self, outgoing: Mapping[int, np.ndarray],
                  incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:

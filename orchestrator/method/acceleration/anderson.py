@@ -44,13 +44,11 @@ class Anderson:
         """Take in an evaluation; the best known point is the evaluation itself."""
         s = evaluated.s
         residual, r, square = weighted_residual(s, image, self.root)
-        size = float(np.sqrt(self.team.sum(square)[0]))
+        size = self._remember(s, r, square)
         if size > FORGET * self.smallest:
             self.history.clear()
             self.gram, self.right = np.zeros((0, 0)), np.zeros(0)
             self.smallest = size
-        elif self.s is not None:
-            self._remember(s, r)
         self.smallest = min(self.smallest, size)
         self.s, self.r, self.image = s, r, image
         return residual, evaluated
@@ -71,14 +69,21 @@ class Anderson:
             self.s, self.r = s, r
         self.smallest = latest["smallest"]
 
-    def _remember(self, s: np.ndarray, r: np.ndarray) -> None:
+    def _remember(self, s: np.ndarray, r: np.ndarray, square: float = 0.0) -> float:
+        """Take in what this evaluation has changed, if there has been one before it; ‖r‖, from this rank's part of its square.
+
+        Both travel in one message: what is to be forgotten at once has been formed in vain, and that is rare.
+        """
+        if self.s is None:
+            return float(np.sqrt(self.team.sum(square)[0]))
         if len(self.history) == self.history.memory:
             self.gram = self.gram[1:, 1:]
-        row, self.right = self.team.sum(self.history.add(s, r, self.s, self.r))[0]
+        square, (row, self.right) = self.team.sum(square, self.history.add(s, r, self.s, self.r))
         grown = np.empty((len(row), len(row)))
         grown[:-1, :-1] = self.gram
         grown[-1], grown[:, -1] = row, row
         self.gram = grown
+        return float(np.sqrt(square))
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""

@@ -94,20 +94,22 @@ class ResidualMinimisation:
         else:
             dr = r - self.r
             dp = [a - b for a, b in zip(point, self.point)]
-            scale, size = self.r, dr.copy()
             steps = np.zeros((len(self.directions), len(dr)))
-            for _ in range(2):  # twice is enough
-                # all products at once: one message among the ranks
-                coefficients = self.team.sum(*(dots(q, dr) for q, _ in self.directions))
-                for (q, _), c in zip(self.directions, coefficients):
-                    dr -= q * c[:, None]
-                steps += np.reshape(coefficients, steps.shape)
+            # all products at once: one message among the ranks for each pass, of which twice is enough
+            size, scale, *first = self.team.sum(dots(dr, dr), dots(self.r, self.r), *(dots(q, dr) for q, _ in self.directions))
+            self._without(dr, first, steps)
+            norm, along, *products = self.team.sum(dots(dr, dr), dots(dr, self.r),
+                                                   *(f(q) for q, _ in self.directions
+                                                     for f in (lambda q: dots(q, dr), lambda q: dots(q, self.r))))
+            second, met = products[::2], products[1::2]
+            self._without(dr, second, steps)
+            # by Pythagoras: what the second pass takes away is rounding of the first
+            norm = norm - sum((c * c for c in second), np.zeros(len(dr)))
+            along = along - sum((c * m for c, m in zip(second, met)), np.zeros(len(dr)))
             for (_, p), c in zip(self.directions, steps):
                 for a, b in zip(dp, p):
                     a -= b * c[:, None]
-            norm, size, scale, along = self.team.sum(dots(dr, dr), dots(size, size), dots(scale, scale),
-                                                     dots(dr, self.r))
-            norm, size = np.sqrt(norm), np.sqrt(size)
+            norm, size = np.sqrt(np.maximum(norm, 0.0)), np.sqrt(size)
             good = (norm > DEPENDENT * size) & (scale > 0)
             inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
             dr *= inverse[:, None]
@@ -121,6 +123,12 @@ class ResidualMinimisation:
             best = self.complete(*self.point)
         self.taken += 1
         return self.r / self.root, best
+
+    def _without(self, dr: np.ndarray, products: list[np.ndarray], steps: np.ndarray) -> None:
+        """Take the directions kept out of dr, by its products with them (T,), and note these in the steps."""
+        for (q, _), c in zip(self.directions, products):
+            dr -= q * c[:, None]
+        steps += np.reshape(products, steps.shape)
 
     def _step(self, dr: np.ndarray, dp: list[np.ndarray]) -> None:
         """From the best point along a direction, by γ."""
