@@ -8,6 +8,7 @@ import pytest
 from contact_case import contact, written
 from mortar_case import FOUR, SIX, THREE, TURN, TWO, YOUNG, POISSON, axes, blocks, free_mesh, gradients, off, one_piece, patch_scene, there
 
+from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.mortar.assembly import make_mortar, sagitta
@@ -121,6 +122,30 @@ def test_a_slit_of_a_facet():
         mortar = mortar_of(two)
         assert abs(mortar.area.sum() - (0.25 + width)) < 1e-6 and np.abs(mortar.second.data).max() < 5
         assert np.abs(np.asarray(mortar.second.sum(axis=1)) - 1).max() < 1e-9
+
+
+def test_masters_behind_each_other():
+    """A facet that two layers face meets the first alone."""
+    (p, t), (q, s) = square(5, 1), square(7, 2, turned=True)
+    x = np.vstack([p, q + [0, 0, 0.01], q + [0, 0, 0.03]])
+    behind = np.concatenate([s + len(p) + len(q), s + len(p)])  # the farther one first
+    found = find_segments(x[t], x[behind], np.full(len(t), 0.1), np.full(len(t), 0.1))
+    area = np.linalg.norm(np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]), axis=1) / 2
+    assert abs(found.area.sum() - 2) < 1e-12
+    first = found.nearest(area)
+    assert abs(first.area.sum() - 1) < 1e-12 and (first.master >= len(s)).all() and len(first.nearest(area)) == len(first)
+
+
+def test_a_slave_that_is_prescribed_altogether():
+    """Of two sides the one with free nodes is the slave; where the user names the other, nothing would be left of the bond."""
+    meshes = {n: {"box": {"size": [1, 1, 0.5], "cells": [c, c, 1]}} for n, c in (("a", 2), ("b", 3))}
+    held = [{"on": "a/zmax", "displacement": [0, 0, 0]}, {"on": "a/zmin", "displacement": [0, 0, 0]}]
+    (interface,) = build_scene(blocks(TWO, meshes, turn=None, held=held)).interfaces
+    assert interface.subdomains == (1, 0) and len(interface.mortar) == 16
+    with pytest.raises(InputError) as caught:
+        build_scene(blocks(TWO, meshes, turn=None, held=held, law={"slave": "a"}))
+    (wrong,) = caught.value.problems
+    assert "no node of a" in wrong.found and "slave: b" in wrong.cure and wrong.path == ("interfaces", 0)
 
 
 def test_sagitta_of_a_sphere():

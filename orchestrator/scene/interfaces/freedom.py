@@ -31,9 +31,15 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     give_operators(found, fixed, numbering)
     for interface in found:
         if interface.mortar is not None:
-            if len(interface.mortar):
-                interface.index = len(kept)
-                kept.append(interface)
+            if not len(interface.mortar) and not (interface.free.any() or interface.mortar.free.any()):
+                continue
+            interface.index = len(kept)
+            kept.append(interface)
+            if not len(interface.mortar):
+                problems.add(("interfaces", interface.entry), f"no node of {partition.names[interface.subdomains[0]]}, the slave of "
+                             f"{interface.name}, is free in all components: nothing would carry the interface",
+                             "on one side, nodes on which boundary conditions prescribe nothing",
+                             f"slave: {partition.names[interface.subdomains[1]]}, more than one element across, or meshes that match")
             continue
         one, two = (fixed[numbering.offsets[e] + own] for e, own in zip(interface.subdomains, interface.nodes))
         interface.free = ~(one & two)

@@ -37,8 +37,10 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     """
     within, opposite = laws.reach(index), laws.opposite(index)
     names = [(partition.names[b.subdomain], mesh.volumes[b.volume]) for b in pair]
-    alone = [own[~np.isin(pack(body.triangles[own, :3], len(mesh.nodes)), _matched(patches, side, len(mesh.nodes)))]
-             for side, (body, own) in enumerate(zip(pair, _near(*pair, within)))]
+    alone = list(_near(*pair, within))
+    if patches:
+        alone = [own[~np.isin(pack(body.triangles[own, :3], len(mesh.nodes)), _matched(patches, side, len(mesh.nodes)))]
+                 for side, (body, own) in enumerate(zip(pair, alone))]
     if not may_face(*(body.normal[own] for body, own in zip(pair, alone)), opposite):
         return
     found = facing(skins(pair[0]), skins(pair[1]), laws.tolerance(index), within, opposite)

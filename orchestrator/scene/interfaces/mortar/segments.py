@@ -25,6 +25,8 @@ SNAP = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
 # Overlaps of less than this share of the slave's facet, squared edges that touch, are rounding.
 NOTHING = 1e-12
+# Facets covered by this much more than their area are covered twice.
+TWICE = 1e-6
 # Pairs of facets worked on at once: some 12 MB.
 CHUNK = 20_000
 # Masters are searched in classes of size that differ by this factor: the largest of a class sets how far one searches.
@@ -61,6 +63,24 @@ class Segments:
     def numbered(self, slaves: np.ndarray, masters: np.ndarray) -> Segments:
         """The same with other numbers of facets, given for each old one."""
         return replace(self, slave=slaves[self.slave], master=masters[self.master])
+
+    def nearest(self, area: np.ndarray) -> Segments:
+        """Those that a slave facet meets first, where masters lie behind each other; all where none is covered twice.
+
+        Parameters
+        ----------
+        area : of the slave's facets
+        """
+        full = np.bincount(self.slave, self.area, minlength=len(area)) > (1 + TWICE) * area
+        if not full.any():
+            return self
+        order = np.lexsort((np.abs(self.distance), self.slave))
+        filled = np.cumsum(self.area[order])
+        start = np.flatnonzero(np.r_[True, np.diff(self.slave[order]) != 0])
+        before = filled - self.area[order] - np.repeat((filled - self.area[order])[start], np.diff(np.r_[start, len(order)]))
+        own = self.slave[order]
+        kept = ~full[own] | (before < (1 - TWICE) * area[own])
+        return self.some(np.sort(order[kept]))
 
     @property
     def fans(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

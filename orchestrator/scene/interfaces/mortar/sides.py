@@ -64,6 +64,7 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     points : (n, 3) nodes of the mesh
     segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
     """
+    segments = segments.nearest(_area(bodies[0].corners))
     found = Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments)
     if slave_of(found, matter, asked) == 0:
         return 0, found
@@ -71,7 +72,7 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     turned = found.turned()
     slave, master = (x[t[:, :3]] for x, t in zip(turned.points, turned.triangles))
     far = MORE * np.abs(segments.distance).max() + SLANTED * np.sqrt(2 * _area(slave))
-    back = find_segments(slave, master, far, far, asked.facing)
+    back = find_segments(slave, master, far, far, asked.facing).nearest(_area(slave))
     everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
     return 1, Surfaces.of(points, everywhere, turned.cells, back)
 
