@@ -333,7 +333,7 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     assert float(table[0]["efficiency"]) == 1 and 0.5 <= float(table[1]["balance"]) <= 1
     assert all(float(r["over_floor"]) > 1 and 0 < float(r["idle"]) < 1 for r in table)
     text = (tmp_path / "prediction.md").read_text()
-    assert "100,000 subdomains" in text and "macro problem: solve" in text
+    assert "100,000 subdomains" in text and "macro problem: borders" in text
     assert is_drawn(tmp_path / "scaling.png", saved_figures[-1])
     assert bars(saved_figures[-1]) == pytest.approx([float(row["efficiency"]) for row in table], rel=1e-5)
 
@@ -379,18 +379,27 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 
 
 def test_prediction_adds_up():
-    from orchestrator.studies.performance.prediction import Costs, MacroCosts, limit, predict
+    from orchestrator.studies.performance.prediction import Costs, MacroCosts, largest, limit, predict, ranks_of
 
     costs = Costs(start=1, scene=0.01, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, iterations=10,
                   sweeps=12, trace=300)
-    macro = MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3))
+    macro = MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3), border=(1e-12, 1e-10))
     small, large = (predict(costs, macro, count) for count in (1000, 100_000))
     assert small["iterations"]["solve"] == large["iterations"]["solve"] == pytest.approx(1.2)
-    macro_factor = "macro problem: factorise"
-    assert large["set_up"][macro_factor] == pytest.approx(1e4 * small["set_up"][macro_factor])
     assert large["set_up"]["scene, on one rank"] == pytest.approx(1000)
+    each, unknowns, gigabytes = ranks_of(costs, macro, 1000)
+    blocks = 1000 / each  # between them: all interfaces but those inside blocks
+    assert unknowns == pytest.approx(9 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and gigabytes == pytest.approx(
+        8e-9 * unknowns**2 / 2)
+    assert small["set_up"]["prepare"] == pytest.approx(0.5 * each)
+    assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * unknowns**3)
+    assert largest(large)[0] == "set-up: macro problem: borders" and 0.3 < largest(large)[1] < 0.5
+    alone = predict(costs, MacroCosts((1e-6, 1.0), (1e-6, 1.0), (1.0, 1.0), (1.0, 1.0)), 8)  # borders cost too much
+    assert alone["set_up"]["macro problem: borders"] == 0 and alone["set_up"]["prepare"] == pytest.approx(4)
     count = limit(costs, macro)
-    assert predict(costs, macro, round(count))["iterations"]["macro problem: solve"] == pytest.approx(1.2, rel=1e-3)
+    mine = [sum(s for part in predict(costs, macro, n).values() for what, s in part.items() if what.startswith("macro problem"))
+            for n in (0.8 * count, 1.2 * count)]
+    assert mine[0] < 2 + 54 * 0.11 + 1.2 < mine[1]
 
 
 def test_in_one_piece_in_small(tmp_path, saved_figures):

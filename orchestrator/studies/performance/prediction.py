@@ -1,7 +1,13 @@
 """What a run of N equal cubes, one to a core, would take on a cluster.
 
+A rank has a block of subdomains, each with a worker on a core of its own, and works for all of them itself. It eliminates
+the macro unknowns that it alone sees; those on the borders between ranks are a dense problem that every rank solves
+(``method.linear.spread``). More subdomains to a rank mean smaller borders and more work for each rank: the best number is
+sought for every N.
+
 Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; the macro problem, on
-matrices of its pattern. Assumed: the network, and that costs grow as far as they were not measured.
+matrices of its pattern; the borders, on a dense matrix. Assumed: the network, and that costs grow as far as they were not
+measured.
 """
 
 from __future__ import annotations
@@ -14,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from orchestrator.method.interface.factor import Factor
 
@@ -21,6 +28,8 @@ LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, 
 FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube
 REDUCTIONS = 6  # per iteration: macro resultants, indicator, bound, jumps and imbalances, acceleration
 GRIDS = (4, 5, 6, 7, 8)  # cubes a side of the macro problems that are measured
+BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
+SIDES = range(1, 17)  # subdomains along the side of a rank's block
 
 
 @dataclass(frozen=True)
@@ -30,7 +39,7 @@ class Costs:
     Parameters
     ----------
     start : of Python and the code's process
-    scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
+    scene : mesh, cut, interfaces and the ranks' parts, per subdomain of the whole scene: one rank makes it for all
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads
     factorise : assembling and factorising
     solve : one back-substitution; message : what is on the way to the code and back
@@ -58,7 +67,7 @@ class Costs:
         (setup,), (loop,) = (summary["workload"][period]["workers"] for period in ("set_up", "iterations"))
         return cls(
             start=timing["startup"] + timing["start"],
-            scene=timing["mesh"] / count, prepare=(timing["soles"] + setup["idle"]) / count,
+            scene=(timing["mesh"] + timing.get("parts", 0.0)) / count, prepare=(timing["soles"] + setup["idle"]) / count,
             factorise=(setup["assemble"] + setup["factorise"]) / count,
             solve=loop["solve"] / (count * sweeps), message=max(loop["messages"], 0.0) / (count * sweeps),
             own=loop["idle"] / (count * iterations), iterations=iterations, sweeps=sweeps,
@@ -73,11 +82,13 @@ class MacroCosts:
     ----------
     factorise, solve : seconds of one factorisation and of one solution
     entries : of the factor
+    border : seconds of factorising a dense matrix over the cube of its size, and of a solution over the square
     """
 
     factorise: tuple[float, float]
     solve: tuple[float, float]
     entries: tuple[float, float]
+    border: tuple[float, float]
 
     def at(self, quantity: str, count: int) -> float:
         factor, exponent = getattr(self, quantity)
@@ -99,7 +110,21 @@ def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[s
         seconds = (time.process_time() - done) / repeats
         rows.append({"subdomains": side**3, "unknowns": right.size, "factorise": done - begin, "solve": seconds,
                      "entries": solve.entries})
-    return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "entries"))), rows
+    return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "entries")), _dense(BORDER)), rows
+
+
+def _dense(size: int) -> tuple[float, float]:
+    """Seconds per size³ of a dense factorisation in the format that ranks use, and per size² of a solution."""
+    packed, _ = dtrttf(np.full((size, size), 1e-6) + np.eye(size))
+    begin = time.process_time()
+    factor, failed = dpftrf(size, packed, overwrite_a=True)
+    done = time.process_time()
+    assert not failed
+    right, repeats = np.ones((size, 1)), 0
+    while time.process_time() - done < 0.1:
+        dpftrs(size, factor, right)
+        repeats += 1
+    return (done - begin) / size**3, (time.process_time() - done) / repeats / size**2
 
 
 def macro_pattern(side: int) -> sp.csr_array:
@@ -119,35 +144,75 @@ def macro_pattern(side: int) -> sp.csr_array:
 
 
 def predict(costs: Costs, macro: MacroCosts, count: int) -> dict[str, dict[str, float]]:
-    """Seconds of ``count`` subdomains on as many cores: {"set_up" | "iterations": {what: seconds}}, whole run."""
-    levels = math.ceil(math.log2(max(count, 2)))
-    right_side = 8.0 * FIELDS * FACES / 2 * count  # bytes of the macro problem's right-hand side
-    reductions = REDUCTIONS * levels * LATENCY + levels * LATENCY + 2 * right_side / BANDWIDTH
+    """Seconds of ``count`` subdomains on as many cores, with the best number of them to a rank.
+
+    Returns
+    -------
+    {"set_up" | "iterations": {what: seconds}} of a whole run
+    """
+    return min((_of_ranks(costs, macro, count, side**3) for side in SIDES if side**3 <= count),
+               key=lambda parts: sum(sum(part.values()) for part in parts.values()))
+
+
+def ranks_of(costs: Costs, macro: MacroCosts, count: int) -> tuple[int, float, float]:
+    """Subdomains to a rank in the best of cases, unknowns on the borders between ranks, and GB of these on each."""
+    each = min((side**3 for side in SIDES if side**3 <= count),
+               key=lambda m: sum(sum(part.values()) for part in _of_ranks(costs, macro, count, m).values()))
+    unknowns = _border(count, each)
+    return each, unknowns, 4e-9 * unknowns**2
+
+
+def _border(count: int, each: int) -> float:
+    """Macro unknowns that several ranks see, of ``count`` cubes in a block, in blocks of ``each``."""
+    return FIELDS * 3 * (count - count ** (2 / 3) - count / each * (each - each ** (2 / 3)))
+
+
+def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[str, dict[str, float]]:
+    ranks, border, own = count / each, max(_border(count, each), 0.0), FIELDS * FACES * each ** (2 / 3)
+    levels = math.ceil(math.log2(max(ranks, 2)))
+    cube, square = macro.border
+    alone = ranks <= 1
     return {
         "set_up": {
             "start": costs.start,
             "scene, on one rank": costs.scene * count,
-            "prepare": costs.prepare,
+            "prepare": costs.prepare * each,
             "factorise": costs.factorise,
             "macro columns": FIELDS * FACES * (costs.solve + costs.message),
-            "macro problem: gather": levels * LATENCY + 8.0 * (FIELDS * FACES) ** 2 * count / BANDWIDTH,
-            "macro problem: factorise": macro.at("factorise", count),
+            "macro problem: inside a rank": macro.at("factorise", each) + (0 if alone else own * macro.at("solve", each)),
+            "macro problem: sum over ranks": 0.0 if alone else levels * LATENCY + 2 * 4 * border**2 / BANDWIDTH,
+            "macro problem: borders": cube * border**3,
         },
         "iterations": {
             "solve": costs.sweeps * costs.solve,
-            "messages to the code": costs.sweeps * costs.message,
-            "orchestrator": costs.iterations * costs.own,
-            "traces to neighbours": costs.iterations * FACES * (LATENCY + 8 * 2 * costs.trace / BANDWIDTH),
-            "reductions": costs.iterations * reductions,
-            "macro problem: solve": costs.iterations * macro.at("solve", count),
+            "messages to the code": costs.sweeps * costs.message * each,
+            "orchestrator": costs.iterations * costs.own * each,
+            "traces to neighbours": costs.iterations * FACES * (LATENCY + 16 * costs.trace * each ** (2 / 3) / BANDWIDTH),
+            "reductions": costs.iterations * (REDUCTIONS + 1) * levels * LATENCY,
+            "macro problem: inside a rank": costs.iterations * (1 if alone else 2) * macro.at("solve", each),
+            "macro problem: borders": costs.iterations * (square * border**2 + 2 * 8 * border / BANDWIDTH),
         },
     }
 
 
-def limit(costs: Costs, macro: MacroCosts) -> float:
-    """Number of subdomains from which the redundant macro solution takes longer than a subdomain's own solve."""
-    factor, exponent = macro.solve
-    return (costs.sweeps / costs.iterations * costs.solve / factor) ** (1 / exponent)
+def largest(parts: Mapping[str, Mapping[str, float]]) -> tuple[str, float]:
+    """The longest part of a prediction, and its share of all."""
+    found = {f"{period.replace('_', '-')}: {what}": s for period, part in parts.items() for what, s in part.items()}
+    name = max(found, key=found.get)
+    return name, found[name] / sum(found.values())
+
+
+def limit(costs: Costs, macro: MacroCosts) -> int:
+    """Number of subdomains, in steps of a tenth, from which the macro problem takes longer than the code's own work."""
+    count = 8
+    while count < 10**7:
+        parts = predict(costs, macro, count)
+        mine = sum(s for part in parts.values() for what, s in part.items() if what.startswith("macro problem"))
+        code = parts["set_up"]["factorise"] + parts["set_up"]["macro columns"] + parts["iterations"]["solve"]
+        if mine > code:
+            break
+        count = math.ceil(1.1 * count)
+    return count
 
 
 def _growth(rows: Sequence[Mapping[str, float]], quantity: str) -> tuple[float, float]:

@@ -24,16 +24,18 @@ from orchestrator.studies.performance.prediction import (
     LATENCY,
     Costs,
     MacroCosts,
+    largest,
     limit,
     measure_macro,
     predict,
+    ranks_of,
 )
 from orchestrator.studies.problems.cases import STEEL
 
 ELEMENTS = 16  # along the side of a cube
 STRONG = (2, 2, 2)  # cubes
 SPEEDUP, BALANCE = 1.7, 0.95  # wanted of two workers
-CLUSTER = (1_000, 100_000)  # subdomains
+CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others")
 _COLOURS = (GREY, SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
@@ -70,10 +72,12 @@ def run(study: Study, elements: int = ELEMENTS) -> None:
     for count in CLUSTER:
         parts = predict(costs, macro, count)
         set_up, loop = (sum(parts[p].values()) for p in ("set_up", "iterations"))
+        name, share = largest(parts)
         study.console.print(f"  {count:,} subdomains on as many cores, predicted: set-up {set_up:.3g} s, iterations "
-                            f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s")
-    study.console.print(f"  the macro problem, solved on every rank, outweighs a subdomain's own solve from "
-                        f"{limit(costs, macro):,.0f} subdomains on; see prediction.md")
+                            f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s; "
+                            f"{100 * share:.0f} % for {name}")
+    study.console.print(f"  the macro problem outweighs the code's own work from {limit(costs, macro):,} subdomains on; see "
+                        "prediction.md")
 
 
 def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int, elements: int) -> dict[str, Any]:
@@ -139,42 +143,44 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
     ----------
     measured : of the macro problem; dofs : of a subdomain; others : load of the machine by other work
     """
+    found = [predict(costs, macro, count) for count in CLUSTER]
+    each = [ranks_of(costs, macro, count) for count in CLUSTER]
     lines = [
         "# A cluster, predicted from costs measured on this machine", "",
-        f"N cubes of {dofs:,} dofs in a block, one to a core; the run takes as many iterations as the one measured, "
-        f"{costs.iterations}: the macro problem makes them independent of N (`study cubes`). "
+        f"N cubes of {dofs:,} dofs in a block, one to a core, a block of them to a rank; the run takes as many iterations as the "
+        f"one measured, {costs.iterations}: the macro problem makes them independent of N (`study cubes`). "
         f"While it was measured, other work loaded the machine with {others:g} processes; all seconds but those of "
         "factorise and solve, which are on the code's own clock, grow with that.", "",
         "| measured, seconds | |", "| --- | ---: |",
         *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
-        f"The macro problem has {FIELDS} unknowns per interface. It is factorised and solved on "
-        "every rank. Measured on matrices of its pattern, with the ordering of a run:", "",
+        f"The macro problem has {FIELDS} unknowns per interface. A rank factorises and solves what it alone sees. Measured on "
+        "matrices of its pattern, with the ordering of a run:", "",
         "| subdomains | unknowns | factorise s | solve s | entries of the factor |", "| ---: " * 5 + "|",
         *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} |"
           for r in measured), "",
-        "They grow with N to the power " + ", ".join(f"{getattr(macro, q)[1]:.2f} ({q})" for q in
-                                                     ("factorise", "solve", "entries")) +
-        "; nested dissection would give 2, 1.33 and 1.33 for large N.", "",
+        "They grow with the number of subdomains to the power " + ", ".join(
+            f"{getattr(macro, q)[1]:.2f} ({q})" for q in ("factorise", "solve", "entries")) +
+        "; nested dissection would give 2, 1.33 and 1.33 for many. The n unknowns on the borders between ranks are a dense "
+        f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
-        "measured. One rank makes the whole scene for all, as it does today; its memory and what it takes to send it "
-        "are not counted.", "",
+        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts, as "
+        "it does today; what it takes to send them is not counted.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
-        "| --- |" + " ---: |" * len(CLUSTER)]
-    found = [predict(costs, macro, count) for count in CLUSTER]
+        "| --- |" + " ---: |" * len(CLUSTER),
+        "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",
+        "| unknowns on borders (GB on each rank) | " + " | ".join(f"{n:,.0f} ({gb:.2g})" for _, n, gb in each) + " |"]
     for period, name in (("set_up", "set-up"), ("iterations", "iterations")):
         for what in found[0][period]:
             lines.append(f"| {name}: {what} | " + " | ".join(f"{f[period][what]:.3g}" for f in found) + " |")
     total = [sum(sum(part.values()) for part in f.values()) for f in found]
     code = [f["iterations"]["solve"] + f["set_up"]["factorise"] + f["set_up"]["macro columns"] for f in found]
     lines += ["| in all | " + " | ".join(f"{seconds:.3g}" for seconds in total) + " |",
-              "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |"]
-    memory = [8e-9 * macro.at("entries", count) for count in CLUSTER]
-    lines += ["", f"The redundant macro problem is the limit: from {limit(costs, macro):,.0f} subdomains on, "
-              "solving it takes longer than a subdomain's own back-substitutions, and its factor takes "
-              f"{memory[0]:.3g} GB per rank for {CLUSTER[0]:,} subdomains, {memory[1]:,.0f} GB for {CLUSTER[1]:,}. "
-              "Beyond some thousands it must be spread over ranks, or decomposed in its turn, and scenes must be built "
-              "in parts.", ""]
+              "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |",
+              "| the largest term | " + " | ".join("{} ({:.0f} %)".format(n, 100 * s) for n, s in map(largest, found)) + " |"]
+    lines += ["", f"From {limit(costs, macro):,} subdomains on the macro problem takes longer than the code's own work. What limits "
+              "a run is named in the last row: the scene while one rank makes it for all, then the borders, dense and on "
+              "every rank, which would have to be decomposed in their turn.", ""]
     return "\n".join(lines)
 
 
@@ -188,9 +194,9 @@ def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts) -> 
     left.set_title("Efficiency per core used; ranks × workers", fontsize=10)
     counts = [10**(k / 4) for k in range(4, 21)]
     found = [predict(costs, macro, int(count)) for count in counts]
-    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: factorise"),
+    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
              ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
-             ("iterations", "macro problem: solve")]
+             ("iterations", "macro problem: borders")]
     for (period, what), colour in zip(shown, _COLOURS):
         right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour,
                      label=what)
