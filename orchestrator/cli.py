@@ -147,6 +147,20 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
 
 
 @app.command()
+def init(target: Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file to write")],
+         source: Annotated[Optional[Path], typer.Argument(metavar="FILE", help="a mesh, STEP or BREP file; none: a beam")] = None,
+         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None) -> None:
+    """Write a commented configuration to begin with, the file's names filled in."""
+    def action() -> int:
+        from orchestrator.begin import begin
+
+        print("\n".join(begin(target, source, h)))
+        return CONVERGED
+
+    _guarded(action)
+
+
+@app.command()
 def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")]) -> None:
     """Draw the figures and a readable report from a results folder."""
     def action() -> int:

@@ -25,9 +25,14 @@ def inspected(path: Path, h: float | None = None) -> list[str]:
     ------
     InputError : it cannot be read, or is no sound mesh
     """
-    cad = path.suffix.lower() in CAD or str(path).startswith("gmsh:")
-    section = Section(step=str(path), h=h, conforming=False) if cad else Section(file=str(path))
-    return _lines(*make_mesh(section))
+    return _lines(*make_mesh(section_of(path, h)))
+
+
+def section_of(path: Path, h: float | None = None) -> Section:
+    """What ``mesh:`` says of a file; solids of a CAD file share nothing."""
+    if path.suffix.lower() in CAD or str(path).startswith("gmsh:"):
+        return Section(step=str(path), h=h, conforming=False)
+    return Section(file=str(path))
 
 
 def listed(config: Config) -> list[str]:
