@@ -30,7 +30,7 @@ from orchestrator.wording import some
 
 # Edges and faces shorter than this share of the whole model are told: elements there are as small.
 SMALL = 1e-3
-# Nodes from which on several processes mesh faster than one: gmsh makes about 10,000 a second, and a process takes half a
+# Nodes from which on several processes mesh faster than one: gmsh makes about 20,000 a second, and a process takes half a
 # second to start.
 WORTH = 20_000
 PROCESS = f"from {__name__} import main; main()"

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
-from orchestrator.scene.mesh.faces import Faces, faces_of
+from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.placing import joined, placed
 from orchestrator.scene.mesh.quality import checked
 from orchestrator.scene.model import Mesh
@@ -73,6 +73,8 @@ def _together(parts: list[OnePart]) -> Mesh:
         else:
             made.append(placed(mesh, part.name, part.move))
     problems.raise_if_any()
+    if (count := sum(len(mesh.nodes) for mesh in made)) > MAX_NODES:
+        raise InputError(Problem(("parts",), f"{count} nodes in all", f"at most {MAX_NODES} nodes", "use coarser meshes"))
     return joined(made)
 
 
