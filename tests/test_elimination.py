@@ -10,6 +10,7 @@ import pytest
 from orchestrator.method.coarse import elimination
 from orchestrator.method.coarse.block_pattern import ACCURACY, BlockPattern
 from orchestrator.method.coarse.elimination import Elimination
+from orchestrator.method.coarse.kept_factors import KeptFactors
 from orchestrator.compiled import compiled
 
 SIZE = 3
@@ -109,3 +110,30 @@ def test_where_nothing_opens_nothing_is_compiled():
     code = ("import sys, orchestrator.run, orchestrator.cli, orchestrator.method.coarse.kernels; "
             "sys.exit('numba' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+def test_factors_of_a_neighbouring_matrix_serve(monkeypatch):
+    """A few blocks changed: no new factors; another matrix: new ones; soft modes: double precision; always solved."""
+    rng, size = np.random.default_rng(8), 3
+    ends = np.array([(a, b) for a in range(60) for b in (a + 1, a + 7) if b < 60])
+    pattern = BlockPattern(ends, 60, size)
+    jump = np.block([[np.eye(size), -np.eye(size)]])
+
+    def values(stiff):
+        pairs = stiff[:, None, None] * (jump.T @ jump)
+        return pattern.values(pairs.reshape(-1, 2, size, 2, size).swapaxes(2, 3), np.tile(1e-3 * np.eye(size), (60, 1, 1)))
+
+    kept, made = KeptFactors(pattern), []
+    factors = pattern.elimination.factors
+    monkeypatch.setattr(pattern.elimination, "factors", lambda blocks: made.append(blocks.dtype) or factors(blocks))
+    pattern.elimination.worth = 20.0
+    stiff, right = rng.uniform(0.5, 2.0, len(ends)), rng.normal(size=(60, size))
+    less, other = stiff.copy(), rng.uniform(0.5, 2.0, len(ends)) ** 4
+    less[7] = 0.0
+    for given, single, double in ((stiff, 1, 0), (less, 1, 0), (other, 2, 0), (1e9 * (stiff > 1) + 1e-9, 3, 1)):
+        v = values(given)
+        x = kept.solve(v, right, 0.0)
+        assert (made.count(np.float32), made.count(np.float64)) == (single, double)
+        left = pattern.matrix(v, 0.0) @ x.ravel() - right.ravel()
+        assert np.linalg.norm(left) <= 5e-3 * np.linalg.norm(right)
+    assert kept.blocks is None

@@ -59,7 +59,7 @@ class BlockPattern:
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
-        return self._matrix(self._shifted(values, shift))
+        return self.matrix_of(self.shifted(values, shift))
 
     def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
         """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less.
@@ -67,29 +67,32 @@ class BlockPattern:
         Factors of single precision take half the time; refinement makes up for it unless soft modes are softer than
         they resolve.
         """
-        blocks, goal = self._shifted(values, shift), ACCURACY * np.linalg.norm(right)
-        matrix = self._matrix(blocks)
+        blocks, goal = self.shifted(values, shift), ACCURACY * np.linalg.norm(right)
+        matrix = self.matrix_of(blocks)
         try:
-            factors = self._elimination.factors(blocks.astype(np.float32))
+            factors = self.elimination.factors(blocks.astype(np.float32))
         except ZeroDivisionError:
-            return self._elimination.factors(blocks).solve(right)
+            return self.elimination.factors(blocks).solve(right)
         x, left = np.zeros(right.shape), right
         for _ in range(REFINED):
             x = x + factors.solve(left)
             left = right - (matrix @ x.ravel()).reshape(right.shape)
             if np.linalg.norm(left) <= goal:
                 return x
-        return self._elimination.factors(blocks).solve(right)
+        return self.elimination.factors(blocks).solve(right)
 
-    def _matrix(self, blocks: np.ndarray) -> sp.bsr_array:
+    def matrix_of(self, blocks: np.ndarray) -> sp.bsr_array:
+        """The matrix of all its blocks."""
         n = self.size * self.bodies
         return sp.bsr_array((blocks, self.indices, self.indptr), shape=(n, n))
 
-    def _shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
+    def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
+        """Its blocks with a shift of its diagonal."""
         result = values.copy()
         result[self.diagonal] += shift * np.eye(self.size)
         return result
 
     @cached_property
-    def _elimination(self) -> Elimination:
+    def elimination(self) -> Elimination:
+        """Order and fronts."""
         return Elimination(self.indptr, self.indices, self.size)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +24,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs, sgetrf, sgetrs
 from orchestrator.method.coarse.kernels import add_blocks, add_matrix
 from orchestrator.method.interface.factor import dissection
 
+READ = 20.0  # operations that LAPACK does in single precision in the time that a solution spends on an entry of the factors
 OWN_CALLS = 5e5  # operations that LAPACK does in the time that calls for one more front take, some 20 µs
 
 
@@ -92,6 +94,13 @@ class Elimination:
         for front, a, b in zip(self.fronts, ends[:-1], ends[1:]):
             front.blocks = by_front[a:b]
             front.row, front.column = (front.places(x[front.blocks]) for x in (rows, columns))
+
+    @cached_property
+    def worth(self) -> float:
+        """How many solutions take as long as the factorisation."""
+        sizes = [(front.stop - front.start, len(front.rest)) for front in self.fronts]
+        operations = sum(_operations(own, rest, self.size) for own, rest in sizes)
+        return operations / (READ * self.size**2 * sum(own * (own + 2 * rest) for own, rest in sizes))
 
     def factors(self, blocks: np.ndarray) -> Factors:
         """Factorise a matrix.

@@ -2,7 +2,8 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-Where contacts are stabilised every body has a place, and ``searched`` finds it. Otherwise it is solved by ``newton``.
+Where contacts are stabilised every body has a place, and ``searched`` finds it, with factors that are kept from one
+iteration to the next. Otherwise it is solved by ``newton``.
 A body that hardly anything holds, which no Newton step brings to rest, is then settled alone (``settling``), no further
 than the radius in one solve: bodies come to rest over several iterations of the method, and their neighbours follow.
 
@@ -17,6 +18,7 @@ from functools import partial
 import numpy as np
 
 from orchestrator.method.coarse.searched import SearchedNewton
+from orchestrator.method.coarse.kept_factors import KeptFactors
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
@@ -24,6 +26,7 @@ from orchestrator.method.coarse.settling import Body
 from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import Team
 
+FACTORISED = "common/factorised."
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 SERVED = 0.1  # a solve that stalls ends if ρ has been reduced that much already
 MAX_STEPS = 20
@@ -60,6 +63,7 @@ class CoarseProblem:
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
         self._reach: dict[int, np.ndarray] = {}
+        self._kept: dict[int, KeptFactors] = {}
         self._alone: dict[int, Body] = {}
 
     def solve(self, step: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
@@ -76,22 +80,30 @@ class CoarseProblem:
         """
         at = LoadStep(self.bodies, F0, resultant, previous,
                       self._reach.get(step, np.full(len(self.fields.bodies), np.inf)))
-        y, size, start, end = (self._newton if self.bodies.springs is None else self._continued)(at, radius)
+        y, size, start, end = self._newton(at, radius) if self.bodies.springs is None else self._searched(step, at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
         self._reach[step] = at.reach_next
         return y, at.forces(y)
 
-    def _continued(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
+    def _searched(self, step: int, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, 12), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
-        run, end = SearchedNewton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius), self._farthest), ""
-        for _ in range(MOST_STEPS):
-            if end or run.solved(REDUCTION):
+        kept = self._kept.setdefault(step, KeptFactors(self.bodies.pattern)) if self.bodies.pattern else None
+
+        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
+            return self._clipped(-kept.solve(matrix, rho, shift) if kept else None, radius)
+
+        def ahead(rho: np.ndarray) -> np.ndarray:
+            return self.team.share(kept.again(rho) if kept else None)
+
+        run, end = SearchedNewton(at, np.zeros((self.bodies.count, FIELDS)), direction, ahead, self._farthest), ""
+        for number in range(MOST_STEPS + 1):
+            if run.solved(REDUCTION):
+                return run.y, run.size, run.start, "tolerance"
+            if end or number == MOST_STEPS:
                 break
             self.newton_steps += 1
             end = run.step()
-        if run.solved(REDUCTION):
-            return run.y, run.size, run.start, "tolerance"
         # with much friction the work is no energy, and its search may go round in a circle; a search on ‖ρ‖ does not
         other = self._newton(at, radius)
         return other if other[1] < run.size else (run.y, run.size, run.start, end or "steps")
@@ -120,10 +132,14 @@ class CoarseProblem:
         return newton.y, newton.size, start, "tolerance" if newton.size <= REDUCTION * start else end
 
     def _direction(self, radius: float, matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, 12) Newton step; a body that nothing touches has no stiffness to stop it: none moves further than
-        the radius."""
+        """(bodies, 12) Newton step."""
         pattern = self.bodies.pattern
-        dy = self.team.share(-pattern.solve(matrix, rho, shift) if pattern else None)
+        return self._clipped(-pattern.solve(matrix, rho, shift) if pattern else None, radius)
+
+    def _clipped(self, dy: np.ndarray | None, radius: float) -> np.ndarray:
+        """(bodies, 12) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
+        the radius."""
+        dy = self.team.share(dy)
         move = self.farthest * np.linalg.norm(dy[self.own], axis=1)
         for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
@@ -134,14 +150,18 @@ class CoarseProblem:
         return self.team.max((self.farthest * np.linalg.norm(y[self.own], axis=1)).max(initial=0.0))[0]
 
     def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
-        """What is remembered from one iteration to the next: the reach of the pairs."""
+        """What is remembered from one iteration to the next: the reach of the pairs, and what has been factorised."""
         steps = sorted(self._reach)
-        return ({"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)},
-                {"newton_steps": self.newton_steps, "ends": dict(self.ends)})
+        arrays = {"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)}
+        arrays |= {f"{FACTORISED}{t}": kept.blocks.ravel() for t, kept in self._kept.items() if kept.blocks is not None}
+        return (arrays, {"newton_steps": self.newton_steps, "ends": dict(self.ends)})
 
     def recall(self, memory: Memory) -> None:
         """Take back what was told of an iteration."""
-        self._reach = dict(enumerate(memory.arrays["interface/reach"]))
+        self._reach, pattern = dict(enumerate(memory.arrays["interface/reach"])), self.bodies.pattern
+        if pattern is not None:
+            self._kept = {int(name.removeprefix(FACTORISED)): KeptFactors(pattern, blocks.reshape(-1, FIELDS, FIELDS))
+                          for name, blocks in memory.arrays.items() if name.startswith(FACTORISED)}
         self.newton_steps, self.ends = memory.notes["coarse"]["newton_steps"], dict(memory.notes["coarse"]["ends"])
 
     @staticmethod

@@ -30,6 +30,7 @@ class SearchedNewton:
     ----------
     at : the load step
     direction : (matrix values, ρ, δ) → (bodies, 12) the step dy, no longer than allowed
+    ahead : ρ → (bodies, 12) about the step that would follow, by the last step's own factors
     farthest : fields (bodies, 12) → how far any body moves in them at most
 
     Attributes
@@ -38,17 +39,21 @@ class SearchedNewton:
     """
 
     def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],
-                 farthest: Callable[[np.ndarray], float]):
-        self.at, self.y, self.direction, self.farthest = at, y, direction, farthest
+                 ahead: Callable[[np.ndarray], np.ndarray], farthest: Callable[[np.ndarray], float]):
+        self.at, self.y, self.direction, self.ahead, self.farthest = at, y, direction, ahead, farthest
         self._rho = at.residual(y)
         self.start = self.size = np.linalg.norm(self._rho)
-        self._waited, self._mark, self._last = 0, self.size, np.inf
+        self._waited, self._mark, self._last, self._whole = 0, self.size, np.inf, False
 
     def solved(self, reduction: float) -> bool:
         """Whether ‖ρ‖ has come down to a share of the start's, and the bodies hardly move any more."""
         if self.size > reduction * self.start:
             return False
-        return self.start == 0 or self._last <= SHORT * self.farthest(self.y)
+        if self.start == 0:
+            return True
+        short = SHORT * self.farthest(self.y)
+        # where a whole step has led, its own factors tell how far the next would go
+        return self._last <= short or self._whole and self.farthest(self.ahead(self._rho)) <= short
 
     def step(self) -> str:
         """Take a step; why there is no other, or nothing."""
@@ -65,6 +70,7 @@ class SearchedNewton:
         self.y = self.y + length * dy
         self._rho = self.at.residual(self.y)
         self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
+        self._whole = length == 1
         self._waited += 1
         if self.size <= GAIN * self._mark:
             self._waited, self._mark = 0, self.size
