@@ -14,6 +14,7 @@ import numpy as np
 from orchestrator.method.coarse.block_pattern import BlockPattern
 
 ACCURACY = 5e-3  # relative residual of a solution: a whole step is to reach half of what its solve has to
+SOFT = 0.05  # what a solution still gains by the factors alone, over itself; what is left then is the square of that
 REFINED = 4  # products with factors of the matrix itself, which single precision asks for
 WORTH = 0.5  # products that are tried, over those that cost as much as new factors, which serve later steps as well
 SEEN = 2  # products after which it can be told how many more it takes
@@ -34,23 +35,30 @@ class KeptFactors:
     def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
         """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less."""
         blocks = self.pattern.shifted(values, shift)
-        matrix = self.pattern.matrix_of(blocks)
         tries = int(WORTH * self.pattern.elimination.worth)
-        if self.blocks is not None:
-            x = gmres(lambda v: matrix @ v, self._once, right.ravel(), tries)
-            if x is not None:
-                return x.reshape(right.shape)
-        try:
-            self.blocks = blocks.astype(np.float32)
-            self._factors = self.pattern.elimination.factors(self.blocks)
-            x = gmres(lambda v: matrix @ v, self._once, right.ravel(), max(tries, REFINED))
-            if x is not None:
-                return x.reshape(right.shape)
-        except ZeroDivisionError:
-            pass
+        x = self._tried(blocks, right.ravel(), tries) if self.blocks is not None else None
+        if x is None:
+            try:
+                self.blocks = blocks.astype(np.float32)
+                self._factors = self.pattern.elimination.factors(self.blocks)
+                x = self._tried(blocks, right.ravel(), max(tries, REFINED))
+            except ZeroDivisionError:
+                pass
+        if x is not None:
+            return x.reshape(right.shape)
         # soft modes are softer than single precision resolves: such factors serve but once
         self.blocks, self._factors = None, self.pattern.elimination.factors(blocks)
         return self._factors.solve(right)
+
+    def _tried(self, blocks: np.ndarray, right: np.ndarray, most: int) -> np.ndarray | None:
+        """The solution by the factors there are, or None. Forces tell little of soft modes: their share is looked at, and
+        added."""
+        matrix = self.pattern.matrix_of(blocks)
+        x = gmres(lambda v: matrix @ v, self._once, right, most)
+        if x is None:
+            return None
+        more = self._once(right - matrix @ x)
+        return x + more if np.linalg.norm(more) <= SOFT * np.linalg.norm(x) else None
 
     def again(self, right: np.ndarray) -> np.ndarray:
         """(bodies, size) x for another right-hand side by the factors alone, as they are."""

@@ -94,7 +94,7 @@ class CoarseProblem:
             return self._clipped(-kept.solve(matrix, rho, shift) if kept else None, radius)
 
         def ahead(rho: np.ndarray) -> np.ndarray:
-            return self.team.share(kept.again(rho) if kept else None)
+            return self.team.share(-kept.again(rho) if kept else None)
 
         run, end = SearchedNewton(at, np.zeros((self.bodies.count, FIELDS)), direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):

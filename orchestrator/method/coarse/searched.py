@@ -20,6 +20,7 @@ LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3  # shift relative to k: the first, by how
 LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
 POINTS = 20  # of a line: regula falsi halves what is left in each but a few
 SHORT = 0.1  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
+FINE, FOLLOWED = 1e-3, 4  # the same where it costs no factors, so that loose bodies stand where they stand; steps to get there
 PATIENCE, GAIN = 15, 0.9  # steps in which the least imbalance has to fall by a tenth
 
 
@@ -46,14 +47,29 @@ class SearchedNewton:
         self._waited, self._mark, self._last, self._whole = 0, self.size, np.inf, False
 
     def solved(self, reduction: float) -> bool:
-        """Whether ‖ρ‖ has come down to a share of the start's, and the bodies hardly move any more."""
+        """Whether ‖ρ‖ has come down to a share of the start's, and the bodies hardly move any more.
+
+        Where a whole step has led that far, steps by its own factors follow: they show as well that bodies have arrived.
+        """
         if self.size > reduction * self.start:
             return False
-        if self.start == 0:
-            return True
-        short = SHORT * self.farthest(self.y)
-        # where a whole step has led, its own factors tell how far the next would go
-        return self._last <= short or self._whole and self.farthest(self.ahead(self._rho)) <= short
+        if self._whole:
+            self._follow()
+        return self.start == 0 or self._last <= SHORT * self.farthest(self.y)
+
+    def _follow(self) -> None:
+        for _ in range(FOLLOWED):
+            if self._last <= FINE * self.farthest(self.y):
+                break
+            change = self.ahead(self._rho)
+            y = self.y + change
+            rho = self.at.residual(y)
+            size = np.linalg.norm(rho)
+            if size > self.size:
+                self.at.residual(self.y)
+                break
+            self.y, self._rho, self.size, self._last = y, rho, size, self.farthest(change)
+        self._whole = False
 
     def step(self) -> str:
         """Take a step; why there is no other, or nothing."""
