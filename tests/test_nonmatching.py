@@ -59,6 +59,23 @@ def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
     assert solve(bonded(cells, **tight), scene).iterations <= 1.2 * solve(alike, build_scene(alike)).iterations
 
 
+@pytest.mark.parametrize("law", [{}, SLIDES], ids=["bonded", "contact"])
+def test_bodies_that_are_cut_further(law):
+    """Pieces meet many others; some meet them in cross points alone, of which each carries one point at most."""
+    pieces = {"subdomains": {"groups": True, "split_above": 100}}
+    made = bonded((5, 4), law=law, **pieces, method={"tolerance": {"error": 1e-8}, "max_iterations": 300})
+    if law:
+        made = made.model_copy(update={"boundary": pressed(TWO, (5, 4), law).boundary})
+    scene = build_scene(made)
+    apart = [i for i in scene.interfaces if i.mortar is not None]
+    assert len(apart) > 4 < len(scene.subdomains)
+    solved = solve(made, scene)
+    assert solved.converged, solved.stop_reason
+    for t, step in enumerate(one_piece(scene, made).solve()):
+        far = max(np.abs(part).max() for part in step.parts)
+        assert max(np.abs(part[t] - theirs).max() for part, theirs in zip(solved.parts, step.parts)) < 1e-6 * far
+
+
 @pytest.mark.parametrize("macro", [{"strategy": "none"}, {"strategy": "continuity"}, {"basis": "modes"}], ids=str)
 def test_every_macro_problem(macro):
     made = bonded((3, 4), method={"macro": macro, "tolerance": {"error": 1e-8}})

@@ -77,16 +77,25 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     waiting = [i for i in interfaces if i.surfaces is not None]
     if not waiting:
         return
-    # a slave's node may carry one point: on edges where several such interfaces meet it carries none
-    met = np.zeros(numbering.total, dtype=int)
+    # a slave's node may carry one point: on edges where several such interfaces meet it carries none, unless there is no
+    # other, as on small pieces of a body that is cut further
+    met, taken = np.zeros(numbering.total, dtype=int), np.zeros(numbering.total, dtype=bool)
     for i in waiting:
         for nodes in i.surfaces.nodes:
             met[nodes] += 1
+    known = []
     for i in waiting:
         joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
         crossed = (met[i.surfaces.nodes[0]] > 1) | np.isin(i.surfaces.nodes[0], np.concatenate([[-1], *joined]))
         free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
-        i.free, i.mortar, i.surfaces = free[0], make_mortar(i.surfaces, i.law.perfect, free, crossed), None
+        known.append((bool((crossed | ~free[0].all(axis=1)).all()), crossed, free))
+    for number in sorted(range(len(waiting)), key=lambda number: known[number][0]):
+        i, (rest, crossed, free) = waiting[number], known[number]
+        i.free, i.mortar = free[0], make_mortar(
+            i.surfaces, i.law.perfect, free, taken[i.surfaces.nodes[0]] if rest else crossed)
+        taken[i.surfaces.nodes[0][i.mortar.points]] = True
+    for i in waiting:
+        i.surfaces = None
 
 
 def _near(one: Body, two: Body, within: float | None) -> tuple[np.ndarray, np.ndarray]:
