@@ -27,6 +27,7 @@ from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.artist import Artist
+from orchestrator.results.fields.files import write_piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
@@ -224,7 +225,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
                                  start=record.start, watch=watch, team=team, ahead=ahead)
                 progress.close()
-                record.finish(solution, config.output.fields, artist)
+                record.finish(solution, config.output.fields, artist, team)
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED
@@ -234,4 +235,6 @@ def follow(team: Team) -> int:
     """What the other ranks do: their parts of rank 0's scene, without a word. Returns 0; the exit code is rank 0's."""
     config, reference = team.share(None)
     solve(config, reference=reference, team=team)
+    if config.output.fields:
+        write_piece(team)
     return CONVERGED

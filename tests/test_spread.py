@@ -1,50 +1,12 @@
 """A matrix among ranks: each eliminates what it alone sees, and all find what one process finds."""
 
-import threading
-
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.linalg.lapack import dtrttf
+from threads import among
 
 from orchestrator.method.linear.spread import SpreadFactor, rectangular
-from orchestrator.parallel.team import Team
-
-
-class Threads(Team):
-    """Ranks that are threads of this process: gathered objects wait for each other at a barrier."""
-
-    def __init__(self, rank: int, size: int, table: list, barrier: threading.Barrier):
-        self.rank, self.size, self.table, self.barrier = rank, size, table, barrier
-
-    def all_gather(self, part):
-        self.table[self.rank] = part
-        self.barrier.wait()
-        everyone = list(self.table)
-        self.barrier.wait()
-        return everyone
-
-    def sum_later(self, *parts):
-        everyone = self.all_gather([np.array(part, float) for part in parts])
-        return lambda: [sum(same) for same in zip(*everyone)]
-
-
-def among(size: int, what) -> list:
-    """What each of some ranks returns, or raises."""
-    results, table, barrier = [None] * size, [None] * size, threading.Barrier(size, timeout=20)
-
-    def run(rank: int) -> None:
-        try:
-            results[rank] = what(Threads(rank, size, table, barrier))
-        except Exception as error:  # noqa: BLE001 - told below
-            results[rank] = error
-
-    threads = [threading.Thread(target=run, args=(rank,)) for rank in range(size)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return results
 
 
 def chain(ranks: int, each: int, definite: bool = True) -> list[tuple[sp.csr_array, np.ndarray, np.ndarray]]:
@@ -75,7 +37,8 @@ def test_solutions_are_those_of_the_whole(ranks):
 
 def test_a_singular_matrix_is_refused_by_all():
     parts = chain(2, 7, definite=False)
-    assert all(isinstance(found, Exception) for found in among(2, lambda team: SpreadFactor(*parts[team.rank], team)))
+    found = among(2, lambda team: SpreadFactor(*parts[team.rank], team))
+    assert RuntimeError in map(type, found) and all(isinstance(error, RuntimeError) for error in found)  # a barrier that is left
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 8])

@@ -6,6 +6,7 @@ import sys
 from types import TracebackType
 
 from orchestrator.config import Config
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, TooSlow
 from orchestrator.results.figures.figures import write_figures
@@ -56,7 +57,7 @@ class Record:
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
         self.subscribers = [self._history, self._checkpoint, self._remains]
 
-    def finish(self, solution: Solution, fields: bool, artist: Artist | None) -> None:
+    def finish(self, solution: Solution, fields: bool, artist: Artist | None, team: Team = ALONE) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
@@ -67,6 +68,7 @@ class Record:
         solution : in its summary, the time that all this takes is noted
         fields : whether they are wanted
         artist : who draws the figures; None: nobody
+        team : the ranks, which write fields together; the others ``write_piece``
 
         Raises
         ------
@@ -74,7 +76,7 @@ class Record:
         """
         try:
             self._history.complete()
-            write_results(self._folder, solution, self._watch, fields, artist)
+            write_results(self._folder, solution, self._watch, fields, artist, team)
         except BaseException as error:
             self._remains.unwritten(error, solution)
             raise
@@ -93,7 +95,7 @@ class Record:
 
 
 def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, fields: bool,
-                  artist: Artist | None) -> None:
+                  artist: Artist | None, team: Team = ALONE) -> None:
     """Fields and summary of a finished run; figures are begun.
 
     Parameters
@@ -101,6 +103,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     solution : in its summary, the time that all this takes is noted
     fields : whether they are wanted
     artist : who draws the figures; None: nobody
+    team : as for ``Record.finish``
 
     Raises
     ------
@@ -111,7 +114,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
             note_time(solution.summary, watch)
             artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
-            write_fields(folder, solution.fields)
+            write_fields(folder, solution.fields, team)
     note_time(solution.summary, watch)
     write_summary(folder, solution.summary)
 

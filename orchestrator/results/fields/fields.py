@@ -69,6 +69,13 @@ class Fields:
                       np.concatenate(self.sides, axis=1), interfaces=self.interfaces,
                       discretisation_error=self.discretisation_error)
 
+    def some(self, chosen: np.ndarray) -> Fields:
+        """The same of some of the cells (k,) int, with their own nodes; without interfaces."""
+        nodes, cells = np.unique(self.cells[chosen], return_inverse=True)
+        error = self.discretisation_error
+        return Fields(self.nodes[nodes], cells.reshape(len(chosen), -1), self.subdomain[chosen], self.lame[chosen],
+                      self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen])
+
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
         i = self.interfaces

@@ -7,41 +7,95 @@ is in files of their own (``interface_files``).
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 
 from orchestrator.method.stopping.stress import von_mises
+from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.interface_files import write_interfaces
 from orchestrator.results.fields.npz import write_npz
-from orchestrator.results.fields.vtu import write_pvd, write_vtu
+from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
 from orchestrator.results.folder import ResultsFolder
 
 PVD_NAME = "fields/fields.pvd"
 
 
-def write_fields(folder: ResultsFolder, fields: Fields) -> None:
+def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE) -> None:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
+
+    Several ranks write a piece of every step each, step_0001_0.vtu …, that step_0001.pvtu puts together; the others
+    ``write_piece`` meanwhile.
+
+    Parameters
+    ----------
+    team : the ranks; this is rank 0
 
     Raises
     ------
     InputError : disk full or folder not writable
     """
     write_npz(folder, fields)
-    folder.remove("fields/*.vtu", "fields/*.pvd")  # of an earlier run with more steps
-    names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
-    for step, name in enumerate(names):
-        _write_step(folder, f"fields/{name}", fields.opened, step)
+    folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
+    if team.size > 1:
+        names = _in_pieces(folder, fields.opened, team)
+    else:
+        names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
+        for step, name in enumerate(names):
+            _write_step(folder, f"fields/{name}", fields.opened, step)
     write_pvd(folder, PVD_NAME, names)
     if fields.interfaces is not None:
         write_interfaces(folder, fields.nodes, fields.interfaces,
                          [fields.interface_displacement(side) for side in (0, 1)])
 
 
+def write_piece(team: Team) -> None:
+    """What the other ranks do while rank 0 writes fields: a piece of every step."""
+    directory, piece = team.hand_out(lambda rank: None)
+    _write_piece(ResultsFolder(directory), piece, team.rank)
+    team.gather(None)
+
+
+def _in_pieces(folder: ResultsFolder, fields: Fields, team: Team) -> list[str]:
+    """Have every rank write its piece; names of the files that put them together."""
+    ends = np.linspace(0, len(fields.cells), team.size + 1).astype(int)
+    order = np.argsort(fields.subdomain, kind="stable")
+
+    def piece(rank: int) -> Fields:
+        return fields.some(np.sort(order[ends[rank] : ends[rank + 1]]))
+
+    _write_piece(folder, team.hand_out(lambda rank: (os.fspath(folder.path.absolute()), piece(rank)))[1], 0)
+    team.gather(None)
+    for rank in range(1, team.size):
+        if not all((folder / f"fields/{name}").is_file() for name in _names(fields.steps, rank)):
+            _write_piece(folder, piece(rank), rank)  # that rank's disk is another one
+    names = [f"step_{step + 1:04d}.pvtu" for step in range(fields.steps)]
+    for step, name in enumerate(names):
+        write_pvtu(folder, f"fields/{name}", [_names(fields.steps, rank)[step] for rank in range(team.size)],
+                   *_data(fields.some(np.arange(min(1, len(fields.cells)))), step))
+    return names
+
+
+def _names(steps: int, rank: int) -> list[str]:
+    return [f"step_{step + 1:04d}_{rank}.vtu" for step in range(steps)]
+
+
+def _write_piece(folder: ResultsFolder, piece: Fields, rank: int) -> None:
+    for step, name in enumerate(_names(piece.steps, rank)):
+        _write_step(folder, f"fields/{name}", piece, step)
+
+
 def _write_step(folder: ResultsFolder, name: str, fields: Fields, step: int) -> None:
+    write_vtu(folder, name, fields.nodes, fields.cells, *_data(fields, step))
+
+
+def _data(fields: Fields, step: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What a step's file says of nodes and of cells."""
     sigma = fields.stress(step)
     cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": fields.subdomain.astype(np.int32)}
     if fields.cells.shape[1] == 10:
         cells["von_mises_max"] = fields.nodal_von_mises(step).max(axis=1)
     if fields.discretisation_error is not None:
         cells["discretisation_error"] = fields.discretisation_error[step]
-    write_vtu(folder, name, fields.nodes, fields.cells, {"displacement": fields.displacement[step]}, cells)
+    return {"displacement": fields.displacement[step]}, cells

@@ -1,13 +1,15 @@
-"""VTK's files: unstructured grids (.vtu) and collections of them over the load steps (.pvd)."""
+"""VTK's files: unstructured grids (.vtu), in pieces (.pvtu), and collections of them over the load steps (.pvd)."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from orchestrator.results.folder import ResultsFolder
 
+_ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 _TYPES = {3: "triangle", 4: "tetra", 10: "tetra10"}  # by nodes of a cell
 
 
@@ -32,6 +34,31 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
                        cell_data={name: [values] for name, values in cell_data.items()})
     with folder.replacing(name) as temporary:
         meshio.vtu.write(temporary, grid, binary=True, compression=None)
+
+
+def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_data: Mapping[str, np.ndarray],
+               cell_data: Mapping[str, np.ndarray]) -> None:
+    """Writes what puts the pieces of one grid together, files beside it.
+
+    Parameters
+    ----------
+    point_data, cell_data : as for ``write_vtu``, of any one cell
+
+    Raises
+    ------
+    InputError : disk full or folder not writable
+    """
+    def array(name: str, values: np.ndarray) -> str:
+        kind = ("Int" if values.dtype.kind == "i" else "Float") + str(8 * values.dtype.itemsize)
+        return (f'      <PDataArray type="{kind}" Name="{name}" '
+                f'NumberOfComponents="{1 if values.ndim == 1 else values.shape[1]}"/>')
+
+    rows = ['<?xml version="1.0"?>', f'<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="{_ORDER}">',
+            '  <PUnstructuredGrid GhostLevel="0">', "    <PPoints>", array("Points", np.zeros((1, 3))), "    </PPoints>",
+            "    <PPointData>", *(array(*item) for item in point_data.items()), "    </PPointData>",
+            "    <PCellData>", *(array(*item) for item in cell_data.items()), "    </PCellData>",
+            *(f'    <Piece Source="{piece}"/>' for piece in pieces), "  </PUnstructuredGrid>", "</VTKFile>", ""]
+    folder.write(name, "\n".join(rows))
 
 
 def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str]) -> None:
