@@ -44,3 +44,15 @@ def test_a_bonded_assembly_gives_way_as_with_the_conforming_mesh(tmp_path):
         force = np.array(made.summary["reactions"])[0][-1]
         assert force[2] / force[1] == pytest.approx(5.0, rel=1e-3)
     assert moved[1] == pytest.approx(moved[0], rel=0.02)
+
+
+def test_bodies_that_meet_beyond_their_pair_are_told(tmp_path):
+    """A ball whose pair is found near its foot alone sinks in around it; found from farther apart, it does not."""
+    told = []
+    for within in (0.02, 0.5):
+        problem = assemblies.ball_on_block(tmp_path, (0.4, 0.4))
+        problem["interfaces"][0]["within"] = within
+        problem["boundary"][-1]["displacement"] = [None, None, -0.6]
+        made = solve(config_from({**problem, "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-3}}}))
+        told.append([w for w in made.summary["warnings"] if "pass through each other" in w])
+    assert len(told[0]) == 1 and "'ball' and 'block'" in told[0][0] and not told[1]

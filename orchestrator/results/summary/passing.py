@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from orchestrator.scene.interfaces.overlap import Solid, overlap
+from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Scene
@@ -27,11 +27,15 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
             continue
         found = [(o.depth, step, o) for step in range(scene.steps)
                  if (o := overlap(parts[one].at(step), parts[two].at(step))) is not None]
+        if found and (rest := overlap(parts[one].at(None), parts[two].at(None))) is not None:
+            # chords of curved faces may be inside each other from the start: that is no motion
+            found = [f for f in found if f[0] - rest.depth > DEEP * f[2].size]
         if found:
             depth, step, deepest = max(found, key=lambda f: f[0])
             result.append(f"{parts[one].name!r} and {parts[two].name!r} pass through each other by about {depth:.3g} at load "
                           f"step {step + 1}, at {format_point(deepest.where)}, where they have no interface: mesh both sides "
-                          "alike there, or let the law read the gap (contact: gap: geometry)")
+                          "alike there, let the law read the gap (contact: gap: geometry), or have pairs found from farther "
+                          "apart (between: auto with tolerance: 1, or within: a length)")
     return result
 
 
@@ -54,5 +58,7 @@ class _Part:
         faces = faces_of(self.cells[:, :4], len(self.nodes))
         self.outer = faces.triangles[faces.outer]
 
-    def at(self, step: int) -> Solid:
-        return Solid.of(self.name, self.points + self.displacement[step], self.cells, self.outer)
+    def at(self, step: int | None) -> Solid:
+        """At a load step, or at rest."""
+        moved = 0.0 if step is None else self.displacement[step]
+        return Solid.of(self.name, self.points + moved, self.cells, self.outer)

@@ -55,8 +55,8 @@ def report_neighbours(mesh: Mesh, faces: Faces, bodies: list[Body], found: list[
         known = tuple((partition.names[b.subdomain], mesh.volumes[b.volume]) for b in (one, two))
         index = laws.foreseen(*known)
         governing[pair] = max(index, governing.get(pair, -1))
-        if laws.excluded(*known) or (pair in joined if laws.found(index) else laws.apart(index)):
-            continue  # it is not meant; or the search for pairs, or for gaps, has said what there is
+        if laws.excluded(*known) or (laws.apart(index) and not laws.found(index)):
+            continue  # it is not meant; or the search for gaps has said what does not match
         seen = near(one, two, loose[id(one)], loose[id(two)])
         if seen is not None:
             beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
@@ -66,7 +66,7 @@ def report_neighbours(mesh: Mesh, faces: Faces, bodies: list[Body], found: list[
     told = set(inside)
     for pair, seen in beside.items():
         apart = not len(np.intersect1d(*(connected[mesh.volume == v] for v in pair)))
-        if laws.found(governing[pair]):
+        if laws.found(governing[pair]):  # what faces beside a pair of theirs do later is looked at in the end
             if pair not in inside and apart:
                 told.add(pair)
                 _beyond_reach(mesh, pair, seen, governing[pair], laws, problems)
