@@ -76,6 +76,21 @@ def test_pairs_are_those_of_the_conforming_mesh(sizes, flange):
         assert got[pair] == pytest.approx(area, rel=0.2), pair
 
 
+def test_pairs_depend_neither_on_units_nor_on_numbering(flange):
+    """In metres, turned, nodes and cells in another order: the same pairs with the same areas."""
+    mesh, _ = make_mesh(section(step=flange, h=8, conforming=False))
+    random = np.random.default_rng(5)
+    node, cell = random.permutation(len(mesh.nodes)), random.permutation(len(mesh.cells))
+    number = np.argsort(node)  # where each node has gone
+    turn = Move.model_validate({"rotate": {"axis": [1, 2, 3], "degrees": 40}})
+    other = replace(mesh, nodes=1e-3 * moved(mesh.nodes, turn)[node], cells=number[mesh.cells][cell], volume=mesh.volume[cell],
+                    surfaces={name: number[t] for name, t in mesh.surfaces.items()})
+    one, two = found(mesh), found(other)
+    assert set(one) == set(two)
+    for pair, area in one.items():
+        assert 1e6 * two[pair] == pytest.approx(area, rel=1e-6), pair
+
+
 def test_pairs_of_an_assembly():
     """Of 18 solids, those that touch: bolts in brackets, plate and nuts, nuts on the plate, a rod in brackets and nuts."""
     mesh, _ = make_mesh(section(step=AS1, h={"*": 8, "bolt*": 4, "nut*": 3, "rod": 5}, conforming=False))
