@@ -8,7 +8,8 @@ box never shows S, but applies C = N M⁻¹ Nᵀ = (S + k)⁻¹:
 
     C k x = λ x,   λ = 1 / (1 + σ)  near 1
 
-by the block Lanczos method in the inner product of k, all subdomains side by side.
+by the block Lanczos method in the inner product of k, all subdomains side by side. Those whose soles and answers are the same
+share one space for as long as they are.
 
 References: Spillane, Dolean, Hauret, Nataf, Pechstein & Scheichl, Numer. Math. 126 (2014) and Haferssas, Jolivet
 & Nataf, SIAM J. Sci. Comput. 39 (2017), whose coarse spaces for Robin conditions these are.
@@ -16,7 +17,8 @@ References: Spillane, Dolean, Hauret, Nataf, Pechstein & Scheichl, Numer. Math. 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 
 import numpy as np
 import scipy.linalg as la
@@ -90,21 +92,39 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox,
     ------
     BlackBoxError : from the code
     """
-    space = direction.space
-    under_way, spent, done = {}, 0, {}
+    space, spent, done = direction.space, 0, {}
     chosen = [e for e, part in enumerate(space.boundary) if wanted[space.subdomains[e]] and part.stop > part.start]
+    alike: dict[bytes, tuple[list[int], _Krylov]] = {}  # members, and the one space of all of them
     for e, own in zip(chosen, direction.robin_blocks(chosen)):
-        size = own.shape[0]
-        under_way[e] = _Krylov(own, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))))
+        key = b"".join(x.tobytes() for x in (own.indptr, own.indices, own.data))
+        if key not in alike:
+            size = own.shape[0]
+            alike[key] = [], _Krylov(own, np.random.default_rng(0).standard_normal((size, min(BLOCK, size))))
+        alike[key][0].append(e)
+    under_way = list(alike.values())
     while under_way:
-        requests = {e: s.forces for e, s in under_way.items()}
+        requests = {e: forces for members, krylov in under_way for forces in (krylov.forces,) for e in members}
         spent += sum(len(r) for r in requests.values())
-        for e, answer in blackbox.traces(requests).items():
-            under_way[e].advance(answer.T)
-        done.update({e: s.modes for e, s in under_way.items() if s.modes is not None})
-        under_way = {e: s for e, s in under_way.items() if s.modes is None}
+        answers, left = blackbox.traces(requests), []
+        for members, krylov in under_way:
+            for same in _by_answer(members, answers):
+                own = copy(krylov)
+                own.advance(answers[same[0]].T)
+                if own.modes is None:
+                    left.append((same, own))
+                else:
+                    done |= dict.fromkeys(same, own.modes)
+        under_way = left
     total, = space.team.sum(spent)
     return done, float(total) / space.subdomain_count
+
+
+def _by_answer(members: list[int], answers: Mapping[int, np.ndarray]) -> list[list[int]]:
+    """Subdomains that have been given one and the same array for an answer, together: the black box knows them to be alike."""
+    same: dict[int, list[int]] = {}
+    for e in members:
+        same.setdefault(id(answers[e]), []).append(e)
+    return list(same.values())
 
 
 def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
