@@ -58,7 +58,7 @@ class CoarseProblem:
                  W: list[np.ndarray]):
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
         self.bodies = Bodies.of(team, bodies, self.own, fields, K0)
-        self.farthest = np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W])
+        self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
         self.newton_steps = 0
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
@@ -140,14 +140,17 @@ class CoarseProblem:
         """(bodies, 12) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
         the radius."""
         dy = self.team.share(dy)
-        move = self.farthest * np.linalg.norm(dy[self.own], axis=1)
+        move = self.farthest * np.linalg.norm(dy, axis=1)
+        if not (move > radius).any():  # as all ranks see
+            return dy
+        move = move[self.own]
         for e in np.flatnonzero(move > radius):  # the others cannot, by Cauchy and Schwarz
             move[e] = np.abs(self.W[e] @ dy[self.own[e]]).max(initial=0.0)
         return dy * (radius / np.maximum(self._of_all(move), radius))[:, None]
 
     def _farthest(self, y: np.ndarray) -> float:
         """How far any body moves in the fields (bodies, 12) at most, by Cauchy and Schwarz."""
-        return self.team.max((self.farthest * np.linalg.norm(y[self.own], axis=1)).max(initial=0.0))[0]
+        return float((self.farthest * np.linalg.norm(y, axis=1)).max(initial=0.0))
 
     def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
         """What is remembered from one iteration to the next: the reach of the pairs, and what has been factorised."""
