@@ -28,7 +28,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     entries : of ``interfaces:`` in the YAML
     """
     kept: list[Interface] = []
-    give_operators(found, fixed, numbering)
+    give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))])
     for interface in found:
         if interface.mortar is not None:
             if not len(interface.mortar) and not (interface.free.any() or interface.mortar.free.any()):

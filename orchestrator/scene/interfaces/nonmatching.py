@@ -10,9 +10,9 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.initial_gap import initial_gap
-from orchestrator.scene.interfaces.mortar.assembly import make_mortar
+from orchestrator.scene.interfaces.mortar.assembly import corner_vectors, covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.segments import FACING
-from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces
+from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.pairing import Body, Patch
 from orchestrator.scene.interfaces.proximity import may_face
@@ -21,6 +21,9 @@ from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
+
+# Areas around a node that differ by less than this are alike: the first piece of an interface has the point.
+ALIKE = 1e-6
 
 
 def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list[Patch], partition: Partition,
@@ -46,11 +49,27 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     found = facing(skins(pair[0]), skins(pair[1]), laws.tolerance(index), within, opposite)
     if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
+    asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite))
+    chosen = _for_all_pieces(mesh, pair, skins, partition, laws, index, matter, asked)
     for patch in found:
-        asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite))
-        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked)
+        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen)
         turn = slice(None, None, -1 if slave else 1)
         yield _interface(surfaces, [skins(body) for body in pair[turn]], names[turn], numbering, laws, index, problems)
+
+
+def _for_all_pieces(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, partition: Partition, laws: Laws, index: int,
+                    matter: Matter, asked: Asked) -> int | None:
+    """Which side is the slave, by all pieces of two bodies of which one is cut further; None: it is to be seen."""
+    named = tuple(partition.body(b.subdomain) for b in pair)
+    if asked.slave is not None or named == tuple(partition.names[b.subdomain] for b in pair):
+        return asked.slave
+    ordered = tuple(sorted(named))
+    if ordered not in skins.slaves:
+        pieces = [[b for b in skins.bodies if partition.body(b.subdomain) == name] for name in ordered]
+        patches = [surfaces_of(mesh.nodes, (one, two), f.segments) for one in pieces[0] for two in pieces[1]
+                   for f in facing(skins(one), skins(two), laws.tolerance(index), laws.reach(index), laws.opposite(index))]
+        skins.slaves[ordered] = ordered[slave_of(patches, matter, asked)]
+    return named.index(skins.slaves[ordered])
 
 
 def _interface(surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], numbering: SplitNumbering,
@@ -67,33 +86,47 @@ def _interface(surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str
     return interface
 
 
-def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering) -> None:
+def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering, bodies: list[str]) -> None:
     """Makes the operators of all interfaces whose nodes do not match, once it is known what is prescribed.
+
+    A slave's node carries one point at most. Where bodies are cut further, it has it in the piece of the interface in which
+    most around it is covered; where interfaces of several bodies meet, it has none.
 
     Parameters
     ----------
     fixed : (N, 3) bool, prescribed components of split nodes
+    bodies : name of the body of each subdomain
     """
     waiting = [i for i in interfaces if i.surfaces is not None]
     if not waiting:
         return
-    # a slave's node may carry one point: on edges where several such interfaces meet it carries none, unless there is no
-    # other, as on small pieces of a body that is cut further
-    met, taken = np.zeros(numbering.total, dtype=int), np.zeros(numbering.total, dtype=bool)
-    for i in waiting:
+    group = [tuple(bodies[e] for e in i.subdomains) for i in waiting]
+    alike = {pair: number for number, pair in enumerate(dict.fromkeys(map(frozenset, group)))}
+    met = np.zeros((len(alike), numbering.total), dtype=bool)  # nodes of each pair of bodies
+    covered = {pair: np.zeros(numbering.total) for pair in group}  # the largest covered area around slave nodes, by pieces
+    leader = {pair: np.full(numbering.total, -1) for pair in group}
+    vectors = {pair: np.zeros((numbering.total, 3)) for pair in group}
+    for number, (i, pair) in enumerate(zip(waiting, group)):
         for nodes in i.surfaces.nodes:
-            met[nodes] += 1
+            met[alike[frozenset(pair)], nodes] = True
+        nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
+        better = area > (1 + ALIKE) * covered[pair][nodes]
+        covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
+        vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
+    crossing, taken = met.sum(axis=0) > 1, np.zeros(numbering.total, dtype=bool)
     known = []
-    for i in waiting:
+    for number, (i, pair) in enumerate(zip(waiting, group)):
+        nodes = i.surfaces.nodes[0]
         joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
-        crossed = (met[i.surfaces.nodes[0]] > 1) | np.isin(i.surfaces.nodes[0], np.concatenate([[-1], *joined]))
+        crossed = crossing[nodes] | (leader[pair][nodes] != number) | np.isin(nodes, np.concatenate([[-1], *joined]))
         free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
         known.append((bool((crossed | ~free[0].all(axis=1)).all()), crossed, free))
+    # small pieces on which no node is left come last, and take nodes that have no point yet
     for number in sorted(range(len(waiting)), key=lambda number: known[number][0]):
-        i, (rest, crossed, free) = waiting[number], known[number]
-        i.free, i.mortar = free[0], make_mortar(
-            i.surfaces, i.law.perfect, free, taken[i.surfaces.nodes[0]] if rest else crossed)
-        taken[i.surfaces.nodes[0][i.mortar.points]] = True
+        i, (rest, crossed, free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
+        i.free, i.mortar = free[0], make_mortar(i.surfaces, i.law.perfect, free, taken[nodes] if rest else crossed,
+                                                vectors[group[number]][nodes])
+        taken[nodes[i.mortar.points]] = True
     for i in waiting:
         i.surfaces = None
 

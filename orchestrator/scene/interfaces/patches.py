@@ -139,7 +139,7 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
 def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition, numbering: SplitNumbering,
               laws: Laws, problems: Problems, matter: Matter | None) -> Iterator[tuple[Interface, tuple[str, str]]]:
     """Interfaces of parts that share no faces there, and the names of their subdomains."""
-    within, skins = max((e.reach or 0.0 for e in laws.entries), default=0.0), Skins(mesh, faces)
+    within, skins = max((e.reach or 0.0 for e in laws.entries), default=0.0), Skins(mesh, faces, bodies)
     for pair in close_bodies(bodies, within):
         names = tuple(partition.names[b.subdomain] for b in pair)
         known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))

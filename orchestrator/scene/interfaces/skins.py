@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,10 +47,20 @@ class Skin:
 
 
 class Skins:
-    """The skins of bodies."""
+    """The skins of bodies.
 
-    def __init__(self, mesh: Mesh, faces: Faces):
-        self.mesh, self.faces = mesh, faces
+    Parameters
+    ----------
+    bodies : all of the mesh, pieces of bodies that are cut further among them
+
+    Attributes
+    ----------
+    slaves : of pairs of bodies that are cut further, the names of those whose pieces are the slaves, once chosen
+    """
+
+    def __init__(self, mesh: Mesh, faces: Faces, bodies: Sequence[Body] = ()):
+        self.mesh, self.faces, self.bodies = mesh, faces, bodies
+        self.slaves: dict[tuple[str, str], str] = {}
         self._made: dict[int, Skin] = {}
 
     def __call__(self, body: Body) -> Skin:

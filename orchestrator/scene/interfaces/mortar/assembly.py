@@ -21,7 +21,8 @@ PLACES = 64 * np.finfo(float).eps
 TURNED = [0, 2, 1, 5, 4, 3]
 
 
-def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray) -> Mortar:
+def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
+                vectors: np.ndarray | None = None) -> Mortar:
     """Points and transfer operators.
 
     Parameters
@@ -29,16 +30,19 @@ def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.nd
     surfaces : slave and master
     perfect : whether the law is; ten-node faces then keep their quadratic functions
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
-    crossed : (n₁,) bool, slave nodes on which several interfaces without matching nodes meet
+    crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that have no point here
+    vectors : (n₁, 3) along the normals, where more facets than these shape them
     """
     weights = weights_of(surfaces, perfect)
     triangles = surfaces.triangles
-    normal = point_normals(surfaces.points[0], triangles[0])
+    normal = unit(corner_vectors(surfaces.points[0], triangles[0]) if vectors is None else vectors)
     gap = node_gaps(surfaces, weights, normal)
     candidates = weights.area > 0
     wanted = candidates & free[0].all(axis=1)
-    for better in (~crossed, weights.share >= COVERED):  # where there are none of these, better others than none
-        wanted = wanted & better if (wanted & better).any() else wanted
+    for better in (~crossed, weights.share >= COVERED):
+        # where there are none of these, one is better than none; more would say twice what other interfaces say
+        most = np.arange(len(wanted)) == np.argmax(np.where(wanted, weights.area, -1.0))
+        wanted = wanted & better if (wanted & better).any() else wanted & most
     points, sums = merged(candidates, wanted, triangles[0][:, :3])
     area = sums @ weights.area
     scale = sp.diags_array(1 / area)
@@ -87,12 +91,27 @@ def rounding(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def point_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n, 3) unit normals, mean of the facets' weighted by their area; zero at nodes that are no corners."""
+    return unit(corner_vectors(points, triangles))
+
+
+def corner_vectors(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n, 3) sums of the facets' area × normal around corners."""
     vectors = area_vectors(points, triangles)
-    total = np.zeros_like(points)
-    for corner in triangles[:, :3].T:
-        np.add.at(total, corner, vectors)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return total / np.where(length > 0, length, 1.0)
+    return np.stack([sum(np.bincount(corner, weights=along, minlength=len(points)) for corner in triangles[:, :3].T)
+                     for along in vectors.T], axis=1)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """(n, 3) of length 1, or 0."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+def covered_around(surfaces: Surfaces) -> np.ndarray:
+    """(n₁,) area around the slave's corners that the master covers."""
+    area = np.bincount(surfaces.segments.slave, surfaces.segments.area, minlength=len(surfaces.triangles[0]))
+    corners = surfaces.triangles[0][:, :3]
+    return np.bincount(corners.ravel(), weights=np.repeat(area, 3), minlength=len(surfaces.points[0]))
 
 
 def sagitta(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ and smoother pressures; of equal sides the first.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,18 +56,19 @@ class Asked:
     facing: float = FACING
 
 
-def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter,
-                    asked: Asked) -> tuple[int, Surfaces]:
+def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter, asked: Asked,
+                    slave: int | None = None) -> tuple[int, Surfaces]:
     """Which of two bodies, 0 or 1, is the slave on a patch on which they lie on each other, and the surfaces, the slave's first.
 
     Parameters
     ----------
     points : (n, 3) nodes of the mesh
     segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
+    slave : where it has been chosen already, for several patches at once
     """
     segments = segments.nearest(_area(bodies[0].corners))
-    found = Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments)
-    if slave_of(found, matter, asked) == 0:
+    found = surfaces_of(points, bodies, segments)
+    if (slave_of([found], matter, asked) if slave is None else slave) == 0:
         return 0, found
     # the same facets, seen from the other side, as far apart as they are
     turned = found.turned()
@@ -77,19 +79,32 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     return 1, Surfaces.of(points, everywhere, turned.cells, back)
 
 
-def slave_of(surfaces: Surfaces, matter: Matter, asked: Asked) -> int:
-    """0: the side that the overlaps have been found from; 1: the other."""
+def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments) -> Surfaces:
+    """The facets that overlap, the first body's as the slave's; parameters as above."""
+    return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments)
+
+
+def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:
+    """0: the side that the overlaps have been found from; 1: the other.
+
+    Parameters
+    ----------
+    patches : one, or all of two bodies that are cut further: the choice does not depend on the cuts
+    """
     if asked.slave is not None:
         return asked.slave
-    held = [matter.held[n].all() for n in surfaces.nodes]
+    held = [all(matter.held[p.nodes[side]].all() for p in patches) for side in (0, 1)]
     if held[0] != held[1]:
         return int(held[0])
+    facets = [np.unique(np.concatenate([np.column_stack([p.cells[side], _areas(p.points[side], p.triangles[side]),
+                                                         np.sort(p.nodes[side][p.triangles[side][:, :3]], axis=1)])
+                                        for p in patches]), axis=0) for side in (0, 1)]
     if asked.as_one:
-        young = [float(np.mean(matter.young[c])) for c in surfaces.cells]
+        young = [float(np.mean(matter.young[own[:, 0].astype(int)])) for own in facets]
         if max(young) > CONTRAST * min(young):
             return int(young[1] < young[0])
-    area = [_areas(x, t) for x, t in zip(surfaces.points, surfaces.triangles)]
-    common = surfaces.segments.area.sum()
+    area = [own[:, 1] for own in facets]
+    common = sum(p.segments.area.sum() for p in patches)
     covered = [common >= FULL * a.sum() for a in area]
     if covered[0] != covered[1]:
         return int(covered[1])
