@@ -20,7 +20,7 @@ def pushed_body(friction: float = 0.0) -> Body:
     points = Points(normal, *np.ones((3, 1)), {"gap": np.full(1, GAP), "friction": np.full(1, friction)})
     none, dofs, bounds = np.zeros(0), np.zeros((3, 1), int), np.array([0, 1])
     transfer = Matching(dofs, dofs, 1, 1, bounds, np.ones((3, 1), bool))
-    pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], bounds, transfer,
+    pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], bounds, transfer, transfer.exists,
                   [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], list(Contact.statuses), None,
                   none.astype(int), np.zeros((1, 0)), none)
     fields = np.zeros((1, 3, 12))
