@@ -84,9 +84,12 @@ def main(folder, method, limit, wanted):
     reached = next((k for k, error in enumerate(errors) if error <= wanted), None)
     if noted and reached is not None:
         final, error = noted[reached][:2], errors[reached]
-    else:
-        product.axpy(-1.0, load)
-        error = 0.0 if not noted and product.norm() <= BEYOND * load.norm() else float("inf")
+    elif noted:
+        error = float("inf")
+    else:  # a factorisation: its error δ = K⁻¹ r is known from one step of refinement, ‖δ‖²_K = δᵀ r
+        product.aypx(-1.0, load)
+        solver.solve(product, x)
+        error = np.sqrt(max(product.dot(x), 0.0) / (2 * energy)) if energy > 0 else float("inf")
     spent, _ = everywhere(final[1])
     _, wall = everywhere(final[0])
     if comm.rank == 0:
