@@ -13,7 +13,6 @@ from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.interfaces.freedom import leave_free
-from orchestrator.scene.interfaces.mortar.fitting import fitted
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.patch import node_areas
@@ -81,7 +80,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     interfaces, near = ([], []) if whole else make_interfaces(
         mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set, matter)
     problems.warnings += loads_on_pairs(mesh, boundary, interfaces, numbering)
-    mesh = fitted(mesh, interfaces, matter.held)
+    if any(i.surfaces is not None for i in interfaces):
+        from orchestrator.scene.interfaces.mortar.fitting import fitted
+
+        mesh = fitted(mesh, interfaces, matter.held)
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads],

@@ -8,7 +8,6 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
-from orchestrator.scene.interfaces.nonmatching import give_operators
 from orchestrator.scene.interfaces.shared_normals import share_normals
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
@@ -28,7 +27,10 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     entries : of ``interfaces:`` in the YAML
     """
     kept: list[Interface] = []
-    give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))])
+    if any(i.surfaces is not None for i in found):
+        from orchestrator.scene.interfaces.nonmatching import give_operators
+
+        give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))])
     for interface in found:
         if interface.mortar is not None:
             if not len(interface.mortar) and not (interface.free.any() or interface.mortar.free.any()):

@@ -11,7 +11,6 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
-from orchestrator.scene.interfaces.nonmatching import nonmatching
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
@@ -149,6 +148,8 @@ def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition
         apart = laws.apart(index)
         patches, mismatch = match(*pair, bool(apart), laws.reach(index), laws.tolerance(index) if apart else REACH)
         if matter is not None and index >= 0:
+            from orchestrator.scene.interfaces.nonmatching import nonmatching  # SciPy, only where it is asked for
+
             unmatched = list(nonmatching(mesh, pair, skins, patches, partition, numbering, laws, index, matter, problems))
             if unmatched:
                 laws.between(*known)

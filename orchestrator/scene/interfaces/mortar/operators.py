@@ -14,9 +14,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
+
+if TYPE_CHECKING:  # the scene's model is there without it
+    import scipy.sparse as sp
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Mortar:
         Diagonal, and the identity where no neighbour has been merged; on ten-node faces that are perfect a mass matrix of
         P1 functions, which conditions well.
         """
-        return sp.csr_array(self.first @ self.hats)
+        return (self.first @ self.hats).tocsr()
 
     @cached_property
     def dofs(self) -> np.ndarray:
