@@ -1,5 +1,7 @@
 """Factorisations of symmetric matrices: whichever solver is there, the solutions are the same."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -8,8 +10,9 @@ import scipy.sparse.linalg as sla
 from orchestrator.errors import InputError
 from orchestrator.method.interface import factor
 from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection
-from orchestrator.method.linear.macro import _positive_definite_solver
+from orchestrator.method.linear.macro import Macro
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
+from orchestrator.parallel.team import ALONE
 from orchestrator.studies.performance.prediction import macro_pattern
 
 SIDE = 5  # cubes along it: 2,700 unknowns, beyond ``factor.ORDERED``
@@ -62,7 +65,7 @@ def test_the_order_is_one_of_all_unknowns_and_saves_fill(macro):
 def test_a_singular_macro_matrix_is_reported(solver):
     independent = sp.csr_array(np.diag([1.0, 2.0, 0.0]))
     with pytest.raises(InputError, match="singular"):
-        _positive_definite_solver(independent)
+        Macro._solver(SimpleNamespace(shared=np.zeros(3, dtype=bool), space=SimpleNamespace(team=ALONE)), independent)
 
 
 def test_a_matrix_that_rounding_has_made_indefinite_is_solved_all_the_same(solver):

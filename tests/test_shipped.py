@@ -3,7 +3,6 @@
 import json
 import tempfile
 from copy import deepcopy
-from functools import cache
 
 import numpy as np
 import pytest
@@ -71,8 +70,14 @@ def hertz_pressure(force):
 def cad_is_read_once():
     """Three configurations share a CAD model: gmsh joins its 18 solids once."""
     with pytest.MonkeyPatch.context() as patch:
-        read = cache(cad.load)
-        patch.setattr(cad, "load", lambda *arguments: deepcopy(read(*arguments)))
+        read, known = cad.load, {}
+
+        def load(*arguments):
+            if (key := repr(arguments)) not in known:
+                known[key] = read(*arguments)
+            return deepcopy(known[key])
+
+        patch.setattr(cad, "load", load)
         yield
 
 

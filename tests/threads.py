@@ -42,6 +42,7 @@ def among(size: int, what) -> list:
             results[rank] = what(Threads(rank, size, table, barrier))
         except Exception as error:  # noqa: BLE001 - told below
             results[rank] = error
+            barrier.abort()  # nobody waits for who is gone
 
     threads = [threading.Thread(target=run, args=(rank,)) for rank in range(size)]
     for thread in threads:

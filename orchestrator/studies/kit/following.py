@@ -43,6 +43,7 @@ from orchestrator.scene.soles.make import make_soles
 from orchestrator.studies.kit.framework import Case, Study, first
 from orchestrator.timing import Stopwatch
 
+BETTER = 0.1  # residual of an end, over the run's own, from which errors may be measured against it
 CONTINUED = 600  # iterations at most, to find where a run tends to
 LEVELS = (1e-1, 1e-2, 1e-3, 1e-6)
 _KEPT = 60_000  # trace dofs that a trail keeps; of more, evenly many
@@ -238,7 +239,7 @@ def _end(d: Decomposition, config: Config, scene: Scene, iterated: Iterated, con
     stage.macro = None  # at a solution its multiplier is zero
     view = replace(d, stage=stage, coarse=d.coarse or _coarse(d, scene, config.method))
     end = iterate(view, plain, (), Stopwatch(), Start(iterated.fields.s))
-    return end if end.last.law_residual < iterated.last.law_residual else iterated
+    return end if end.last.law_residual < BETTER * iterated.last.law_residual else iterated
 
 
 def _coarse(d: Decomposition, scene: Scene, method):
