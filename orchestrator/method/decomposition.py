@@ -19,7 +19,7 @@ from orchestrator.method.linear.loading import Loading, RimStiffness, apply_load
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_basis import interface_bases
-from orchestrator.method.interface.pairs import make_pairs
+from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.linear.soft_modes import enriched, soft_modes

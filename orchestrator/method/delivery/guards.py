@@ -25,7 +25,7 @@ from orchestrator.method.delivery.balance import balance
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interior import Interior, interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
-from orchestrator.method.interface.pairs import lawful_nodes, pair_normals
+from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_normals
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.lengths import Lengths
 

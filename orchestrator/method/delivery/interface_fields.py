@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import COUNTED
 from orchestrator.laws.status import BONDED
-from orchestrator.method.interface.pairs import lawful_nodes, pair_normals, point_areas
+from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_normals, point_areas
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.model import Interface, Scene
 

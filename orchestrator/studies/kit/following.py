@@ -244,7 +244,7 @@ def _end(d: Decomposition, config: Config, scene: Scene, iterated: Iterated, con
 
 def _coarse(d: Decomposition, scene: Scene, method):
     from orchestrator.method.coarse.correction import CoarseCorrection
-    from orchestrator.method.interface.pairs import make_pairs
+    from orchestrator.method.interface.pairing import make_pairs
     from orchestrator.method.interface.stabilisation import stabilisation
 
     return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, stabilisation(scene, method)))
