@@ -29,9 +29,8 @@ def add_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> None:
     InputError : a code that is not installed
     BlackBoxError : its processes do not start, or answer nonsense
     """
-    for index, code in find_codes(settings, {s.code for s in scene.subdomains}).items():
-        if not code.brings_loads:
-            continue
+    asked = {s.code for s in scene.subdomains if settings[s.code].brings_loads}
+    for index, code in (find_codes(settings, asked) if asked else {}).items():
         own = [s for s in scene.subdomains if s.code == index]
         with Pool(code) as pool:
             found = pool.own_loads([body_model(scene, s) for s in own], scene.steps)

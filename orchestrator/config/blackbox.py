@@ -41,6 +41,11 @@ class CodeSettings(Part):
     timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(600.0, description=(
         "seconds allowed for one answer; 600 is far above a factorisation of 200,000 dofs"))
 
+    @property
+    def brings_loads(self) -> bool:
+        """Whether the code's models have loads of their own, beside those of the YAML."""
+        return False
+
     @classmethod
     def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
         """The raw entry with the files it names found beside the YAML file, where they are there; none by default."""

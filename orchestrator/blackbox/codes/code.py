@@ -66,11 +66,6 @@ class Code(ABC):
         """Texts that its processes find in their folder, by name."""
         return {}
 
-    @property
-    def brings_loads(self) -> bool:
-        """Whether its models have loads of their own, beside those of the YAML."""
-        return False
-
     def environment(self) -> dict[str, str]:
         """Environment of its processes: one thread each, since parallelism is over subdomains."""
         return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}

@@ -6,12 +6,13 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 from importlib import metadata
 from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, JsonValue
 
@@ -84,6 +85,11 @@ class PythonCode(MessageCode):
             "the interpreter that the solver's packages are installed for, as /usr/bin/python3, with numpy and SciPy; "
             "none: the orchestrator's own"))
 
+        @property
+        def brings_loads(self) -> bool:
+            """As the entry says: the class is imported by its processes alone."""
+            return self.loads
+
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
             """The solver's file, and the interpreter."""
@@ -99,7 +105,7 @@ class PythonCode(MessageCode):
         code = self.solver or self.settings.code
         where = code.rpartition(":")[0] or code
         if self.settings.python:
-            self._ask(self.settings.python)
+            _ask(self.settings.python, self.package)
         elif self.package and not _installed(self.package):
             raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
                           f"{sys.executable} -m pip install {self.package}")
@@ -118,11 +124,6 @@ class PythonCode(MessageCode):
         """As in the YAML; of a solver of the user's own the file or the module, without its folder and class."""
         code = self.settings.code
         return code if self.solver else Path(code.rpartition(":")[0] or code).name
-
-    @property
-    def brings_loads(self) -> bool:
-        """As its entry says: the class is imported by its processes alone."""
-        return self.settings.loads
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a server that reads and writes these paths."""
@@ -166,26 +167,37 @@ class PythonCode(MessageCode):
         """Version of the package it needs; empty for a class of one's own."""
         if not self.package:
             return ""
-        return self._ask(self.settings.python) if self.settings.python else metadata.version(self.package)
+        return _ask(self.settings.python, self.package) if self.settings.python else metadata.version(self.package)
 
-    def _ask(self, python: str) -> str:
-        """Version of the package in another interpreter, which has what the server needs; raises InputError."""
-        lacks = f"an interpreter with numpy, SciPy{' and ' + self.package if self.package else ''}"
-        code = _NEEDED + (f"; from importlib.metadata import version; print(version({self.package!r}))" if self.package else "")
-        try:
-            done = subprocess.run([python, "-c", code], capture_output=True, text=True, timeout=_PATIENCE)
-        except (OSError, subprocess.TimeoutExpired) as error:
-            raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter",
-                          "python") from None
-        if done.returncode:
-            said = (done.stderr.strip() or f"nothing, and ends with {done.returncode}").splitlines()[-1]
-            raise _absent(f"{python}, which says: {said}", lacks,
-                          "install them for that interpreter, or name another one", "python")
-        first, *rest = done.stdout.splitlines()
-        if tuple(map(int, first.split())) < _OLDEST:
-            raise _absent(f"{python}, which is Python {first.replace(' ', '.')}", f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
-                          "name another interpreter", "python")
-        return rest[0] if rest else ""
+
+class FourNodeCode(PythonCode):
+    """One whose adapter knows four-node tets alone."""
+
+    class Settings(PythonCode.Settings):
+        """A solver in Python."""
+
+        element: Literal["P1"] = Field("P1", description="linear tetrahedra: its adapter knows no other")
+
+
+@cache
+def _ask(python: str, package: str) -> str:
+    """Version of the package in another interpreter, which has what the server needs; raises InputError."""
+    lacks = f"an interpreter with numpy, SciPy{' and ' + package if package else ''}"
+    code = _NEEDED + (f"; from importlib.metadata import version; print(version({package!r}))" if package else "")
+    try:
+        done = subprocess.run([python, "-c", code], capture_output=True, text=True, timeout=_PATIENCE)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter",
+                      "python") from None
+    if done.returncode:
+        said = (done.stderr.strip() or f"nothing, and ends with {done.returncode}").splitlines()[-1]
+        raise _absent(f"{python}, which says: {said}", lacks,
+                      "install them for that interpreter, or name another one", "python")
+    first, *rest = done.stdout.splitlines()
+    if tuple(map(int, first.split())) < _OLDEST:
+        raise _absent(f"{python}, which is Python {first.replace(' ', '.')}", f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
+                      "name another interpreter", "python")
+    return rest[0] if rest else ""
 
 
 def _importable(module: str) -> bool:

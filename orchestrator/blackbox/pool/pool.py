@@ -119,7 +119,7 @@ class Pool:
         return matrices
 
     def own_loads(self, models: Sequence[Model], steps: int) -> list[np.ndarray]:
-        """(steps, 3n) nodal forces of each model that are the code's own, see ``Code.brings_loads``."""
+        """(steps, 3n) nodal forces of each model that are the code's own, see ``CodeSettings.brings_loads``."""
         found: list[np.ndarray | None] = [None] * len(models)
         first = len(self._models)
 

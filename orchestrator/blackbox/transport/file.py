@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.blackbox.transport import messages
+from orchestrator.blackbox.transport.asking import Asking
 from orchestrator.blackbox.transport.messages import BadReply, Buffers, Reply
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.cost import Request
@@ -16,7 +17,7 @@ from orchestrator.blackbox.pool.stateless import StatelessWorker, Tally
 from orchestrator.blackbox.pool.worker import Ended
 
 
-class FileWorker(StatelessWorker):
+class FileWorker(Asking, StatelessWorker):
     """Runs one process after another; each one reads a request file and writes a reply file.
 
     Nothing is kept between runs but the mesh files: every solve loads its model again.
@@ -60,29 +61,13 @@ class FileWorker(StatelessWorker):
     def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:
         return self.run_cases(messages.TRACES, index, np.eye(self.tallies[index].trace_dofs), name)
 
-    def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        model = self.code.told(model)
-        return self._asked(index, model, messages.stiffness(index, self.element, model), "the stiffness matrix was not obtained",
-                           lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
-
-    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
-        model = self.code.told(model)
-        return self._asked(index, model, messages.own_loads(index, self.element, model, steps), "its own loads were not obtained",
-                           lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size))
-
-    def _asked(self, index: int, model: Model, request: Buffers, otherwise: str, check: Callable):
-        """What ``check`` makes of the reply to a request about a mesh that is not kept."""
-        path = self.write_mesh(index, model)
-
-        def read(replies: "_Replies", index: int):
+    def _asked(self, index: int, name: str, request: Buffers, otherwise: str, read: Callable[[Reply], Any]) -> Any:
+        def counted(replies: "_Replies", index: int) -> Any:
             reply = replies.next()
             self.count(reply.seconds)
-            return check(reply)
+            return read(reply)
 
-        try:
-            return self._converse(index, model.name, otherwise, request, read)[0]
-        finally:
-            path.unlink(missing_ok=True)
+        return self._converse(index, name, otherwise, request, counted)[0]
 
     def _read_load(self, replies: "_Replies", index: int) -> None:
         reply = replies.next()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.blackbox.transport import messages
+from orchestrator.blackbox.transport.asking import Asking
 from orchestrator.blackbox.transport.channel import Channel
 from orchestrator.blackbox.transport.messages import BadReply, Reply
 from orchestrator.blackbox.protocol import Model
@@ -15,7 +16,7 @@ from orchestrator.blackbox.pool.starvation import Starvation
 from orchestrator.blackbox.pool.worker import Ended, Worker
 
 
-class PipeWorker(Worker):
+class PipeWorker(Asking, Worker):
     """Hosts many models in one process; all right-hand sides of all its models travel in one message."""
 
     channel: Channel | None = None
@@ -63,28 +64,14 @@ class PipeWorker(Worker):
             raise self.failure("solving failed", error, names[len(answers)]) from error
         return answers
 
-    def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        model = self.code.told(model)
-        return self._asked(index, model, messages.stiffness(index, self.element, model), "the stiffness matrix was not obtained",
-                           lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
-
-    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
-        model = self.code.told(model)
-        return self._asked(index, model, messages.own_loads(index, self.element, model, steps), "its own loads were not obtained",
-                           lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size))
-
-    def _asked(self, index: int, model: Model, request: messages.Buffers, otherwise: str, read: Callable):
-        """What ``read`` makes of the reply to a request about a mesh that is not kept."""
-        path = self.write_mesh(index, model)
+    def _asked(self, index: int, name: str, request: messages.Buffers, otherwise: str, read: Callable[[Reply], Any]) -> Any:
         try:
             deadline = self.deadline()
             self.channel.write(request, deadline)
             reply = self._reply(deadline)
             answer = read(reply)
         except (Ended, BadReply) as error:
-            raise self.failure(otherwise, error, model.name) from error
-        finally:
-            path.unlink(missing_ok=True)
+            raise self.failure(otherwise, error, name) from error
         self.count(reply.seconds)
         return answer
 

@@ -34,7 +34,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     iterated, estimated = delivered.iterated, delivered.discretisation
     last, contact = iterated.last, _contact(scene, delivered)
     spent = total(ranks, scene)
-    if foreign_matter(spent["codes"]):
+    if foreign := foreign_matter(spent["codes"]):
         estimated = None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     summary = {
@@ -54,7 +54,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
         **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.far],
-        "warnings": stabilisation_cautions(config.method) + foreign_matter(spent["codes"]) + sentences(iterated.far)
+        "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.far)
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
                    estimated and estimated.relative),
         **spent, "config": config.complete(),

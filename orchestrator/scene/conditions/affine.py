@@ -12,7 +12,7 @@ import numpy as np
 
 from orchestrator.config.boundary import BoundaryCondition
 from orchestrator.config.turning import unit
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors, skew
 from orchestrator.scene.mesh.quadratic import TRIANGLE_MOMENTS
 from orchestrator.scene.model import BoundaryEntry
 
@@ -38,7 +38,7 @@ def field_of(entry: BoundaryCondition, factors: list[float], nodes: np.ndarray,
     if entry.motion is not None:
         turn = entry.motion.rotate
         angle = np.zeros(3) if turn is None else np.radians(turn.degrees) * np.array(unit(turn.axis))
-        return ("displacement", np.outer(times, entry.motion.translate), times[:, None, None] * cross(angle),
+        return ("displacement", np.outer(times, entry.motion.translate), times[:, None, None] * skew(angle),
                 np.array(turn.about if turn else np.zeros(3), dtype=float))
     if entry.resultant is not None:
         value, slope, about = spread(entry.resultant, nodes, triangles)
@@ -62,7 +62,7 @@ def spread(resultant: Any, nodes: np.ndarray, triangles: np.ndarray) -> tuple[np
     force = np.array(resultant.force, dtype=float)
     point = centre if resultant.about is None else np.array(resultant.about, dtype=float)
     moment = np.array(resultant.moment, dtype=float) + np.cross(point - centre, force)
-    return force / area.sum(), cross(np.linalg.solve(inertia, moment)), centre
+    return force / area.sum(), skew(np.linalg.solve(inertia, moment)), centre
 
 
 def normal_of(nodes: np.ndarray, triangles: np.ndarray) -> int | None:
@@ -70,12 +70,6 @@ def normal_of(nodes: np.ndarray, triangles: np.ndarray) -> int | None:
     vectors = np.abs(area_vectors(nodes, triangles))
     axis = int(vectors.sum(axis=0).argmax())
     return axis if (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all() else None
-
-
-def cross(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) W with W x = vector × x."""
-    a, b, c = vector
-    return np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
 
 
 def at_corners(entry: BoundaryEntry, nodes: np.ndarray) -> np.ndarray:

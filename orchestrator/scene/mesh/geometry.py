@@ -23,3 +23,10 @@ def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the first three turn to."""
     p, q, r, s = (nodes[cells[:, i]] for i in range(4))
     return np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
+
+
+def skew(vectors: np.ndarray) -> np.ndarray:
+    """(…, 3, 3) matrices of v ×."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vectors.shape, 3)

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.config.parts import INSIDE, Move, Rotate
+from orchestrator.config.parts import INSIDE, Move
+from orchestrator.config.turning import Rotate, unit
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.model import Mesh
 
@@ -33,8 +34,7 @@ def moved(nodes: np.ndarray, move: Move) -> np.ndarray:
 
 def turned(nodes: np.ndarray, turn: Rotate) -> np.ndarray:
     """Points (n, 3) turned about an axis, by Rodrigues' formula."""
-    axis = np.eye(3)["xyz".index(turn.axis)] if isinstance(turn.axis, str) else np.array(turn.axis, dtype=float)
-    axis = axis / np.linalg.norm(axis)
+    axis = np.array(unit(turn.axis))
     sine, cosine = _exact(turn.degrees)
     arm = nodes - np.array(turn.about)
     along = np.outer(arm @ axis, axis)

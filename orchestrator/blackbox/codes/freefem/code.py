@@ -60,6 +60,11 @@ class FreeFem(MessageCode):
         uniform: bool = Field(False, description=(
             "of a form: the same at every place, so that subdomains that differ by a translation share one matrix"))
 
+        @property
+        def brings_loads(self) -> bool:
+            """A form may."""
+            return bool(self.form)
+
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
             """The form."""
@@ -85,11 +90,6 @@ class FreeFem(MessageCode):
     def files(self) -> dict[str, str]:
         """The server's script around a form."""
         return {FORM_SERVER: form_server(Path(self.settings.form))} if self.settings.form else {}
-
-    @property
-    def brings_loads(self) -> bool:
-        """A form may."""
-        return bool(self.settings.form)
 
     def told(self, model: Model) -> Model:
         """Of a form: regions are the volumes of the mesh, then the matter of soles."""

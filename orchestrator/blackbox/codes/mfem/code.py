@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
-from pydantic import Field
-
-from orchestrator.blackbox.codes.python_code import PythonCode
+from orchestrator.blackbox.codes.python_code import FourNodeCode
 
 
-class MfemCode(PythonCode):
+class MfemCode(FourNodeCode):
     """MFEM, through its Python interface."""
 
     solver = "orchestrator.blackbox.codes.mfem.solver:Mfem"
     package = "mfem"
     translation_invariant, own_matter = True, False
-
-    class Settings(PythonCode.Settings):
-        """A solver in Python."""
-
-        element: Literal["P1"] = Field("P1", description="linear tetrahedra: its adapter knows no other")

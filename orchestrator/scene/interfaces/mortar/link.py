@@ -14,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.scene.mesh.geometry import skew
+
 
 def rotations(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     """(3k, 3n) the rotation ω of each facet, of displacements of its corners.
@@ -46,12 +48,6 @@ def linked(weights: sp.csr_array, facets: sp.csr_array, offset: np.ndarray, poin
     arms = _blocks(-skew(offset[at])[:, None], at, np.arange(len(at))[:, None], (len(offset), len(at)))  # ω × r = −r × ω
     return sp.csr_array(plain + arms @ turned)
 
-
-def skew(vectors: np.ndarray) -> np.ndarray:
-    """(…, 3, 3) matrices of v ×."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*vectors.shape, 3)
 
 
 def _blocks(blocks: np.ndarray, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> sp.csr_array:
