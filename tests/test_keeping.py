@@ -84,7 +84,10 @@ def stopped_and_resumed(tmp_path, made, scene, stops):
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_stopped_run_goes_on_as_if_nothing_had_happened(tmp_path, case):
-    """The same iterations, the same values to the last bit but rounding, wherever it was stopped."""
+    """The same iterations, the same values to the last bit but rounding, wherever it was stopped.
+
+    Rounding is that of what is iterated upon, of order one: measures that have fallen by 1e7 keep it as it is.
+    """
     made = config(**CASES[case])
     scene = build_scene(made)
     whole = solve(made, scene)
@@ -94,7 +97,7 @@ def test_a_stopped_run_goes_on_as_if_nothing_had_happened(tmp_path, case):
     assert [event.iteration for event in told] == list(range(1, whole.iterations + 1))
     for name in ("residual", "indicator", "sweeps"):
         theirs, ours = ([getattr(e, name) for e in events] for events in (whole.iterated.history, told))
-        np.testing.assert_allclose(ours[-len(theirs):], theirs[-len(ours):], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(ours[-len(theirs):], theirs[-len(ours):], rtol=1e-9, atol=1e-13 * np.nanmax(theirs))
     assert np.all(np.diff([event.seconds for event in told]) > 0), "seconds go on"
     scale = np.abs(whole.displacement).max()
     assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * scale
