@@ -1,6 +1,6 @@
 # make: the targets. Everything else sets up first what is missing; a second call sets up nothing.
 
-.PHONY: help setup setup-tests run test rivals clean
+.PHONY: help setup setup-tests run test docs rivals clean
 .DEFAULT_GOAL := help
 
 CONFIG ?= configs/traction_beam.yaml
@@ -20,9 +20,13 @@ run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and 
 test: setup-tests  ## set up CalculiX too, run the tests in two processes
 	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
 
+docs: setup  ## make pages of docs/ in site/, with a search that needs no network
+	@.venv/bin/python -m sphinx -q -W docs site
+	@echo site/index.html
+
 rivals:  ## set up PETSc, pyamg and PARDISO too, which `orchestrator study large` compares with
 	@./setup.sh rivals
 
-clean:  ## remove results, caches and the virtual environment
-	@rm -rf .venv results *.egg-info .pytest_cache
+clean:  ## remove results, pages, caches and the virtual environment
+	@rm -rf .venv results site *.egg-info .pytest_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

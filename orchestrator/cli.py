@@ -211,10 +211,13 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '
 
 
 @app.command()
-def schema() -> None:
+def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its meaning, as Markdown, instead")] = False) -> None:
     """Print the JSON schema of configurations, for editors that complete and check as one types."""
     def action() -> int:
-        from orchestrator.config.schema import schema as write
+        if keys:
+            from orchestrator.config.reference import reference as write
+        else:
+            from orchestrator.config.schema import schema as write
 
         print(write(), end="")
         return CONVERGED

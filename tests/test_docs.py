@@ -2,8 +2,11 @@
 
 import ast
 import io
+import os
 import re
 import shlex
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -14,13 +17,15 @@ from typer.testing import CliRunner
 from orchestrator.cli import app
 from orchestrator.config import config_from
 from orchestrator.config.method import Method
+from orchestrator.config.model import Config
+from orchestrator.config.reference import reference
 from orchestrator.studies import STUDIES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "orchestrator"
-DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 EQUATIONS = 46  # numbered in the paper
-BY_NAME = [path.name for path in DOCUMENTS]
+BY_NAME = [path.stem for path in DOCUMENTS]
 # `file.py` `name`, `Class.name` …
 MENTIONED = re.compile(r"`([\w/]+\.py)`((?:(?:, | and | )?`[\w.]+`)*)")
 COMMAND = re.compile(r"(?:^|`| )orchestrator ((?:run|check|report|study|conformance|doctor|inspect|init|schema)\b[^`\n#…*]*)")
@@ -104,9 +109,33 @@ def test_links_lead_somewhere(path):
         assert not anchor or anchor in anchors(there), f"{path.name}: {target}"
 
 
-def test_every_document_is_linked():
-    linked = set(re.findall(r"\]\(docs/(\w+\.md)", (ROOT / "README.md").read_text(encoding="utf-8")))
-    assert linked == {path.name for path in DOCUMENTS} - {"README.md"}
+def test_pages_are_made_of_every_document(tmp_path):
+    """Without a warning: no reference that leads nowhere, no document outside the contents, no docstring that is no markup."""
+    done = subprocess.run([sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", ROOT / "docs", tmp_path / "site"],
+                          capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "site" / "searchindex.js").exists()
+    linked = set(re.findall(r"\]\(docs/([\w/]+\.md)", (ROOT / "README.md").read_text(encoding="utf-8")))
+    assert {"index.md", "start.md", "keys.md", "measured.md", "limits.md"} <= linked
+
+
+def test_every_key_is_told():
+    """The reference is the model's, down to its words."""
+    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == reference(), \
+        "orchestrator schema --keys > docs/keys.md"
+    told = re.findall(r"^\| `(\w+)` \|", reference(), flags=re.MULTILINE)
+    assert keys_of(Config) <= set(told)
+    assert not re.search(r"\| *\|$", reference(), flags=re.MULTILINE), "a key without a meaning"
+
+
+def test_warnings_told_are_those_there_are():
+    """What the page quotes stands in the program, but for what is filled in."""
+    said = re.sub(r"['\"]\s*\n\s*f?['\"]", "", "\n".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")))
+    table = [row for row in rows((ROOT / "docs" / "warnings.md").read_text(encoding="utf-8")) if row[0].startswith('"')]
+    assert len(table) > 15
+    for first, *_ in table:
+        for quoted in re.findall('"([^"]+)"', first):
+            assert quoted in said, quoted
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=BY_NAME)

@@ -27,7 +27,7 @@ class Iteration:
     error_bound : guaranteed bound on the relative energy error; nan when not evaluated
     counts : name of a status → node pairs that have it, summed over the steps
     target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
-    macro_imbalance : largest |Cᵀf| over the interfaces, relative; 0 to rounding, eq. 17
+    macro_imbalance : largest size of Cᵀf over the interfaces, relative; 0 to rounding, eq. 17
     true_error : against the undecomposed solution, relative energy norm; nan without one
     law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
     laws : the interface laws' own measures among these, by name

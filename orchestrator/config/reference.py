@@ -1,0 +1,158 @@
+"""Every key of the YAML with what it takes, its default and its meaning: the model, read out as Markdown.
+
+What is said of a key stands in the model alone: messages, the schema for editors and this reference repeat it.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import annotated_types
+from pydantic import BeforeValidator, Tag
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from orchestrator.config.base import TAG, ByName, Part
+from orchestrator.config.model import Config
+
+HEAD = """# Every key
+
+*Written by `orchestrator schema --keys` from the model that configurations are checked against. An entry of a list is
+meant where a heading ends with `[]`; "none" is what holds where a key without a default is left out.*
+"""
+WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+BOUNDS = {annotated_types.Gt: ("gt", ">"), annotated_types.Ge: ("ge", ">="),
+          annotated_types.Lt: ("lt", "<"), annotated_types.Le: ("le", "<=")}
+
+
+@dataclass(frozen=True)
+class Section:
+    """A mapping of the YAML: where it stands, which of several it is, and the model of its keys."""
+
+    path: str
+    kind: str
+    model: type[Part]
+
+    @property
+    def title(self) -> str:
+        return self.path + (f", {self.kind}" if self.kind else "")
+
+
+def reference() -> str:
+    """The reference as Markdown, a section for each mapping, a row for each key."""
+    parts = [HEAD]
+    for section in sections():
+        about = (section.model.__doc__ or "").split("\n\n")[0].strip()
+        parts.append("\n".join([f"## {section.title}", "", " ".join(about.split()), "",
+                                "| key | takes | default | meaning |", "|---|---|---|---|",
+                                *(row(name, field) for name, field in section.model.model_fields.items())]) + "\n")
+    return "\n".join(parts)
+
+
+def sections() -> list[Section]:
+    """All mappings, each before those inside it; a model that stands in several places is told at the first."""
+    found: list[Section] = []
+    told: set[type[Part]] = set()
+
+    def tell(section: Section) -> None:
+        if section.model in told:
+            return
+        told.add(section.model)
+        found.append(section)
+        for name, field in section.model.model_fields.items():
+            path = name if section.model is Config else f"{section.path}.{name}"
+            for suffix, kind, model in mappings([field.annotation, *field.metadata]):
+                tell(Section(path + suffix, kind, model))
+
+    tell(Section("the whole", "", Config))
+    return found
+
+
+def mappings(notes: list[Any], suffix: str = "") -> Iterator[tuple[str, str, type[Part]]]:
+    """Models inside a type: what the path gets behind it, which of several, the model."""
+    by_name = next((note for note in notes if isinstance(note, ByName)), None)
+    if by_name is not None:
+        yield from ((suffix, f"{by_name.key}: {name}", by_name.model_of(thing)) for name, thing in by_name.registry.items())
+        return
+    kind = notes[0]
+    if isinstance(kind, type) and issubclass(kind, Part):
+        yield suffix, "", kind
+    elif get_origin(kind) is Annotated:
+        yield from mappings(list(get_args(kind)), suffix)
+    elif get_origin(kind) is list:
+        yield from mappings(list(get_args(kind)), suffix + "[]")
+    else:
+        for inner in get_args(kind):
+            if not isinstance(inner, str):
+                yield from mappings([inner], suffix)
+
+
+def row(name: str, field: FieldInfo) -> str:
+    """One key: what it takes, its default, its meaning; of names that stand for models, the meaning says which."""
+    default = "**required**" if field.is_required() else f"`{plain(field)}`" if plain(field) is not None else "none"
+    return f"| `{name}` | {cell(takes([field.annotation, *field.metadata]))} | {default} | {cell(field.description or '')} |"
+
+
+def plain(field: FieldInfo) -> str | None:
+    """The default as YAML writes it; None where there is none, or where it is a mapping that has a section."""
+    value = field.get_default(call_default_factory=False) if field.default_factory is None else None
+    if value is None or value is PydanticUndefined or isinstance(value, Part):
+        return None
+    return str(value).lower() if isinstance(value, bool) else str(value).replace("'", "")
+
+
+def takes(notes: list[Any]) -> str:
+    """What a type accepts, in words."""
+    kind, others = notes[0], notes[1:]
+    if any(isinstance(note, ByName) for note in others):
+        return "a mapping"
+    for note in others:
+        if isinstance(note, BeforeValidator) and note.json_schema_input_type is not PydanticUndefined:
+            return takes([note.json_schema_input_type])
+    inner, origin = get_args(kind), get_origin(kind)
+    if origin is Annotated:
+        return takes([*inner, *others])
+    if origin in (Union, types.UnionType):
+        return alternatives([part for part in inner if part is not type(None)])
+    if origin is Literal:
+        return " or ".join(f"`{str(word).lower() if isinstance(word, bool) else word}`" for word in inner)
+    if origin is list:
+        return listed(takes([inner[0]]), others)
+    if origin is dict:
+        return f"a mapping of names to {takes([inner[1]])}"
+    if isinstance(kind, type) and issubclass(kind, Part):
+        return "a mapping"
+    return WORDS.get(kind, "anything") + bounds(others)
+
+
+def alternatives(parts: list[Any]) -> str:
+    """A union: the sentence that its messages say, where it has one."""
+    tags = (note.tag for part in parts for note in get_args(part)[1:] if isinstance(note, Tag))
+    sentence = next((tag[len(TAG) + 1:] for tag in tags if tag.startswith(TAG)), "")
+    return sentence or " or ".join(dict.fromkeys(takes([part]) for part in parts))
+
+
+def listed(entry: str, notes: list[Any]) -> str:
+    """A list, and how long it is where that is fixed."""
+    least = next((note.min_length for note in flat(notes) if isinstance(note, annotated_types.MinLen)), 0)
+    most = next((note.max_length for note in flat(notes) if isinstance(note, annotated_types.MaxLen)), None)
+    return f"{least} × {entry}" if least and least == most else "a list of " + entry.replace("a mapping", "mappings")
+
+
+def bounds(notes: list[Any]) -> str:
+    """Of a number, each once."""
+    told = dict.fromkeys(f"{sign} {getattr(note, name):g}" for note in flat(notes)
+                         for kind, (name, sign) in BOUNDS.items() if isinstance(note, kind))
+    return " " + ", ".join(told) if told else ""
+
+
+def flat(notes: list[Any]) -> list[Any]:
+    """Constraints, those inside a field's own among them."""
+    return [*notes, *(extra for note in notes for extra in getattr(note, "metadata", []))]
+
+
+def cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")

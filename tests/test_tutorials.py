@@ -1,0 +1,82 @@
+"""Tutorials are followed to the letter: their files are written, their commands run, and what they show comes out.
+
+A fence below a line that ends with "`name`:" is a file. A ``console`` fence holds commands, behind ``$``, each with lines of
+what it prints: every one is found in that order, numbers within two per cent; "…" stands for lines and words left out.
+"""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from test_mpi import ALLOWED, MPIEXEC
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+
+ROOT = Path(__file__).parents[1]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+FENCE = re.compile(r"(?:^`([\w./]+)`[^\n]*:\n+)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+MAY_FAIL = " || true"
+NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
+
+
+@pytest.mark.parametrize("path", TUTORIALS, ids=[path.stem for path in TUTORIALS])
+def test_every_step_of_a_tutorial(path, tmp_path, monkeypatch):
+    place, programs = tmp_path / "work", tmp_path / "bin"
+    place.mkdir(), programs.mkdir()
+    for name, call in (("orchestrator", f"{sys.executable} -m orchestrator"), ("python", sys.executable), ("mpiexec", MPIEXEC)):
+        (programs / name).write_text(f'#!/bin/sh\nexec {call} "$@"\n')
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)
+    for name, value in {**ALLOWED, "COLUMNS": "80", "TERM": "dumb"}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.chdir(place)
+    done = 0
+    for name, language, text in FENCE.findall(path.read_text(encoding="utf-8")):
+        if name:
+            Path(name).write_text(text, encoding="utf-8")
+            Path(name).chmod(0o755 if text.startswith("#!") else 0o644)
+        elif language == "console":
+            for command, *shown in [block.splitlines() for block in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]]:
+                compare(command, shown, output_of(command))
+                done += 1
+    assert done >= 2
+
+
+def output_of(command: str) -> str:
+    """What a command that succeeds prints; no figures but those that are asked for."""
+    program, *words = shlex.split(command.removesuffix(MAY_FAIL))
+    if program == "orchestrator":
+        quick = ["--set", "output.figures=false"] if words[0] == "run" else []
+        done = CliRunner().invoke(app, [*words, *quick])
+        assert done.exit_code in ((1,) if command.endswith(MAY_FAIL) else (0,)), f"{command}\n{done.output}"
+        return done.output
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def compare(command: str, shown: list[str], printed: str) -> None:
+    lines = iter(printed.splitlines())
+    for wanted in filter(lambda line: line.strip(" …"), shown):
+        assert any(alike(wanted, line) for line in lines), f"{command}\nprints no {wanted!r}\n{printed}"
+
+
+def alike(wanted: str, line: str) -> bool:
+    """The same words, numbers within two per cent; what is wanted may end with "…"."""
+    start = wanted.rstrip().endswith("…")
+    wanted = " ".join(wanted.rstrip(" …").split())
+    line = " ".join(line.split())
+    pattern = r"(-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?)".join(map(re.escape, NUMBER.split(wanted))) + ("" if start else "$")
+    found = re.match(pattern, line)
+    return bool(found) and all(close(a, b) for a, b in zip(NUMBER.findall(wanted), found.groups(), strict=True))
+
+
+def close(wanted: str, found: str) -> bool:
+    one, other = (float(number.replace(",", "")) for number in (wanted, found))
+    return one == pytest.approx(other, rel=0.02, abs=1e-9)
