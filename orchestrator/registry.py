@@ -87,3 +87,8 @@ CODES = Registry({
 }, own={
     r".+\.py(:\w+)?|[\w.]+:\w+": "orchestrator.blackbox.codes.python_code:PythonCode",
 })
+# Parts whose mesh is not ours, by their key in ``parts``: who answers for them.
+FOREIGN = Registry({
+    "matrix": "orchestrator.blackbox.codes.foreign.matrix:MatrixCode",
+    "deck": "orchestrator.blackbox.codes.foreign.calculix_deck:DeckCode",
+})

@@ -99,11 +99,13 @@ class Traits:
     own_matter : its material is its own, not ``Model.materials``: nothing is known of its stiffness but that it is
         symmetric and vanishes on rigid motions
     keeps_models : answers come from factors that it holds, many models in one process
+    floor : relative error, in energy, that its own matrices' digits leave whatever is done with them
     """
 
     translation_invariant: bool = False
     own_matter: bool = False
     keeps_models: bool = True
+    floor: float = 0.0
 
 
 @runtime_checkable

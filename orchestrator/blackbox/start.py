@@ -64,11 +64,12 @@ def make_blackbox(settings: CodeSettings | Sequence[CodeSettings], used: Iterabl
     entries = settings if isinstance(settings, Sequence) else [settings]
     codes = find_codes(entries, used)
     if len(entries) == 1:
-        return GuardedCode((ahead.take() if ahead else None) or Pool(codes[0]))
+        pool = (ahead.take() if ahead else None) or Pool(codes[0])
+        return GuardedCode(pool) if codes[0].guarded else pool
     pools: dict[int, BlackBox] = {}
     try:
         for index, code in codes.items():
-            pools[index] = GuardedCode(Pool(code))
+            pools[index] = GuardedCode(Pool(code)) if code.guarded else Pool(code)
     except BaseException:
         for pool in pools.values():
             pool.close()

@@ -13,6 +13,7 @@ from typing import Any
 
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.method import RATIO_RANGE
+from orchestrator.config.foreign_parts import KINDS
 from orchestrator.config.parts import elements_of
 from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
@@ -24,6 +25,7 @@ SOURCES = ("beam", "box", "polycrystal", "file", "step")
 # Mappings of which exactly one of some keys must be given.
 ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("mesh",): SOURCES,
+    ("parts", "*"): ("mesh", *KINDS),
     ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
@@ -188,7 +190,8 @@ def a_mesh(data: Any) -> Iterator[Problem]:
     elif mesh is not None and parts is not None:
         yield Problem(("parts",), "mesh and parts together", "one of the two",
                       "make the mesh a part: parts: [{name: base, mesh: {…}}, …]")
-    bare = [part.get("name") for _, part in find(data, ("parts", "*")) if isinstance(part, dict) and not part.get("material")]
+    bare = [part.get("name") for _, part in find(data, ("parts", "*")) if isinstance(part, dict) and not part.get("material")
+            and not part.get("deck")]  # which has moduli of its own
     if data.get("materials") is None and (parts is None or bare):
         yield Problem(("materials",), ("null" if "materials" in data else "no materials") + (f", and no material of {bare[0]}" if bare else ""),
                       "at least one, such as {young: 200e3, poisson: 0.3}", "add materials")
@@ -219,6 +222,32 @@ def parts_fit(data: Any) -> Iterator[Problem]:
         if element != said[0][1]:
             yield Problem(path, f"{element} beside {said[0][1]} in {_dotted(said[0][0])}", "one element for all parts",
                           "choose one: parts of different elements in one scene are not supported")
+
+
+def foreign_parts(data: Any) -> Iterator[Problem]:
+    """Parts whose mesh is not ours stay whole, where they are, and meet linear tets."""
+    histories = get(data, "histories") or {}
+    for kind in KINDS:
+        for path, own in find(data, ("parts", "*", kind)):
+            part = get(data, *path[:2])
+            for key in ("move", "h", "element"):
+                if part.get(key) is not None:
+                    yield Problem((*path[:2], key), f"{key} of a part that is a {kind}", f"{key} beside mesh only",
+                                  f"remove {key}: such a part is taken as it is, in the axes of its own files")
+            cut = data.get("subdomains")
+            if cut != "groups" and not (isinstance(cut, dict) and cut.get("groups") and cut.get("split_above") is None):
+                yield Problem(("subdomains",), f"{_show(cut)} beside a part that is a {kind}", "groups: such a part is a subdomain",
+                              "write subdomains: groups")
+            code = data.get("blackbox")
+            for entry in code if isinstance(code, list) else [code]:
+                if isinstance(entry, dict) and entry.get("element") == "P2":
+                    yield Problem(("blackbox",), f"element: P2 beside a part that is a {kind}", "element: P1 there",
+                                  "write element: P1, with a finer mesh; the part's own elements may be quadratic")
+            history = own.get("history") if isinstance(own, dict) else None
+            if isinstance(history, str) and history not in histories:
+                yield Problem((*path, "history"), f"history '{history}', which is not defined",
+                              "one of " + ", ".join(histories) if histories else "a name defined under histories",
+                              f"define it under histories: {{{history}: [0.5, 1.0]}}")
 
 
 def directions(data: Any) -> Iterator[Problem]:
@@ -256,7 +285,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
 
 
 RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
-         heeded, one_element, a_mesh, parts_fit, directions]
+         heeded, one_element, a_mesh, parts_fit, foreign_parts, directions]
 
 
 def broken_rules(data: Any) -> list[Problem]:

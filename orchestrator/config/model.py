@@ -12,6 +12,7 @@ from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interface
 from orchestrator.config.mesh import Material, Mesh, Subdomains
 from orchestrator.config.method import Method, Output
 from orchestrator.config.parts import OnePart, elements_of
+from orchestrator.registry import FOREIGN
 
 
 class Config(Part):
@@ -71,8 +72,21 @@ class Config(Part):
 
     @property
     def codes(self) -> list[CodeSettings]:
-        """The black boxes, in the order of the YAML."""
-        return self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
+        """The black boxes, in the order of the YAML; then one for each part that is a model of another program's."""
+        given = self.blackbox if isinstance(self.blackbox, list) else [self.blackbox]
+        foreign = [(i, part) for i, part in enumerate(self.parts or []) if part.foreign is not None]
+        return [*given, *(self._code_of(i, part) for i, part in foreign)]
+
+    def _code_of(self, index: int, part: OnePart) -> CodeSettings:
+        kind = part.foreign.kind
+        return FOREIGN[kind].Settings(code=kind, on=[part.name], part=part.foreign, name=part.name, place=("parts", index, kind),
+                                      factors=tuple(self.factors_of(part.foreign.history)))
+
+    def factors_of(self, history: str | None) -> list[float]:
+        """What multiplies something at every load step."""
+        from orchestrator.config.steps import steps  # which needs this model
+
+        return [1.0] * steps(self) if history is None else list(self.histories[history])
 
     def complete(self) -> dict[str, Any]:
         """The configuration as plain data, defaults filled in; ``config_from`` takes it back."""

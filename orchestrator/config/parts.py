@@ -1,4 +1,4 @@
-"""``parts``: several meshes put together in one scene, in place of ``mesh``."""
+"""``parts``: several put together in one scene, in place of ``mesh``; each with a mesh, or a model of another program's."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from orchestrator.config.base import Part, Positive, Vector
+from orchestrator.config.foreign_parts import KINDS, DeckPart, ForeignPart, MatrixPart
 from orchestrator.config.mesh import Material, Mesh
 from orchestrator.config.turning import Rotate
 
@@ -37,13 +38,20 @@ class OnePart(Part):
 
     name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(
         description="letters, digits, '-', '_', '.' and spaces: its volumes go by it, its surfaces by name/surface")
-    mesh: Mesh = Field(description="exactly one of beam, box, polycrystal, file and step, as without parts")
+    mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step, as without parts")
+    matrix: MatrixPart | None = Field(None, description="in place of mesh: a stiffness matrix, {stiffness: K.mtx, nodes: nodes.csv, …}")
+    deck: DeckPart | None = Field(None, description="in place of mesh: a CalculiX deck, {calculix: part.inp, joints: [flange], …}")
     h: Positive | None = Field(None, description="element size for a mesh from `step`, in place of the mesh's own h")
     move: Move | None = Field(None, description="{translate: [x, y, z], rotate: {axis: z, degrees: 30}}; none: it stays where it is")
     material: Matter | None = Field(None, description=(
         "{young, poisson}; none: what `materials` says; it comes after those entries, so that it wins"))
     element: Literal["P1", "P2"] | None = Field(None, description=(
         "as under blackbox; none: what is said there; one element for all parts"))
+
+    @property
+    def foreign(self) -> ForeignPart | None:
+        """What it is in place of a mesh of this program's; None where it has one."""
+        return next((given for kind in KINDS if (given := getattr(self, kind)) is not None), None)
 
     @property
     def source(self) -> Mesh:

@@ -31,6 +31,11 @@ def steps(config: Config) -> int:
             return len(config.histories[entry.history])
         if (vector := vector_of(entry)) is not None and is_per_step(vector):
             return len(vector)
+    for part in config.parts or []:
+        if part.foreign is not None and part.foreign.history is not None:
+            return len(config.histories[part.foreign.history])
+        if part.foreign is not None and len(getattr(part.foreign, "loads", None) or []) > 1:
+            return len(part.foreign.loads)
     return 1
 
 

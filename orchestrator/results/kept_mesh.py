@@ -59,6 +59,8 @@ def _key(sections: list[Any]) -> str:
     for section in sections:
         digest.update(section.model_dump_json().encode())
         mesh = getattr(section, "mesh", section)
+        if mesh is None:  # of parts whose mesh is not ours nothing is kept
+            continue
         for name in (mesh.file, mesh.step):
             if name is not None:
                 with suppress(OSError):  # missing: making the mesh tells

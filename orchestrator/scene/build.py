@@ -83,25 +83,34 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     if any(i.surfaces is not None for i in interfaces):
         from orchestrator.scene.interfaces.mortar.fitting import fitted
 
-        mesh = fitted(mesh, interfaces, matter.held)
+        stays = matter.held.copy()
+        for stand in mesh.foreign:
+            stays[stand.nodes] = True
+        mesh = fitted(mesh, interfaces, stays)
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads],
-               [factors(entry, config) for entry in config.loads], [m.density for m in config.matter], cell_material, numbering,
+               [factors(entry, config) for entry in config.loads], [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
                split, problems)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
-    interfaces = leave_free(mesh, interfaces, partition, numbering, held_by >= 0, config.interfaces, problems)
+    split_fixed = held_by >= 0
+    for stand in mesh.foreign:  # whose nodes no other body has
+        fixed[stand.nodes] |= stand.held
+        split_fixed[np.isin(numbering.nodes, np.arange(stand.nodes.start, stand.nodes.stop))] |= stand.held
+    interfaces = leave_free(mesh, interfaces, partition, numbering, split_fixed, config.interfaces, problems)
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
-        links = [i.cells for i in interfaces]
+        links = [i.cells for i in interfaces] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
     problems.warnings += mesh.remarks
     problems.warnings += [f"history '{name}' has no use: no entry of boundary or loads names it"
                           for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads)}]
-    subdomains = _subdomains(partition, numbering, cell_material, held_by, split_prescribed, split)
+    subdomains = _subdomains(partition, numbering, cell_material, held_by, split_fixed, split_prescribed, split)
+    for s in subdomains:
+        s.foreign = bool(len(mesh.foreign)) and bool(mesh.is_foreign(s.cells[:1])[0])
     assign_codes(mesh, subdomains, config.codes)
     _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
@@ -115,10 +124,18 @@ def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, bo
     for entry in boundary:
         if entry.fixed.any():
             held[entry.nodes] = True
+    for stand in mesh.foreign:
+        held[stand.nodes] |= stand.held.any(axis=1)
     return Matter(young, held)
 
 
-def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray,
+def _one_body(mesh: Mesh, volume: int) -> np.ndarray:
+    """(k, 2) int, cells of a volume, each with the first."""
+    cells = np.flatnonzero(mesh.volume == volume)
+    return np.column_stack([np.full(len(cells), cells[0]), cells])
+
+
+def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray, fixed: np.ndarray,
                 prescribed: np.ndarray, split: np.ndarray) -> list[Subdomain]:
     order = np.argsort(partition.subdomain, kind="stable")
     bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
@@ -127,7 +144,7 @@ def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: 
         cells, start, end = order[bounds[i]:bounds[i + 1]], numbering.offsets[i], numbering.offsets[i + 1]
         nodes = numbering.nodes[start:end]
         made.append(Subdomain(i, name, cells, nodes, numbering.corners[cells] - start, cell_material[cells],
-                              held_by[start:end] >= 0, np.ascontiguousarray(prescribed[:, start:end]),
+                              fixed[start:end], np.ascontiguousarray(prescribed[:, start:end]),
                               np.ascontiguousarray(split[:, start:end]), held_by[start:end], body=partition.body(i)))
     return made
 

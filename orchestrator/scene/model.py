@@ -18,6 +18,37 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import tet_volumes
 
 
+@dataclass(frozen=True)
+class StandIn:
+    """What a volume is that stands for a part whose mesh is not ours, see ``foreign.standin``.
+
+    Parameters
+    ----------
+    volume : index of the volume
+    first : its first node; its nodes follow each other, those of its joints first
+    joints : how many of them are the joints'
+    held : (m, 3) bool, of its nodes, components that the part's own supports hold
+    triangles : (k, 3) int, nodes of the joints' faces, outward
+    size : a length, the extent of its joints
+    quadratic : whether the part's own faces have nodes in the middle of edges
+    matter : representative modulus and ratio, where the part tells them
+    """
+
+    volume: int
+    first: int
+    joints: int
+    held: np.ndarray
+    triangles: np.ndarray
+    size: float
+    quadratic: bool
+    matter: tuple[float, float] | None = None
+
+    @property
+    def nodes(self) -> slice:
+        """All its nodes."""
+        return slice(self.first, self.first + len(self.held))
+
+
 @dataclass
 class Mesh:
     """A conforming mesh of four- or ten-node tetrahedra with named volumes and surfaces.
@@ -32,6 +63,7 @@ class Mesh:
     source : what it was made from, for messages
     remarks : sentences on how it differs from what was asked for
     smooth : names of the surfaces that are each a single face of a CAD model, without a crease
+    foreign : the volumes that stand for parts whose mesh is not ours
     """
 
     nodes: np.ndarray
@@ -42,6 +74,13 @@ class Mesh:
     source: str = ""
     remarks: list[str] = field(default_factory=list)
     smooth: list[str] = field(default_factory=list)
+    foreign: list[StandIn] = field(default_factory=list)
+
+    def is_foreign(self, cells: np.ndarray) -> np.ndarray:
+        """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not ours."""
+        known = np.zeros(len(self.volumes), dtype=bool)
+        known[[stand.volume for stand in self.foreign]] = True
+        return known[self.volume[cells]]
 
     def __repr__(self) -> str:
         return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "
@@ -66,6 +105,7 @@ class Subdomain:
     code : index of the entry of the YAML's ``blackbox`` that solves it
     contact_area : (n_E,) float, area of its interfaces that are not perfect, all of them together
     body : name of the body that it is a piece of; its own where bodies are not cut further
+    foreign : its cells stand for a part whose mesh is not ours
     """
 
     index: int
@@ -81,6 +121,7 @@ class Subdomain:
     code: int = 0
     contact_area: np.ndarray = field(default_factory=lambda: np.zeros(0))
     body: str = ""
+    foreign: bool = False
 
     def __post_init__(self) -> None:
         self.body = self.body or self.name
@@ -272,7 +313,10 @@ class Scene:
         if self.overview is not None:
             return self.overview.sizes
         volume = np.abs(tet_volumes(self.mesh.nodes, self.mesh.cells))
-        return np.cbrt(np.bincount(self.cell_subdomain, weights=volume, minlength=len(self.subdomains)))
+        sizes = np.cbrt(np.bincount(self.cell_subdomain, weights=volume, minlength=len(self.subdomains)))
+        for stand in self.mesh.foreign:
+            sizes[np.unique(self.cell_subdomain[self.mesh.volume == stand.volume])] = stand.size
+        return sizes
 
     def __repr__(self) -> str:
         return (f"Scene({self.name}: {len(self.subdomains)} subdomains, {len(self.interfaces)} interfaces, "

@@ -31,6 +31,7 @@ class Code(ABC):
     Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
 
     translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its process tells
+    guarded : whether its matrices and fields are judged as they arrive; else it judges them itself
 
     The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
 
@@ -45,6 +46,7 @@ class Code(ABC):
     Settings: ClassVar[type[CodeSettings]] = CodeSettings
     translation_invariant: ClassVar[bool | None] = False
     own_matter: ClassVar[bool | None] = False
+    guarded: ClassVar[bool] = True
 
     def __init__(self, settings: CodeSettings | None = None):
         self.settings = settings or self.Settings()
@@ -73,6 +75,10 @@ class Code(ABC):
     def meaning(self, exit_code: int) -> str:
         """What an exit code (negative: killed by that signal) says."""
         return exit_meaning(exit_code, {})
+
+    def floor(self) -> float:
+        """Relative error, in energy, that no iteration takes away, see ``protocol.Traits``."""
+        return 0.0
 
     def version(self) -> str:
         """What it says it is, e.g. "4.9"; empty where it does not tell."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import InputError, Problem
-from orchestrator.registry import CODES
+from orchestrator.registry import CODES, FOREIGN
 
 # Each worker is a process with its threads, pipes and tens of MB; more than the cores only wait for each other.
 MOST_WORKERS, WORKERS_PER_CORE = 64, 8
@@ -37,9 +37,10 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
                                     f"at most {most} processes", "leave workers out: one per core is the fastest"))
             continue
         try:
-            found[index] = CODES[settings[index].code](settings[index])
+            known = FOREIGN if settings[index].code in FOREIGN else CODES
+            found[index] = known[settings[index].code](settings[index])
         except InputError as error:  # a code knows nothing of lists
-            problems += [replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
+            problems += error.problems if settings[index].code in FOREIGN else [replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
     if problems:
         raise InputError(problems)
     return found

@@ -105,6 +105,8 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
     for index, side in sides:
         touched[scene.interfaces[index].nodes[side]] = True
     chosen = touched[subdomain.connectivity].any(axis=1)
+    if subdomain.foreign and chosen.any():  # its stiffness couples all of its joints
+        chosen[:] = True
     nodes, cells = np.unique(subdomain.connectivity[chosen], return_inverse=True)
     matter = np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material[chosen]]
     region, materials = _regions(matter.reshape(-1, 2))

@@ -68,6 +68,17 @@ class Matter:
         nodal = self._operator.T @ sigma.reshape(-1, 3 * len(u))
         return nodal.reshape(-1, 3, len(u)).transpose(2, 0, 1).reshape(len(u), -1)
 
+    def stiffness(self) -> sp.csr_array:
+        """(3n, 3n) symmetric, nothing clamped, dof = 3 * node + component: λ ∂ᵢφ ∂ⱼφ + μ ∂ⱼφ ∂ᵢφ + μ δᵢⱼ ∇φ·∇φ."""
+        count = len(self.weight)
+        along = [self._operator[x * count : (x + 1) * count] for x in range(3)]
+        lam, mu = (sp.diags_array(self.weight * values) for values in (self.lam, self.mu))
+        same = sum(a.T @ mu @ a for a in along)
+        blocks = [[along[i].T @ lam @ along[j] + along[j].T @ mu @ along[i] + (same if i == j else 0 * same) for j in range(3)]
+                  for i in range(3)]
+        order = np.arange(3 * self.size).reshape(3, -1).T.ravel()  # component by component → node by node
+        return sp.csr_array(sp.csr_array(sp.block_array(blocks))[order][:, order])
+
     def energies(self, u: np.ndarray) -> np.ndarray:
         """(rhs,) ∫ σ : ε, twice the strain energy, of displacements (rhs, 3n)."""
         gradient = self.gradient(u)

@@ -90,7 +90,8 @@ class Worker:
         """What may be relied on; of what the code leaves open the process has told when it started."""
         invariant, own = self.code.translation_invariant, self.code.own_matter
         return Traits(bool(self.promised & 1) if invariant is None else invariant,
-                      bool(self.promised & 2) if own is None else own, self.keeps_models)
+                      bool(self.promised & 2) if own is None else own, self.keeps_models,
+                      self.code.floor())
 
     def spawn(self, requests: str, replies: str, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
         """Start a process. The kernel kills it with the calling thread, which must live as long as the pool."""

@@ -30,7 +30,8 @@ class Balance:
     Parameters
     ----------
     names : (b,) of a piece of each body
-    left : (T, b, 6) force, and moment about the centre over the scene's size, of all that acts on the body
+    left : (T, b, 6) force, and moment about the centre over the scene's size, of all that acts on the body; 0 where supports
+        are inside a part whose mesh is not ours, which does not tell what they carry
     size : (T, b) sum of the magnitudes of these forces
     """
 
@@ -80,7 +81,11 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
             x2 = x1
         for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
             add(body[e], x, sign * forces)
+    for s in d.own:
+        if s.foreign and s.fixed.any():  # what its supports carry stays inside it
+            left[:, body[s.index]] = np.nan
     left, size = d.space.team.sum(left, size)
+    left = np.where(np.isnan(left), 0.0, left)
     return Balance(_names(scene, body), left, size)
 
 

@@ -35,6 +35,13 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
         kind = next(k for k in KINDS if getattr(entry, k, None) is not None)
         chosen = select(mesh, faces, entry.on, ("boundary", i, "on"), problems)
+        if mesh.foreign and len(chosen):  # what holds and loads them they bring along
+            foreign = mesh.is_foreign(faces.owner[chosen])
+            if foreign.all():
+                name = mesh.volumes[mesh.volume[faces.owner[chosen[0]]]]
+                problems.add(("boundary", i, "on"), f"faces of {name!r}, whose mesh is not this program's", "faces of parts with a mesh",
+                             "put supports and loads in the part's own files")
+            chosen = chosen[~foreign]
         if kind not in ("displacement", "motion", "symmetry"):
             inside = chosen[faces.neighbour[chosen] >= 0]
             if len(inside):

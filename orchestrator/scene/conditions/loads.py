@@ -54,6 +54,12 @@ def body_loads(mesh: Mesh, entries: list[Any], vectors: list[list[list[float]] |
     """
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
         cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, entry.on, ("loads", i, "on"), problems)))
+        if mesh.foreign:  # what loads them they bring along
+            foreign = mesh.is_foreign(cells)
+            if len(cells) and foreign.all():
+                problems.add(("loads", i, "on"), f"a load on {mesh.volumes[mesh.volume[cells[0]]]!r} alone, whose mesh is not this "
+                             "program's", "loads on parts with a mesh", "put it in the part's own loads")
+            cells = cells[~foreign]
         volumes = tet_volumes(mesh.nodes, mesh.cells[cells])
         if rows is None:
             kind = "gravity" if entry.gravity is not None else "spin"

@@ -17,12 +17,18 @@ def assign_materials(mesh: Mesh, entries: list[Any], problems: Problems) -> tupl
     chosen = np.full(len(mesh.volumes), -1)
     for i, entry in enumerate(entries):
         chosen[volumes_named(mesh, entry.on, ("materials", i, "on"), problems)] = i
+    materials = [Material(float(e.young), float(e.poisson)) for e in entries]
+    own = {name for e in entries if getattr(e, "on", None) is not None for name in patterns_of(e.on)}
+    for stand in mesh.foreign:
+        if stand.matter is not None and mesh.volumes[stand.volume] not in own:  # what it tells of itself, unless it is named
+            chosen[stand.volume] = len(materials)
+            materials.append(Material(*stand.matter))
     without = [name for name, material in zip(mesh.volumes, chosen) if material < 0]
     if without:
         problems.add(("materials",), f"no material for {some(without, 8)}",
                      "a material for each volume", 'name these volumes under on:, or begin the list with a material '
                      'without on:, which holds for all')
-    return [Material(float(e.young), float(e.poisson)) for e in entries], chosen[mesh.volume]
+    return materials, chosen[mesh.volume]
 
 
 def volumes_named(mesh: Mesh, on: Any, path: tuple[str | int, ...], problems: Problems) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,11 +51,20 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
     asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite))
+    if asked.slave is None and asked.as_one and mesh.foreign:
+        asked = replace(asked, slave=_quadratic(mesh, pair))
     chosen = _for_all_pieces(mesh, pair, skins, partition, laws, index, matter, asked)
     for patch in found:
         slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen)
         turn = slice(None, None, -1 if slave else 1)
         yield _interface(surfaces, [skins(body) for body in pair[turn]], names[turn], numbering, laws, index, problems)
+
+
+def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
+    """Which of two bodies is a part of quadratic elements whose mesh is not ours: its nodes' forces are then any, and its
+    functions between nodes, which are not the triangles', are not asked for. None: neither, or both."""
+    known = [any(stand.quadratic and stand.volume == b.volume for stand in mesh.foreign) for b in pair]
+    return known.index(True) if sum(known) == 1 else None
 
 
 def _for_all_pieces(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, partition: Partition, laws: Laws, index: int,

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.scene.mesh.faces import Faces, edge_patches
+from orchestrator.scene.mesh.faces import Faces, edge_patches, pack
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Mesh
 
@@ -92,6 +92,9 @@ class Mismatch:
 def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
     """The outer faces, by subdomain and volume."""
     outer = faces.outer
+    if mesh.foreign:  # of parts whose mesh is not ours nothing but the joints is a face
+        joints = np.concatenate([pack(stand.triangles, faces.nodes) for stand in mesh.foreign])
+        outer = outer[~mesh.is_foreign(faces.owner[outer]) | np.isin(faces.keys[outer], joints)]
     owner = faces.owner[outer]
     order = np.lexsort((outer, mesh.volume[owner], subdomain[owner]))
     outer, owner = outer[order], owner[order]

@@ -60,4 +60,6 @@ def joined(meshes: list[Mesh]) -> Mesh:
                 [name for m in meshes for name in m.volumes],
                 {name: t + start for m, start in zip(meshes, nodes) for name, t in m.surfaces.items()},
                 " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks],
-                [name for m in meshes for name in m.smooth])
+                [name for m in meshes for name in m.smooth],
+                [replace(stand, volume=stand.volume + v, first=stand.first + n, triangles=stand.triangles + n)
+                 for m, v, n in zip(meshes, volumes.tolist(), nodes.tolist()) for stand in m.foreign])

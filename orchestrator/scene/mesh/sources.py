@@ -59,13 +59,33 @@ def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make()) -> tupl
     ------
     InputError : as ``make_mesh``; all parts' problems, each with its place in the YAML
     """
-    mesh = kept(lambda: _together(parts))
+    meshed, foreign = [p for p in parts if p.mesh is not None], [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
+    meshes = [kept(lambda: _together(parts))] if meshed else []
+    mesh = joined([*meshes, *_standing_in(foreign)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))
+
+
+def _standing_in(parts: list[tuple[int, OnePart]]) -> list[Mesh]:
+    """What stands for parts whose mesh is not ours, with the place of each in the YAML."""
+    from orchestrator.scene.foreign.read import read_joints
+    from orchestrator.scene.foreign.standin import stand_in
+
+    made, problems = [], Problems()
+    for i, part in parts:
+        path = ("parts", i, part.foreign.kind)
+        try:
+            made.append(stand_in(read_joints(part.foreign, path, part.name), part.name, path))
+        except InputError as error:
+            problems.found += error.problems
+    problems.raise_if_any()
+    return made
 
 
 def _together(parts: list[OnePart]) -> Mesh:
     made, problems = [], Problems()
     for i, part in enumerate(parts):
+        if part.mesh is None:
+            continue
         try:
             mesh = make_mesh(part.source)[0]
         except InputError as error:

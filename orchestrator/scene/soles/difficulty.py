@@ -46,7 +46,8 @@ def difficulty(scene: Scene) -> Difficulty:
             mixed[i.index] = any(row.max() > CONTRAST * row.min() for row in rows)
     incompressible = np.array([poisson[s.material].max() > INCOMPRESSIBLE for s in scene.subdomains], dtype=bool)
     slender = slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes) >= SLENDER * (1 - SLACK)
-    return Difficulty(mixed, incompressible | slender)
+    foreign = np.array([s.foreign for s in scene.subdomains], dtype=bool)  # of which only the joints are known
+    return Difficulty(mixed, (incompressible | slender) & ~foreign)
 
 
 def slenderness(clouds: Sequence[np.ndarray], nodes: np.ndarray) -> np.ndarray:

@@ -1,0 +1,103 @@
+"""A part whose mesh is not ours, as a code."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+from pydantic import Field, SerializeAsAny
+
+from orchestrator.blackbox.codes.code import Code
+from orchestrator.config.blackbox import CodeSettings
+from orchestrator.config.foreign_parts import ForeignPart
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.codes.foreign.condensed import Condensed
+    from orchestrator.blackbox.pool.worker import Worker
+
+
+class ForeignCode(Code):
+    """Answers for one part. A kind of part derives from it and says in ``made`` how a part is brought to its joints."""
+
+    own_matter: ClassVar[bool] = True
+    guarded: ClassVar[bool] = False
+
+    class Settings(CodeSettings):
+        """What ``parts`` says of one part."""
+
+        element: Literal["P1"] = "P1"
+        workers: Literal[1] = 1
+        part: SerializeAsAny[ForeignPart] = Field(description="the part's own entry")
+        name: str = Field(description="of the part")
+        place: tuple[str | int, ...] = Field(description="of its entry in the YAML")
+        factors: tuple[float, ...] = Field((), description="of its own loads, one per load step")
+
+        @property
+        def brings_loads(self) -> bool:
+            """Whether it has any."""
+            return getattr(self.part, "loads", None) is not None
+
+    @property
+    def name(self) -> str:
+        """In messages and in the summary: its kind."""
+        return self.settings.part.kind
+
+    def made(self) -> Condensed:
+        """The part on its joints; raises InputError where it can be none."""
+        raise NotImplementedError
+
+    def condensed(self) -> Condensed:
+        """The same, made once per process for each part."""
+        return _kept(_Key(type(self), self.settings))
+
+    def loads(self, steps: int) -> Any:
+        """(steps, 3n) its own loads on its joints."""
+        from orchestrator.blackbox.codes.foreign.condensed import of_steps
+
+        return of_steps(self.condensed().loads, self.settings.factors)
+
+    def floor(self) -> float:
+        """As ``Code`` says."""
+        return self.condensed().floor
+
+    def worker(self) -> type[Worker]:
+        """As ``Code`` says."""
+        from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
+
+        return AlgebraWorker
+
+    def command(self, requests: str, replies: str) -> list[str]:
+        """None: it is answered for in this process."""
+        raise NotImplementedError
+
+
+class _Key:
+    """What a part on its joints depends on: the entry, and when its files were written."""
+
+    def __init__(self, kind: type[ForeignCode], settings: ForeignCode.Settings):
+        self.kind, self.settings = kind, settings
+        part = settings.part
+        names = [name for key in part.files if (named := getattr(part, key)) is not None
+                 for name in (named if isinstance(named, list) else [named])]
+        self.text = part.model_dump_json() + settings.name + kind.__name__ + "".join(map(_stamp, names))
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and self.text == other.text
+
+
+def _stamp(file: str) -> str:
+    import os
+
+    try:
+        about = os.stat(file)
+    except OSError:
+        return file
+    return f"{file} {about.st_mtime_ns} {about.st_size}"
+
+
+@lru_cache(maxsize=32)
+def _kept(key: _Key) -> Condensed:
+    return key.kind(key.settings).made()

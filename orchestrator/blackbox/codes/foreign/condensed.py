@@ -1,0 +1,176 @@
+"""A part brought to its joints: S, what it opposes to displacements there, and what its own loads amount to there.
+
+With K = [[K_jj, K_ji], [K_ij, K_ii]], S = K_jj − K_ji K_ii⁻¹ K_ij and b = f_j − K_ji K_ii⁻¹ f_i. No matrix from outside is
+believed: symmetry, sign, and what rigid motions cost tell of lost digits, mixed-up nodes and supports that nobody declared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.foreign.joints import Joints
+
+# Relative. What two halves of a symmetric matrix may differ by: six digits, rounded apart.
+SYMMETRIC = 1e-6
+# Share of the entries' size that rounding leaves of rigid motions: above the first, digits are missing, and the error they
+# cause is told; above the second (four digits leave 1e-4) it is no rounding: nodes are mixed up, or supports hidden.
+DIGITS, WRONG = 1e-13, 3e-4
+# An eigenvalue this far below zero, in units of the largest, is no rounding either; times the share above where that is more.
+NEGATIVE = 1e-9
+
+
+@dataclass(frozen=True)
+class Condensed:
+    """A part on its joints.
+
+    Parameters
+    ----------
+    joints : where it meets others
+    stiffness : (3n, 3n) S, symmetric; rows of held components are zero
+    loads : (cases, 3n) b, one for all load steps or one for each
+    rounding : relative error of S's entries, as far as is known
+    """
+
+    joints: Joints
+    stiffness: np.ndarray
+    loads: np.ndarray
+    rounding: float = 0.0
+
+    @property
+    def free(self) -> np.ndarray:
+        """(f,) int, dofs of the joints that the part itself does not hold."""
+        return np.flatnonzero(~self.joints.held)
+
+    @cached_property
+    def floor(self) -> float:
+        """What the rounding of S does to a result, relative, in energy: ‖S^-½ E S^-½‖ on what is no rigid motion, for
+        errors E of random signs."""
+        if not self.rounding:
+            return 0.0
+        own = self.stiffness[np.ix_(self.free, self.free)]
+        values, vectors = np.linalg.eigh(own)
+        kept = values > max(10 * self.rounding, NEGATIVE) * values[-1]
+        error = np.triu(own * np.random.default_rng(1).uniform(-1, 1, own.shape)) * self.rounding
+        error = error + error.T - np.diag(error.diagonal())
+        scaled = vectors[:, kept] / np.sqrt(values[kept])
+        return float(np.linalg.norm(scaled.T @ error @ scaled, 2))
+
+
+def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPath, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """S (j, j) and b (cases, j) of a stiffness (n, n) and loads (cases, n) on the dofs ``joint`` (j,).
+
+    Raises
+    ------
+    InputError : what is not on the joints can move by itself
+    """
+    inside = np.setdiff1d(np.arange(K.shape[0]), joint)
+    K = sp.csr_array(K)
+    S, b = K[joint][:, joint].toarray(), loads[:, joint].copy()
+    if not len(inside):
+        return S, b
+    across, inner = sp.csr_array(K[joint][:, inside]), sp.csc_array(K[inside][:, inside])
+    if not (inner.diagonal() > 0).all():
+        raise InputError(Problem(path, f"'{name}': dofs inside without stiffness", "a stiffness of all dofs that are not joints",
+                                 "leave out nodes that nothing is attached to"))
+    try:
+        factor = spla.splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        moved = factor.solve(across.T.toarray())
+        S -= across @ moved
+        b -= (across @ factor.solve(np.ascontiguousarray(loads[:, inside].T))).T
+        sound = np.isfinite(S).all() and np.abs(inner @ moved - across.T.toarray()).max() <= 1e-6 * np.abs(K.data).max()
+    except RuntimeError:
+        sound = False
+    if not sound:
+        raise InputError(Problem(path, f"'{name}': with its joints held, something inside can still move", "parts that hang "
+                                 "together, and whose joints hold all of them", "look for pieces that nothing connects, and for "
+                                 "joints on one line"))
+    return (S + S.T) / 2, b
+
+
+def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name: str, rounding: float = 0.0) -> Condensed:
+    """The part, if it can be one.
+
+    Parameters
+    ----------
+    S : (3n, 3n) as it has come; loads : (cases, 3n)
+    path : of what it was read from; name : of the part
+    rounding : relative error of S's entries, where it is known from elsewhere
+
+    Raises
+    ------
+    InputError : S is not finite, symmetric or ≥ 0, or rigid motions cost what they cannot cost
+    """
+    free = np.flatnonzero(~joints.held)
+    S, b = S.copy(), loads.copy()
+    S[joints.held.ravel()] = S[:, joints.held.ravel()] = b[:, joints.held.ravel()] = 0.0
+    if not (np.isfinite(S).all() and np.isfinite(b).all()):
+        raise _wrong(path, f"'{name}': numbers that are not finite", "numbers", "write the files again")
+    size = np.abs(S).max(initial=0.0)
+    apart = np.abs(S - S.T).max(initial=0.0)
+    if apart > SYMMETRIC * size:
+        raise _wrong(path, f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a symmetric one",
+                     "write both halves, or the lower one with 'symmetric' in the file's head")
+    S = (S + S.T) / 2
+    share, motions, free_motions = _rigid(joints, S, free)
+    if joints.left.shape[1] and share > WRONG:
+        raise _not_rigid(joints, S, free, path, name, share, motions)
+    if joints.left.shape[1] < 6 and free_motions > joints.left.shape[1]:
+        raise _wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing", "supports in the matrix or deck, "
+                     "or none said", "write held: false, or put the supports in")
+    rounding = max(rounding, share if share > DIGITS else 0.0)
+    values = np.linalg.eigvalsh(S[np.ix_(free, free)])
+    if values[0] < -max(NEGATIVE, 100 * rounding) * values[-1]:
+        raise _wrong(path, f"'{name}': a stiffness that gives way: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}",
+                     "a stiffness ≥ 0", "look for a wrong sign, or for loads that make the part buckle")
+    return Condensed(joints, S, b, rounding)
+
+
+def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, int]:
+    """What rigid motions cost that should be free: the relative error of S's entries that would explain it; the cost of each of
+    the six motions; and how many independent motions cost nothing.
+
+    Where entries have relative errors r of random signs, (S R)_i is about r/√3 · √Σ_j S_ij² R_j².
+    """
+    R = motions_about(joints.points, joints.centre, joints.size).reshape(-1, 6)
+    own = S[np.ix_(free, free)]
+
+    def cost(fields: np.ndarray) -> np.ndarray:
+        expected = np.sqrt(((own**2) @ (fields[free] ** 2)).sum(axis=0))
+        return np.sqrt(3 * ((own @ fields[free]) ** 2).sum(axis=0)) / np.where(expected > 0, expected, 1.0)
+
+    left = R @ joints.left
+    share = float(cost(left).max(initial=0.0))
+    Q = la.orth(R[free])
+    values = np.linalg.eigvalsh(Q.T @ own @ Q) if Q.shape[1] else np.ones(0)
+    return share, cost(R), int((values <= WRONG * np.abs(own).max(initial=0.0)).sum())
+
+
+def _not_rigid(joints: Joints, S: np.ndarray, free: np.ndarray, path: KeyPath, name: str, share: float,
+               motions: np.ndarray) -> InputError:
+    if motions[:3].max() <= WRONG:
+        return _wrong(path, f"'{name}': rotations cost force, {share:.1e} of the stiffness, and translations do not",
+                      "a stiffness that vanishes on rigid motions of the nodes that the table gives",
+                      "the table of nodes is in another order than the matrix, or in other units than the model was, or "
+                      "displacements are turned: write it in the matrix's own order and axes")
+    return _wrong(path, f"'{name}': rigid motions cost force, {share:.1e} of the stiffness: supports that hold it are inside",
+                  "a stiffness of the part alone, or supports that are declared",
+                  "write held: true if it is meant to be held, else leave supports out when the matrix is made; digits, if "
+                  "there are fewer than five")
+
+
+def _wrong(path: KeyPath, found: str, expected: str, cure: str) -> InputError:
+    return InputError(Problem(path, found, expected, cure))
+
+
+def of_steps(loads: np.ndarray, factors: Sequence[float]) -> np.ndarray:
+    """(steps, 3n) own loads at every load step: one for all or one for each, times the factors."""
+    return np.asarray(factors)[:, None] * (loads if len(loads) > 1 else np.repeat(loads, len(factors), axis=0))

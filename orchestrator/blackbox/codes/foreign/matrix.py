@@ -1,0 +1,93 @@
+"""A stiffness matrix from a file, with a table of its nodes and its loads."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+
+from orchestrator.blackbox.codes.foreign.code import ForeignCode
+from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, condense, judged
+from orchestrator.config.foreign_parts import MatrixPart
+from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.foreign.read import read_joints
+from orchestrator.scene.foreign.tables import nodes
+
+SAMPLE = 2000  # entries whose digits are counted
+FULL = 15  # digits from which a double is written as it is, but for its last bits
+
+
+class MatrixCode(ForeignCode):
+    """A part that is a matrix."""
+
+    def made(self) -> Condensed:
+        """As ``ForeignCode`` says."""
+        part, path, name = self.settings.part, self.settings.place, self.settings.name
+        joints = read_joints(part, path, name)
+        ids, points = nodes(part.nodes, (*path, "nodes"))
+        K = _matrix(part.stiffness, (*path, "stiffness"), name)
+        if K.shape != (3 * len(ids),) * 2:
+            raise InputError(Problem((*path, "stiffness"), f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
+                                     f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table",
+                                     "write the table of just the matrix's nodes, in its order"))
+        loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, K.shape[0], len(self.settings.factors), path, name)
+        apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
+        if apart > SYMMETRIC * size:
+            raise InputError(Problem((*path, "stiffness"), f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is "
+                                     f"{apart / size:.1e} |K|", "a symmetric one", "write both halves, or the lower one with "
+                                     "'symmetric' in the file's head"))
+        order = np.argsort(ids)
+        at = order[np.searchsorted(ids[order], joints.ids)]
+        dofs = (3 * at[:, None] + np.arange(3)).ravel()
+        S, b = condense(K, loads, dofs, path, name)
+        return judged(joints, S, b, (*path, "stiffness"), name, _rounding(Path(part.stiffness)))
+
+
+def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
+    try:
+        K = scipy.io.mmread(file)
+    except (OSError, ValueError, TypeError, OverflowError) as error:
+        raise InputError(Problem(path, f"{file}: {str(error) or type(error).__name__}", "a matrix in MatrixMarket's format",
+                                 "begin it with %%MatrixMarket matrix coordinate real symmetric")) from error
+    K = sp.csr_array(K)
+    if K.dtype.kind not in "fiu":
+        raise InputError(Problem(path, f"{file}: entries of type {K.dtype}", "real numbers"))
+    K = K.astype(float)
+    if not np.isfinite(K.data).all():
+        raise InputError(Problem(path, f"{file}: entries of '{name}' that are not finite", "numbers"))
+    return K
+
+
+def _loads(part: MatrixPart, size: int, steps: int, path: KeyPath, name: str) -> np.ndarray:
+    """(1 or steps, size) nodal forces."""
+    columns = []
+    for i, file in enumerate(part.loads):
+        at = (*path, "loads", i) if len(part.loads) > 1 else (*path, "loads")
+        found = _matrix(file, at, name).toarray()
+        if found.shape[0] != size:
+            raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has"))
+        columns.append(found)
+    loads = np.hstack(columns).T
+    if len(loads) not in (1, steps):
+        raise InputError(Problem((*path, "loads"), f"{len(loads)} columns of loads for {steps} load steps",
+                                 "one column for all load steps, or one for each"))
+    return loads
+
+
+def _rounding(file: Path) -> float:
+    """Relative error of entries that have few digits: half a unit in the last place of the leading digit 1; 0 with 15 or more."""
+    most, seen = 0, 0
+    with (gzip.open(file, "rt") if file.suffix == ".gz" else file.open(errors="replace")) as lines:
+        for line in lines:
+            words = line.split()
+            if line.startswith("%") or not words or seen == 0:
+                seen += not line.startswith("%")
+                continue
+            mantissa = words[-1].lower().split("e")[0].split("d")[0].lstrip("+-").replace(".", "").lstrip("0")
+            most, seen = max(most, len(mantissa)), seen + 1
+            if seen > SAMPLE or most >= FULL:
+                break
+    return 0.0 if most >= FULL or not most else 0.5 * 10.0 ** (1 - most)

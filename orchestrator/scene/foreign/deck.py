@@ -1,0 +1,220 @@
+"""The joints of a CalculiX deck: node sets, and the elements' faces whose nodes are all in one of them.
+
+Nothing else of the deck is looked at but where it is supported, its first moduli, and the few cards that no part can have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.config.foreign_parts import DeckPart
+from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
+from orchestrator.scene.mesh.inp_cards import cards, numbers
+
+# Faces of elements by their number of nodes, corners first, then middles of edges; anticlockwise seen from outside.
+_TET = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+_HEX = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+_WEDGE = [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]
+_EDGES = {10: {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9},
+          20: {(0, 1): 8, (1, 2): 9, (2, 3): 10, (0, 3): 11, (4, 5): 12, (5, 6): 13, (6, 7): 14, (4, 7): 15, (0, 4): 16, (1, 5): 17,
+               (2, 6): 18, (3, 7): 19},
+          15: {(0, 1): 6, (1, 2): 7, (0, 2): 8, (3, 4): 9, (4, 5): 10, (3, 5): 11, (0, 3): 12, (1, 4): 13, (2, 5): 14}}
+_CORNERS = {4: _TET, 10: _TET, 8: _HEX, 20: _HEX, 6: _WEDGE, 15: _WEDGE}
+# Cards of matter and conditions whose answers are not proportional to forces.
+NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
+             "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
+# What is said with a step, which is not the part's to say.
+OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
+
+
+def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
+    """The deck's joints, the nodes of all of them in ascending order of their numbers."""
+    deck = Deck(Path(part.calculix), (*path, "calculix"))
+    for i, file in enumerate(part.loads or []):
+        _of_loads(Path(file), (*path, "loads", i))
+    members = [deck.nodes_of(joint, (*path, "joints", i)) for i, joint in enumerate(part.joints)]
+    ids = np.unique(np.concatenate(members))
+    points = deck.places(ids)
+    faces, joint = [], []
+    for i, own in enumerate(members):
+        tables = deck.faces_between(own)
+        if not any(len(table) for table in tables):
+            raise InputError(Problem((*path, "joints", i), f"the node set {part.joints[i]} of '{name}' holds no face of an element",
+                                     "all nodes of the faces that the part meets others on, those in the middle of edges too",
+                                     "put every node of those faces in the set"))
+        faces.append([np.searchsorted(ids, table) for table in tables])
+        joint.append([np.full(len(table), i) for table in tables])
+    flat = [table for tables in faces for table in tables]
+    triangles, owner = cut_in_triangles(flat, points, path, f"'{name}'")
+    for kind, options, rows in deck.cards:
+        if kind == "TRANSFORM" and np.isin(ids, deck.nodes_of(options.get("NSET", ""), path)).any():
+            rows[0].fail(f"*TRANSFORM on nodes of a joint of '{name}': forces would be turned and displacements not",
+                         "joint nodes in the mesh's own axes")
+    held, left = deck.supports(ids, points, [Path(file) for file in part.loads or []])
+    if part.held != "auto":
+        left = np.zeros((6, 0)) if part.held else np.eye(6)
+    return Joints(ids, points, triangles, np.concatenate([j for own in joint for j in own])[owner], list(part.joints), held, left,
+                  any(table.shape[1] in (6, 8) for table in flat), *deck.moduli())
+
+
+class Deck:
+    """What of a deck is read.
+
+    Parameters
+    ----------
+    file : the deck
+    path : of its key in the YAML
+    """
+
+    def __init__(self, file: Path, path: KeyPath):
+        self.path, self.file = path, file
+        for card, options, where in headings(file, path):
+            if card in OF_STEPS:
+                raise InputError(Problem(path, f"{where}: *{card}", "the deck up to its first *STEP",
+                                         "put what stands between *STATIC and *END STEP in a file of its own, loads:, and leave the "
+                                         "rest out"))
+            _refuse_nonlinear(card, options, where, path)
+        try:
+            self.cards = list(cards(file))
+        except InputError as error:
+            raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
+        tables = [numbers(rows) for card, _, rows in self.cards if card == "NODE"]
+        if any(len(table) % 4 for table in tables) or not tables:
+            raise InputError(Problem(path, f"{file}: nodes without three coordinates, or none", "*NODE with number, x, y, z"))
+        table = np.vstack([table.reshape(-1, 4) for table in tables])
+        ids = table[:, 0].astype(int)
+        last = np.unique(ids[::-1], return_index=True)  # CalculiX takes the last
+        self.ids, self.points = last[0], table[::-1][last[1], 1:]
+        self.sets = self._sets("NSET")
+
+    def _sets(self, kind: str) -> dict[str, np.ndarray]:
+        """Members of all node sets, names in capitals."""
+        found: dict[str, list[np.ndarray]] = {}
+        for card, options, rows in self.cards:
+            if card == "NODE" and "NSET" in options:
+                found.setdefault(options["NSET"].upper(), []).append(numbers(rows).reshape(-1, 4)[:, 0].astype(int))
+            elif card == kind:
+                own = found.setdefault(options.get(kind, "").upper(), [])
+                for row in rows:
+                    words = [word for word in row.words if word]
+                    if "GENERATE" in options:
+                        first, end, *step = (row.integer(word) for word in words)
+                        own.append(np.arange(first, end + 1, *step))
+                        continue
+                    for word in words:
+                        own.append(np.concatenate(found[word.upper()]) if word.upper() in found else np.array([row.integer(word)]))
+        return {name: np.unique(np.concatenate(parts)) for name, parts in found.items() if parts}
+
+    def nodes_of(self, name: str, path: KeyPath) -> np.ndarray:
+        """Numbers of a node set's nodes, ascending."""
+        if name.upper() not in self.sets:
+            raise InputError(Problem(path, f"{self.file}: no node set {name}", "a set of *NSET: " + (", ".join(self.sets) or "there is none"),
+                                     f"add *NSET, NSET={name} with the nodes of the joint"))
+        return self.sets[name.upper()]
+
+    def places(self, ids: np.ndarray) -> np.ndarray:
+        """(n, 3) where nodes are."""
+        at = np.minimum(np.searchsorted(self.ids, ids), len(self.ids) - 1)
+        if (self.ids[at] != ids).any():
+            raise InputError(Problem(self.path, f"{self.file}: node {ids[self.ids[at] != ids][0]} of a joint is not there", "nodes that "
+                                     "*NODE gives", "mend the node set"))
+        return self.points[at]
+
+    def faces_between(self, ids: np.ndarray) -> list[np.ndarray]:
+        """Tables (f, 3, 4, 6 or 8) of the outer faces of solid elements whose nodes are all among the given ones, by number of
+        nodes."""
+        found: dict[int, list[np.ndarray]] = {}
+        for table in self._elements():
+            for corners in _CORNERS[table.shape[1]]:
+                middles = _EDGES.get(table.shape[1])
+                own = corners + [middles[tuple(sorted(e))] for e in zip(corners, corners[1:] + corners[:1])] if middles else corners
+                found.setdefault(len(own), []).append(table[:, own])
+        result = []
+        for size, tables in sorted(found.items()):
+            every = np.concatenate(tables)
+            _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
+            outer = every[np.sort(first[count == 1])]
+            result.append(outer[np.isin(outer, ids).all(axis=1)])
+        return result
+
+    def _elements(self) -> Iterator[np.ndarray]:
+        """Tables (m, 4, 6, 8, 10, 15 or 20) of solid elements' nodes."""
+        for card, options, rows in self.cards:
+            kind = options.get("TYPE", "").upper()
+            if card != "ELEMENT" or not kind.startswith("C3D"):
+                continue
+            digits = "".join(c for c in kind[3:] if c.isdigit())
+            if int(digits or 0) not in _CORNERS:
+                rows[0].fail(f"solid elements of type {kind}", "C3D4, C3D6, C3D8, C3D10, C3D15 or C3D20")
+            table, size = numbers(rows), int(digits) + 1
+            if len(table) % size:
+                rows[0].fail(f"{len(table)} numbers for elements of type {kind}", f"a number and {digits} nodes for each")
+            yield table.reshape(-1, size)[:, 1:].astype(int)
+
+    def supports(self, ids: np.ndarray, points: np.ndarray, loads: list[Path]) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 3) bool, components of joint nodes that are held, and the rigid motions (6, r) that all supports leave."""
+        fixed = np.zeros((len(self.ids), 3), dtype=bool)
+        for card, _, rows in [*self.cards, *(c for file in loads for c in cards(file))]:
+            for row in rows if card == "BOUNDARY" else ():
+                words = row.words
+                nodes = self.sets[words[0].upper()] if words[0].upper() in self.sets else np.array([row.integer(words[0])])
+                first = row.integer(words[1])
+                last = row.integer(words[2]) if len(words) > 2 and words[2] else first
+                at = np.flatnonzero(np.isin(self.ids, nodes))
+                for c in range(max(first, 1), min(last, 3) + 1):
+                    fixed[at, c - 1] = True
+        return fixed[np.searchsorted(self.ids, ids)], supports_left(points, self.points, fixed)
+
+    def moduli(self) -> tuple[float, float] | tuple[None, float]:
+        """A representative modulus and ratio: those of the first material, means of directions where it has several."""
+        for card, options, rows in self.cards:
+            if card == "ELASTIC":
+                values, kind = numbers(rows), options.get("TYPE", "ISO").upper()
+                if kind.startswith("ENGINEERING") and len(values) >= 9:
+                    return float(values[:3].mean()), float(min(0.45, np.abs(values[3:6]).mean()))
+                if kind.startswith("ORTHO") and len(values) >= 9:
+                    # of isotropic matter of ratio .3, E is .74 of the stiffness with all other strains prevented
+                    return float(0.74 * values[[0, 2, 5]].mean()), 0.3
+                if kind.startswith("ISO") and len(values) >= 2:
+                    return float(values[0]), float(min(values[1], 0.49))
+        return None, 0.3
+
+
+def headings(file: Path, path: KeyPath, depth: int = 0) -> Iterator[tuple[str, dict[str, str], str]]:
+    """Keyword, options and place of every card, those without lines too; of files that are included as well."""
+    try:
+        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise InputError(Problem(path, f"{file}: {error.strerror}", "a file that is there")) from error
+    for number, line in enumerate(lines, 1):
+        text = line.strip()
+        if not text.startswith("*") or text.startswith("**"):
+            continue
+        head, *rest = (word.strip() for word in text[1:].split(","))
+        options = {key.strip().upper(): value.strip() for key, _, value in (word.partition("=") for word in rest)}
+        card = " ".join(head.upper().split())
+        yield card, options, f"{file}:{number}"
+        if card == "INCLUDE" and depth < 20:
+            yield from headings(file.parent / options.get("INPUT", ""), path, depth + 1)
+
+
+def _of_loads(file: Path, path: KeyPath) -> None:
+    """Raises InputError for cards that loads cannot have."""
+    for card, options, where in headings(file, path):
+        _refuse_nonlinear(card, options, where, path)
+        if card in OF_STEPS:
+            raise InputError(Problem(path, f"{where}: *{card}", "what stands between *STATIC and *END STEP",
+                                     "leave this line out: steps are made here"))
+
+
+def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath) -> None:
+    if "NLGEOM" in options:
+        raise InputError(Problem(path, f"{where}: NLGEOM on *{card}: large displacements, to which joint forces are not proportional",
+                                 "a linear part", "leave NLGEOM out"))
+    if card in NONLINEAR:
+        raise InputError(Problem(path, f"{where}: *{card}, which makes the part nonlinear", "a linear part: its answers are "
+                                 "superposed", "leave the card out, or put the nonlinear part in the orchestrator's own contact laws"))

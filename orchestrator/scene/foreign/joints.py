@@ -1,0 +1,116 @@
+"""What a part whose mesh is not ours shows of itself: the nodes and faces that it meets others on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.conditions.rigid import left_over, motions_about, size_of
+from orchestrator.scene.mesh.geometry import area_vectors
+
+# Triangles between the nodes of a face by their number, corners first, then those in the middle of the edges. Between
+# the nodes of a quadratic face displacements are taken as linear: its own functions know more than the other side asks.
+CUT = {3: [[0, 1, 2]], 4: [[0, 1, 2], [0, 2, 3]], 6: [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]],
+       8: [[0, 4, 7], [1, 5, 4], [2, 6, 5], [3, 7, 6], [4, 5, 6], [4, 6, 7]]}
+# A face whose triangles are thinner than this share of its longest edge squared is none.
+FLAT = 1e-10
+
+
+@dataclass(frozen=True)
+class Joints:
+    """The joints of a part.
+
+    Parameters
+    ----------
+    ids : (n,) int, the part's own numbers of the joints' nodes
+    points : (n, 3) where they are
+    triangles : (k, 3) int, their faces cut in triangles, indices into these nodes, outward
+    joint : (k,) int, index into ``names``
+    names : of the joints
+    held : (n, 3) bool, components that the part itself prescribes there; they are no unknowns of any interface
+    left : (6, r) combinations of rigid motions about ``centre``, divided by ``size``, that its supports leave
+    quadratic : faces have nodes in the middle of edges
+    young, poisson : a representative modulus and ratio, None: not known
+    """
+
+    ids: np.ndarray
+    points: np.ndarray
+    triangles: np.ndarray
+    joint: np.ndarray
+    names: list[str]
+    held: np.ndarray
+    left: np.ndarray
+    quadratic: bool = False
+    young: float | None = None
+    poisson: float = 0.3
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(3,) what rotations of ``left`` are about."""
+        return self.points.mean(axis=0)
+
+    @cached_property
+    def size(self) -> float:
+        """A length: the joints' extent."""
+        return size_of(self.points)
+
+
+def supports_left(points: np.ndarray, nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """(6, r) the rigid motions, about the mean of points (n, 3) and divided by their size, that supports leave.
+
+    Parameters
+    ----------
+    nodes : (s, 3) where the supports are; fixed : (s, 3) bool, what they prescribe
+    """
+    if not fixed.any():
+        return np.eye(6)
+    there = motions_about(nodes, points.mean(axis=0), size_of(points)).reshape(-1, 6)[fixed.ravel()]
+    _, values, rows = np.linalg.svd(there, full_matrices=True)
+    values = np.r_[values, np.zeros(6 - len(values))]
+    return rows[values <= 1e-8 * max(values.max(), 1.0)].T
+
+
+def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyPath, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (k, 3) of faces, and which face (k,) each is of.
+
+    Parameters
+    ----------
+    faces : tables (f, 3, 4, 6 or 8) int, indices of points
+    points : (n, 3)
+    path, name : for messages
+
+    Raises
+    ------
+    InputError : a face without area
+    """
+    found, owner, first = [np.empty((0, 3), int)], [np.empty(0, int)], 0
+    for table in faces:
+        cut = np.array(CUT[table.shape[1]])
+        found.append(table[:, cut].reshape(-1, 3))
+        owner.append(first + np.repeat(np.arange(len(table)), len(cut)))
+        first += len(table)
+    triangles, owner = np.concatenate(found), np.concatenate(owner)
+    corners = points[triangles]
+    longest = np.max([np.sum((corners[:, i] - corners[:, i - 1]) ** 2, axis=1) for i in range(3)], axis=0)
+    bad = np.flatnonzero(np.linalg.norm(area_vectors(points, triangles), axis=1) <= FLAT * longest)
+    if len(bad):
+        raise InputError(Problem(path, f"{name}: a face of its joints without area, at {corners[bad[0]].mean(axis=0)}",
+                                 "faces of distinct nodes, the corners in order round the face, then the nodes in the middle of "
+                                 "edges", "look at the nodes of that face: two of them may be the same"))
+    return triangles, owner
+
+
+def components_held(joints: Joints, inner: np.ndarray) -> np.ndarray | None:
+    """(3,) bool: which components of all points inside (m, 3), if held, leave the very rigid motions that the part's supports
+    leave; None: no choice of them does."""
+    for bits in range(8):
+        components = np.array([bool(bits >> c & 1) for c in range(3)])
+        left = supports_left(joints.points, inner, np.broadcast_to(components, inner.shape))
+        if left.shape[1] == joints.left.shape[1] and \
+                np.linalg.matrix_rank(np.hstack([left, joints.left]), tol=1e-6) == left.shape[1]:
+            return components
+    return None
