@@ -28,6 +28,8 @@ from orchestrator.timing import Stopwatch
 ErrorOf = Callable[[Admissible, Bound | None], float]
 # (decomposition of some load steps, fields, bound) → estimated discretisation error, relative, energy norm
 EstimateOf = Callable[[Decomposition, Admissible, Bound], float]
+# An iteration gains a digit at the best: where the measure is further than this from its tolerance, another one follows.
+NEAR = 10.0
 _DELIVERED = [("trace", "s"), ("boundary", "u"), ("macro", "alpha"), ("trace", "w"), ("trace", "f")]
 
 
@@ -46,11 +48,13 @@ class Batch:
                  watch: Stopwatch, true_error: ErrorOf | None,
                  estimate: EstimateOf | None):
         self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
+        self.alone = true_error is None and estimate is None  # nobody but the linear stage and the criterion asks the codes
         self.acceleration = make_acceleration(d, method)
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
         self.ending = Ending(0)
         self.far = None if d.all_perfect else FarBodies(d, self.criterion.lengths, numbers)
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
+        self.measured = np.nan  # what the criterion has compared last
 
     def end_at(self, last: int) -> None:
         """Stop after the iteration ``last`` at the latest, but do the one that gives the fields."""
@@ -60,6 +64,7 @@ class Batch:
         """Begin from a state (T, D), after so many iterations and sweeps."""
         self.s, self.iteration, self.sweeps = s, iteration, sweeps
         self.whole_at = iteration + 1
+        self.measured = np.nan
 
     def recall(self, latest: Sequence[Memory]) -> None:
         """Go on after the last of these iterations as if nothing had happened."""
@@ -113,11 +118,13 @@ class Batch:
                 local = d.local(evaluated)
             with watch("acceleration"):
                 residual, best = acceleration.take(evaluated, local.s)
+                foreseen = self._foreseen(evaluated.s)
             moved, asked = largest()
             self.sweeps += asked * share * (1 - self.frozen.mean())
             with watch("bound"):
                 measures = measure(d.stage, d.local, best, local, residual, exact)
                 verdict = criterion(best, local, measures)
+                self.measured = verdict.approached
                 self.sweeps += verdict.sweeps * share
                 event = _event(criterion, verdict, measures(), iteration=self.iteration,
                                sweeps=d.setup_sweeps + self.sweeps, seconds=earlier + watch.total, state=best.s,
@@ -136,8 +143,9 @@ class Batch:
             told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met, reason)))
             if reason is None:
                 with watch("acceleration"):
-                    self.s = self._next(evaluated.s)
+                    self.s = self._next(evaluated.s, foreseen)
         with watch("bound"):
+            d.stage.forget()
             bound, spent = criterion.final(best, verdict.bound)
             self.sweeps += spent * share
         return Iterated(best, local, bound, verdict.met, reason, self.iteration, self.sweeps, event, history,
@@ -147,14 +155,32 @@ class Batch:
     def _strayed(self) -> list[FarBody]:
         return [] if self.far is None else self.far.found
 
-    def _next(self, asked: np.ndarray | None) -> np.ndarray:
-        """The state to evaluate next. Where load steps are done it is what has been asked for: answers are remembered."""
-        s = self.acceleration.next()
+    def _foreseen(self, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """What will be evaluated next unless another load step is done, and for which load steps that holds; where by all
+        appearances there will be another iteration, the codes are told at once: they work while this one is judged.
+        """
+        if not (self.alone and self.iteration < self.ending.last and self.measured > NEAR * self.criterion.value):
+            return None
+        done = self.criterion.done.copy()
+        s = self._state(asked, done)
+        self.d.stage.begin(s)
+        return done, s
+
+    def _next(self, asked: np.ndarray | None, foreseen: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+        """The state to evaluate next."""
+        done = self.criterion.done
         if self.method.skip.frozen:
-            self.frozen = self.criterion.done
-            if self.frozen.any():
-                s[self.frozen] = asked[self.frozen]
-                self.left_out += int(self.frozen.sum())
+            self.frozen = done
+            self.left_out += int(done.sum())
+        if foreseen is not None and (foreseen[0] == done).all():
+            return foreseen[1]
+        return self._state(asked, done)
+
+    def _state(self, asked: np.ndarray | None, done: np.ndarray) -> np.ndarray:
+        """The acceleration's next state. Where load steps are done it is what has been asked for: answers are remembered."""
+        s = self.acceleration.next()
+        if self.method.skip.frozen and done.any():
+            s[done] = asked[done]
         return s
 
     def _memory(self, event: Iteration, evaluated: Admissible, best: Admissible, met: bool,

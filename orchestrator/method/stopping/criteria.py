@@ -76,6 +76,11 @@ class Verdict:
         """Guaranteed bound on the relative energy error; nan where it is not known."""
         return math.nan if self.bound is None else self.bound.relative
 
+    @property
+    def approached(self) -> float:
+        """How far the measure has come towards the tolerance; where it is not known, its first part."""
+        return self.bound.a if math.isnan(self.measure) and self.bound is not None else self.measure
+
 
 class Criterion(Protocol):
     """What a run waits for.
