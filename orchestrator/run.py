@@ -9,13 +9,17 @@ from pathlib import Path
 
 from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.own_loads import add_own_loads
+from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.start import Ahead, make_blackbox
 from orchestrator.compiled import make_ready
 from orchestrator.config import Config, Loaded
+from orchestrator.config.blackbox import entry_path
+from orchestrator.config.method import Method
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
 from orchestrator.memory import give_back, keep_at_hand
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
+from orchestrator.method.delivery.pseudo_loads import with_pseudo_loads
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
@@ -148,7 +152,8 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
     with watch("soles"):
         soles = make_soles(scene, method.sole, method.skip.congruent, placement.touched)
     told.stage("assembling and factorising")
-    check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method)
+    check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method,
+                     any(s.remembers for s in scene.subdomains))
     with watch("start"):
         blackbox = with_layers(make_blackbox(codes, placement.codes, ahead), method.skip, workers, len(cases.chosen), savings)
     with blackbox:
@@ -158,6 +163,7 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         if method.tolerance.error == "auto" and any(blackbox.traits(number).own_matter for number in placement.codes):
             raise InputError(Problem(("method", "tolerance", "error"), "auto beside a code whose matter is its own",
                                      "a number: the mesh's error is estimated from the YAML's moduli", "write error: 1e-6"))
+        _check_nonlinear(codes, placement.codes, blackbox, method, bool(reference), team)
         workload = Workload(blackbox.usage, watch, team)
         d = prepare(scene, soles, method, blackbox, workers, watch, savings, part)
         workload.end("set_up")
@@ -174,10 +180,39 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         if team.size > 1:
             give_back()
 
+        if d.nonlinear is not None:
+            d = chosen = chosen.reloaded()
+            iterated = with_pseudo_loads(d, iterated, method.tolerance)
         delivered = deliver(d, chosen, cases, iterated, method.tolerance, watch)
         ranks = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                      true_error.asked if true_error else 0.0))
     return delivered, d.setup_sweeps, ranks
+
+
+def _check_nonlinear(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method: Method, reference: bool,
+                     team: Team) -> None:
+    """Raises InputError where an entry of ``blackbox`` and its solver disagree, or where linearity is asked for."""
+    for number in used:
+        truly, path = blackbox.traits(number).nonlinear, entry_path(number, codes)
+        if truly and not codes[number].remembers:
+            raise InputError(Problem(path, f"the solver of {codes[number].code} says that it is nonlinear", "nonlinear: true in its "
+                                     "entry: load steps then follow each other", "write it, or nonlinear = False in its class"))
+        if codes[number].remembers and not truly:
+            raise InputError(Problem((*path, "nonlinear"), f"true, and the solver of {codes[number].code} is linear",
+                                     "nonlinear = True in its class, with advance and commit", "write that, or leave nonlinear out"))
+    if not any(code.remembers for code in codes):
+        return
+    if team.size > 1:
+        raise InputError(Problem(("blackbox",), f"nonlinear matter on {team.size} ranks", "one rank: load steps are committed by "
+                                 "one process", "run without mpiexec; workers of the codes still share the work"))
+    if reference:
+        raise InputError(Problem(("blackbox",), "--reference with nonlinear matter", "a linear problem", "leave it out"))
+    if method.tolerance.error is None:
+        raise InputError(Problem(("method", "tolerance"), "indicator with nonlinear matter", "error: the largest residual",
+                                 "write tolerance: {error: 1e-6}"))
+    if method.acceleration == "gmres":
+        raise InputError(Problem(("method", "acceleration"), "gmres with nonlinear matter, whose fixed point is not affine",
+                                 "anderson or none", "leave it out"))
 
 
 def _undecomposed(codes: Sequence, scene: Scene | None, told: Subscribers, watch: Stopwatch, team: Team) -> Reference | None:

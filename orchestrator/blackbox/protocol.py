@@ -100,12 +100,14 @@ class Traits:
         symmetric and vanishes on rigid motions
     keeps_models : answers come from factors that it holds, many models in one process
     floor : relative error, in energy, that its own matrices' digits leave whatever is done with them
+    nonlinear : its models answer ``advance`` otherwise than their elastic stiffness does, and remember load steps
     """
 
     translation_invariant: bool = False
     own_matter: bool = False
     keeps_models: bool = True
     floor: float = 0.0
+    nonlinear: bool = False
 
 
 @runtime_checkable
@@ -130,6 +132,19 @@ class BlackBox(Protocol):
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""
+
+    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        """What nonlinear models truly do from the end of the last committed load step.
+
+        Parameters
+        ----------
+        forces : model → (3n,) nodal forces on free dofs, prescribed displacements on those that are clamped
+        commit : this is the end of the load step, which the next one starts from
+
+        Returns
+        -------
+        model → (2, 3n): displacements u, and K u − r, K being the elastic stiffness and r the forces that u needs
+        """
 
     def traits(self, code: int = 0) -> Traits:
         """What may be relied on with the code of the models whose ``Model.code`` it is."""

@@ -46,6 +46,11 @@ class CodeSettings(Part):
         """Whether the code's models have loads of their own, beside those of the YAML."""
         return False
 
+    @property
+    def remembers(self) -> bool:
+        """Whether the code's models are nonlinear and remember load steps, which are then solved one after the other."""
+        return False
+
     @classmethod
     def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
         """The raw entry with the files it names found beside the YAML file, where they are there; none by default."""

@@ -86,6 +86,7 @@ class Batch:
         """The end of a batch, from its last iteration."""
         notes = memory.notes
         delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
+        delivered = self.d.stage.ended(delivered)
         bound, _ = self.criterion.final(delivered, None)
         event = notes["event"]
         if self.far is not None:
@@ -117,8 +118,11 @@ class Batch:
             with watch("local_stage"):
                 local = d.local(evaluated)
             with watch("acceleration"):
-                residual, best = acceleration.take(evaluated, local.s)
-                foreseen = self._foreseen(evaluated.s)
+                if d.nonlinear is None:
+                    residual, best = acceleration.take(evaluated, local.s)
+                else:  # what the coarse problem has changed is extrapolated: the point is the one that was asked
+                    residual, best = acceleration.take(replace(evaluated, s=self.s), local.s)[0], evaluated
+                foreseen = self._foreseen(evaluated.s) if d.nonlinear is None else None
             moved, asked = largest()
             self.sweeps += asked * share * (1 - self.frozen.mean())
             with watch("bound"):
@@ -144,6 +148,8 @@ class Batch:
             if reason is None:
                 with watch("acceleration"):
                     self.s = self._next(evaluated.s, foreseen)
+        with watch("linear_stage"):
+            best = d.stage.ended(best)
         with watch("bound"):
             d.stage.forget()
             bound, spent = criterion.final(best, verdict.bound)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
+from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
 from orchestrator.method.linear.macro_basis import interface_bases
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.stabilisation import stabilisation
@@ -46,6 +48,7 @@ class Decomposition:
     bound : error bound, where all interfaces are perfect
     coarse : coarse contact problem, where some are not
     setup_sweeps : back-substitutions per subdomain and load step spent so far
+    nonlinear : the subdomains that are; None where none is
     """
 
     scene: Scene
@@ -61,10 +64,11 @@ class Decomposition:
     bound: ErrorBound | None
     coarse: CoarseCorrection | None
     setup_sweeps: float
+    nonlinear: Nonlinear | None = None
 
     @property
     def all_perfect(self) -> bool:
-        """Whether there is no interface but perfect ones."""
+        """Whether there is no interface but perfect ones, and no subdomain but linear ones: the problem is linear."""
         return self.bound is not None
 
     @property
@@ -86,7 +90,8 @@ class Decomposition:
         previous : (3, P) jump of the pairs that are not perfect at the end of the step before; None at the start
         """
         loading = self.loading.batch(steps)
-        stage = self.stage.under(loading.boundary, loading.known)
+        one = None if self.nonlinear is None else AtStep(self.nonlinear, range(self.steps)[steps][0])
+        stage = self.stage.under(loading.boundary, loading.known, one)
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:
             local.pairs = local.pairs.batch(steps)
@@ -96,6 +101,13 @@ class Decomposition:
             coarse.start_from(local)
         bound = self.bound and self.bound.batch(steps, stage, loading)
         return replace(self, loading=loading, stage=stage, local=local, coarse=coarse, bound=bound)
+
+    def reloaded(self) -> Decomposition:
+        """With the loads that the subdomains have by now: pseudo-loads are among them where matter is nonlinear."""
+        if self.nonlinear is None:
+            return self
+        loading = self.nonlinear.reload()
+        return replace(self, loading=loading, stage=self.stage.under(loading.boundary, loading.known))
 
     def __repr__(self) -> str:
         macro = self.stage.macro
@@ -127,7 +139,8 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     own = [scene.subdomains[e] for e in space.subdomains]
     models = [extended_model(scene, s, sides[s.index], soles) for s in own]
     traces = [m.trace for m in models]
-    all_perfect = all(space.perfect)
+    remembers = any(s.remembers for s in own)
+    all_perfect = all(space.perfect) and not remembers
     with watch("load"):
         blackbox.load(models)
     with watch("search_direction"):
@@ -140,7 +153,9 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if space.ties is not None:
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
     with watch("linear_stage"):
-        loading = apply_loads(scene, direction, models, traces, rims, blackbox, part.carried)
+        load = partial(apply_loads, scene, direction, models, traces, rims, blackbox, part.carried)
+        loading = load()
+        nonlinear = Nonlinear(blackbox, space, own, traces, [m.fixed.size for m in models], load) if remembers else None
     sweeps = loading.sweeps
     with watch("macro"):
         guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
@@ -157,12 +172,12 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     else:
         pairs = make_pairs(scene, space, direction.whole, stabilisation(scene, method))
         local = LawStage(direction, pairs.lawful)
-        if method.coarse != "none":
+        if method.coarse != "none" and not all(space.perfect):
             with watch("macro"):
                 coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
-                         stage, local, modes, bound, coarse, sweeps)
+                         stage, local, modes, bound, coarse, sweeps, nonlinear)
 
 
 def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox) -> Macro | None:

@@ -64,7 +64,7 @@ def load_cases(scene: Scene, skip, anchored: bool = False) -> LoadCases:
     skip : ``method.skip`` of the configuration
     anchored : contacts are stabilised: they remember the load step before, whatever their laws do
     """
-    if scene.steps > 1:
+    if scene.steps > 1 and not any(s.remembers for s in scene.subdomains):
         laws = [i.law for i in scene.interfaces]
         if all(law.perfect for law in laws):
             if skip.superposition:

@@ -44,13 +44,13 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     numbers : of the load steps, from 1, for people; None: 1, 2, …
     """
     numbers = range(1, d.steps + 1) if numbers is None else numbers
-    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, method.increment)
+    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, 1 if d.nonlinear else method.increment)
     state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
     ended: list[Iterated] = []
     begun: int | None = None  # iterations of earlier runs
     for number, steps in enumerate(batches):
         view, listener = d, told
-        if len(batches) > 1:
+        if len(batches) > 1 or d.nonlinear is not None:
             view = d.batch(steps, ended[-1].local.jump[-1] if ended else None)
             listener = _PartOfAll(told, state, steps)
         batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate)
@@ -98,14 +98,18 @@ def batches_of(steps: int, perfect: bool, size: int | str) -> list[slice]:
     return [slice(a, min(a + size, steps)) for a in range(0, steps, size)]
 
 
-def check_iterations(steps: int, perfect: bool, method) -> None:
+def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False) -> None:
     """Every batch of load steps needs an iteration for its fields.
+
+    Parameters
+    ----------
+    one_by_one : whether load steps follow each other because matter is nonlinear
 
     Raises
     ------
     InputError : that is more than ``method.max_iterations``
     """
-    count = len(batches_of(steps, perfect, method.increment))
+    count = len(batches_of(steps, perfect and not one_by_one, 1 if one_by_one else method.increment))
     if count > method.max_iterations:
         raise InputError(Problem(
             ("method", "max_iterations"), f"{method.max_iterations} iterations for {count} batches of load steps",

@@ -106,6 +106,7 @@ class Subdomain:
     contact_area : (n_E,) float, area of its interfaces that are not perfect, all of them together
     body : name of the body that it is a piece of; its own where bodies are not cut further
     foreign : its cells stand for a part whose mesh is not ours
+    remembers : whether its matter is nonlinear and remembers load steps
     """
 
     index: int
@@ -122,6 +123,7 @@ class Subdomain:
     contact_area: np.ndarray = field(default_factory=lambda: np.zeros(0))
     body: str = ""
     foreign: bool = False
+    remembers: bool = False
 
     def __post_init__(self) -> None:
         self.body = self.body or self.name

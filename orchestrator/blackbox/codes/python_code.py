@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import Field, JsonValue
+from pydantic import Field, JsonValue, model_validator
 
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.pool.exits import exit_meaning
@@ -85,6 +85,20 @@ class PythonCode(MessageCode):
             "the interpreter that the solver's packages are installed for, as /usr/bin/python3, with numpy and SciPy; "
             "none: the orchestrator's own"))
 
+        nonlinear: bool = Field(False, description=(
+            "whether the solver's class is nonlinear: advance(prepared, forces) and commit(prepared), load step by load step"))
+
+        @model_validator(mode="after")
+        def _stays_alive(self) -> PythonCode.Settings:
+            if self.nonlinear and self.transport != "pipe":
+                raise ValueError("a nonlinear solver remembers load steps: write transport: pipe, or leave it out")
+            return self
+
+        @property
+        def remembers(self) -> bool:
+            """As the entry says: the class is imported by its processes alone."""
+            return self.nonlinear
+
         @property
         def brings_loads(self) -> bool:
             """As the entry says: the class is imported by its processes alone."""
@@ -127,7 +141,7 @@ class PythonCode(MessageCode):
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a server that reads and writes these paths."""
-        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "loads", "options", "python"})
+        own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "loads", "nonlinear", "options", "python"})
         server = [self._code, json.dumps({**own, **self.settings.options}), requests, replies]
         if self.settings.python:
             return [self.settings.python, "-c", _HOSTED, str(_ROOT / "orchestrator"), *server]

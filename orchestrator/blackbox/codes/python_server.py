@@ -34,7 +34,8 @@ from orchestrator.blackbox.protocol import Model  # noqa: E402
 
 def promised(solver) -> int:
     """What a solver's class says of it, as ``messages.check_hello`` reads it."""
-    return bool(getattr(solver, "translation_invariant", False)) + 2 * bool(getattr(solver, "own_matter", False))
+    promises = ("translation_invariant", "own_matter", "nonlinear")
+    return sum(bool(getattr(solver, name, False)) << bit for bit, name in enumerate(promises))
 
 
 def clock() -> float:
@@ -44,6 +45,9 @@ def clock() -> float:
 
 
 SYMMETRIC = 1e-10  # relative
+# Of the forces, what a load step may leave over. Answers must be a thousand times better than the residual that is
+# iterated away, or the iterations do not converge.
+UNBALANCED = 1e-9
 METHODS = ("stiffness", "prepare", "solve")
 NO_SOLVER = 67  # exit code
 
@@ -70,7 +74,8 @@ def solver_class(code: str) -> type:
     if not isinstance(found, type):
         others = [n for n, value in vars(module).items() if isinstance(value, type) and value.__module__ == module.__name__]
         raise NoSolver(f"{Path(where).name} has no class {name}" + (f", but {', '.join(others)}" if others else ""))
-    lacking = [method for method in METHODS if not callable(getattr(found, method, None))]
+    wanted = METHODS + (("advance", "commit") if getattr(found, "nonlinear", False) else ())
+    lacking = [method for method in wanted if not callable(getattr(found, method, None))]
     if lacking:
         raise NoSolver(f"class {name} of {Path(where).name} has no method {', '.join(lacking)}")
     return found
@@ -101,13 +106,15 @@ class Server:
         self.models: dict[int, Model] = {}
         self.prepared: dict[int, object] = {}
         self.unproven: dict[int, sp.csr_array] = {}  # stiffness of models that have not been asked since they were loaded
+        self.elastic: dict[int, sp.csr_array] = {}  # stiffness of nonlinear models
         self.handed = len(inspect.signature(solver.prepare).parameters) > 1  # the stiffness, which is assembled anyway
 
     def run(self) -> None:
         """Until told to quit, or until the orchestrator is gone."""
         self._reply([0, 0, promised(self.solver)], [clock(), 0, 0], [])
         answers = {messages.LOAD: self._load, messages.TRACES: self._solve, messages.FIELDS: self._solve,
-                   messages.STIFFNESS: self._stiffness, messages.OWN_LOADS: self._own_loads}
+                   messages.STIFFNESS: self._stiffness, messages.OWN_LOADS: self._own_loads,
+                   messages.ADVANCE: self._advance}
         while len(head := self.requests.read(8)) == 8:
             op = int(np.frombuffer(head, np.int64)[0])
             if op == messages.QUIT:
@@ -123,6 +130,8 @@ class Server:
         self.prepared[index] = self.solver.prepare(model, *([stiffness] if self.handed else []))
         residual = self._probe(index, stiffness)
         self.unproven[index] = stiffness
+        if getattr(self.solver, "nonlinear", False):
+            self.elastic[index] = stiffness
         seconds = [assembled - start, clock() - assembled, 0]
         self._reply([index, 0, model.fixed.size, 1], seconds, [residual])
 
@@ -183,6 +192,25 @@ class Server:
         if any(force.size != model.fixed.size for force in forces):
             raise ValueError(f"loads() returned {forces[0].size} nodal forces for {model.fixed.size} dofs")
         self._reply([index, 0], [clock() - start, 0, 0], np.array(forces))
+
+    def _advance(self, op: int, ints: np.ndarray, reals: np.ndarray) -> None:
+        index, commit, start = int(ints[0]), bool(ints[1]), clock()
+        model, given = self.models[index], reals.copy()
+        u, needed = (np.asarray(x, dtype=float).ravel() for x in self.solver.advance(self.prepared[index], given))
+        if u.size != given.size or needed.size != given.size:
+            raise ValueError(f"advance() returned {u.size} displacements and {needed.size} forces for {given.size} dofs")
+        fixed = model.fixed.ravel()
+        if (u[fixed] != reals[fixed]).any():
+            raise ValueError("advance() returned displacements that are not those prescribed on clamped dofs")
+        # what a step that has not converged leaves over would be taken for an answer
+        size = max(np.linalg.norm(needed), np.linalg.norm(reals[~fixed]), np.finfo(float).tiny)
+        left = np.linalg.norm((needed - reals)[~fixed]) / size
+        if not left <= UNBALANCED:
+            raise ValueError(f"advance() returned forces that are not those it was given on free dofs: {left:.1e} of them is "
+                             f"left over, {UNBALANCED:.0e} allowed; the load step may be too large for its iterations")
+        if commit:
+            self.solver.commit(self.prepared[index])
+        self._reply([index, 0], [0, 0, clock() - start], np.concatenate([u, self.elastic[index] @ u - needed]))
 
     def _matrix(self, model: Model) -> sp.csr_array:
         """The solver's stiffness; raises ValueError for one that is not square or not symmetric: one triangle is sent."""

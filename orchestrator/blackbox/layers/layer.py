@@ -52,6 +52,10 @@ class Layer:
         """As the protocol says."""
         return self.inner.stiffness(models)
 
+    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        return self.inner.advance(forces, commit)
+
     def traits(self, code: int = 0) -> Traits:
         """As the protocol says."""
         return self.inner.traits(code)

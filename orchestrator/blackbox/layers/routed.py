@@ -57,6 +57,10 @@ class Routed:
         found = {i: matrix for code, matrices in answers.items() for i, matrix in zip(members[code], matrices)}
         return [found[i] for i in range(len(models))]
 
+    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        """As the protocol says."""
+        return self._solved(forces, lambda pool, part: pool.advance(part, commit))
+
     def traits(self, code: int = 0) -> Traits:
         """As the protocol says."""
         return self.pools[code].traits(code)

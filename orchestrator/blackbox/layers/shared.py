@@ -67,6 +67,12 @@ class SharedModels(Layer):
         """As the protocol says."""
         return self._merged(forces, self.inner.fields, remember=False)
 
+    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        """As the protocol says; nonlinear models stand for themselves alone."""
+        model_of = {index: int(self.model_of[index]) for index in forces}
+        answers = self.inner.advance({model_of[index]: f for index, f in forces.items()}, commit)
+        return {index: answers[model] for index, model in model_of.items()}
+
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
         """As ``Layer`` says: one index array per model gathers the rows of all that it stands for."""
         if parts is not self._parts:

@@ -131,6 +131,20 @@ class Pool:
         self._run([(w, ask_all, indices) for w, indices in enumerate(tasks) if indices])
         return found
 
+    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        """As the protocol says; a model is always asked where it was loaded first: its past is there."""
+        answers: dict[int, np.ndarray] = {}
+
+        def ask_all(worker: Worker, indices: list[int]) -> None:
+            for index in indices:
+                answers[index] = worker.advance(index, forces[index], commit, self._models[index].name)
+
+        tasks: dict[int, list[int]] = {}
+        for index in forces:
+            tasks.setdefault(self._sharing.holders[index][0], []).append(index)
+        self._run([(w, ask_all, indices) for w, indices in tasks.items()])
+        return answers
+
     def traits(self, code: int = 0) -> Traits:
         """As the protocol says: what the code declares, or where it leaves that open, its process."""
         return self._crew.workers[0].traits()

@@ -82,6 +82,9 @@ class Worker:
     def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
         raise NotImplementedError
 
+    def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
+        raise NotImplementedError
+
     def compliances(self) -> list[dict[str, object]]:
         """Subdomains whose interface compliance took the place of runs; none where processes stay alive."""
         return []
@@ -89,9 +92,10 @@ class Worker:
     def traits(self) -> Traits:
         """What may be relied on; of what the code leaves open the process has told when it started."""
         invariant, own = self.code.translation_invariant, self.code.own_matter
-        return Traits(bool(self.promised & 1) if invariant is None else invariant,
+        nonlinear = bool(self.promised & 4)  # what remembers load steps answers for itself alone
+        return Traits((bool(self.promised & 1) if invariant is None else invariant) and not nonlinear,
                       bool(self.promised & 2) if own is None else own, self.keeps_models,
-                      self.code.floor())
+                      self.code.floor(), nonlinear)
 
     def spawn(self, requests: str, replies: str, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
         """Start a process. The kernel kills it with the calling thread, which must live as long as the pool."""

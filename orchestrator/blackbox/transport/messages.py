@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
 
-LOAD, TRACES, FIELDS, STIFFNESS, QUIT, OWN_LOADS = 1, 2, 3, 4, 5, 6
+LOAD, TRACES, FIELDS, STIFFNESS, QUIT, OWN_LOADS, ADVANCE = 1, 2, 3, 4, 5, 6, 7
 ELEMENTS = {"P1": 1, "P2": 2}
 # Of the ten nodes of a tet in our order, that of the messages, FreeFEM's: its edges are 01, 02, 03, 12, 13, 23.
 EDGE_ORDER = [0, 1, 2, 3, 4, 6, 7, 5, 8, 9]
@@ -84,6 +84,11 @@ def own_loads(index: int, element: str, model: Model, steps: int) -> Buffers:
     return [_op(OWN_LOADS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(*model.materials.T))]
 
 
+def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
+    """What a nonlinear model truly does under (3n,) forces, see ``protocol.BlackBox.advance``."""
+    return [_op(ADVANCE), _ints([index, int(commit)]), *_reals([forces])]
+
+
 def _numbers(element: str, model: Model) -> np.ndarray:
     """Node numbers of every tet in ``EDGE_ORDER``, from which a code learns ours; none for P1, where they agree."""
     return np.empty(0, int) if element == "P1" else model.cells[:, EDGE_ORDER].ravel()
@@ -118,7 +123,7 @@ def _check(reply: Reply, index: int, ints: int) -> None:
 
 
 def check_hello(reply: Reply) -> int:
-    """What the server says of itself: bit 0 set, it is translation invariant; bit 1, its matter is its own.
+    """What the server says of itself: bit 0 set, it is translation invariant; bit 1, its matter is its own; bit 2, nonlinear.
 
     Raises BadReply unless it introduced itself.
     """

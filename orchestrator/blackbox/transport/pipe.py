@@ -64,6 +64,10 @@ class PipeWorker(Asking, Worker):
             raise self.failure("solving failed", error, names[len(answers)]) from error
         return answers
 
+    def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
+        return self._asked(index, name, messages.advance(index, forces, commit), "a load step was not solved",
+                           lambda reply: messages.check_solve(reply, index, 2, forces.size))
+
     def _asked(self, index: int, name: str, request: messages.Buffers, otherwise: str, read: Callable[[Reply], Any]) -> Any:
         try:
             deadline = self.deadline()

@@ -79,6 +79,8 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         own = delivered(d, iterated.bound, parts)
         criterion = LawCriterion(d, tolerance)
         laws, lengths = criterion.laws(iterated.fields, iterated.local), criterion.lengths(iterated.fields.u)
+        if d.nonlinear is not None:
+            laws = laws.with_fixed_point(iterated.last.residual)
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")

@@ -117,7 +117,7 @@ def own_interfaces(d: Decomposition) -> list[Interface]:
 
 def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | None:
     """Fields of the interfaces that are not perfect, of those whose first side is this rank's; None where all are."""
-    if d.all_perfect:
+    if d.all_perfect or all(i.law.perfect for i in d.scene.interfaces) and d.nonlinear is not None:
         return None
     pairs, steps, scene = d.local.pairs, d.scene.steps, d.scene
     chosen = own_interfaces(d)

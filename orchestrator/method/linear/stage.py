@@ -20,6 +20,7 @@ import numpy as np
 
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
+from orchestrator.method.linear.nonlinear import AtStep
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
@@ -83,17 +84,18 @@ class LinearStage:
     loaded : (T, B) boundary values of M⁻¹f_d, computed once
     known : (T, D) prescribed traces, None where there are none
     blackbox : the solver, its answers judged
+    nonlinear : the subdomains that are, at the load step; None where none is
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, macro: Macro | None,
-                 loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces):
+                 loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces, nonlinear: AtStep | None = None):
         self.space, self.direction, self.macro = space, direction, macro
-        self.loaded, self.known, self.blackbox = loaded, known, blackbox
+        self.loaded, self.known, self.blackbox, self.nonlinear = loaded, known, blackbox, nonlinear
         self._begun: tuple[np.ndarray, np.ndarray] | None = None
 
-    def under(self, loaded: np.ndarray, known: np.ndarray | None) -> LinearStage:
+    def under(self, loaded: np.ndarray, known: np.ndarray | None, nonlinear: AtStep | None = None) -> LinearStage:
         """The same for other load steps."""
-        return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox)
+        return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox, nonlinear)
 
     def begin(self, s: np.ndarray) -> None:
         """Have the codes answer to a state (T, D) that is likely to be the next, and that nobody changes, meanwhile."""
@@ -112,7 +114,13 @@ class LinearStage:
         A zero state needs none: the loads' part is known.
         """
         of_loads, alpha = self._of_loads, np.zeros((len(s), 0))
-        if s.any():
+        if self.nonlinear is not None:
+            robin = self.space.loads(s)
+            u = self.blackbox.answered(robin)[0] + self.loaded if s.any() else self.loaded.copy()
+            self.nonlinear.put(u, robin)
+            w = self.trace(u)
+            kw = self.direction.times(w)
+        elif s.any():
             begun, self._begun = self._begun, None
             u, w, kw = self.blackbox.answered(begun[1] if begun is not None and begun[0] is s else self.space.loads(s))
             for mine, theirs in zip((u, w, kw), of_loads):
@@ -130,6 +138,14 @@ class LinearStage:
         """u (T, B), w and k w (T, D) of the loads alone."""
         w = self.trace(self.loaded)
         return self.loaded, w, self.direction.times(w)
+
+    def ended(self, fields: Admissible) -> Admissible:
+        """The fields that end a load step, asked for and committed where matter is nonlinear, under the forces of these."""
+        if self.nonlinear is None:
+            return fields
+        u = fields.u.copy()
+        self.nonlinear.put(u, self.space.loads(self.robin_force(fields.s, fields.alpha)), commit=True)
+        return self.complete(fields.s, u, fields.alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""

@@ -166,7 +166,7 @@ class ErrorCriterion:
 
 
 class LawCriterion:
-    """Contact: equilibrium and every law below the tolerance, or η."""
+    """Contact: equilibrium and every law below the tolerance, or η. Where matter is nonlinear, the fixed point's residual too."""
 
     def __init__(self, d: Decomposition, tolerance):
         self.d, self.by_error, self.value = d, *_asked(tolerance)
@@ -179,6 +179,8 @@ class LawCriterion:
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         lengths, bound = self.lengths(fields.u), None
         laws = self._laws(fields, local, lengths)
+        if self.d.nonlinear is not None:
+            laws = laws.with_fixed_point(measures().residual)
         measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
             bound = self._delivered(fields)

@@ -6,6 +6,8 @@ set of fields does both. Each measure is taken on the linear stage's fields, whi
 - residual     ‖f − f̂‖ / ‖f‖ in the norm of (k⁺)⁻¹, tied dofs included
 - imbalance    ‖f₁ + f₂‖ / ‖f‖ in the same norm
 - stabilisation ‖f̂ − law(F)‖ / A of the pair where it is largest, over the largest pressure, where contacts are stabilised
+- fixed_point  ‖F(s) − s‖ / ‖F(s)‖ in the same norm, on all interfaces, where matter is nonlinear: then nothing else tells
+  whether what was extrapolated from the last true answers is true
 - the laws' own measures, over powers of the length scale ℓ (see ``lengths``) and of the law's largest pressure
 
 Forces and pressures are compared with the largest there are, or with a small share of k⁺ ℓ where
@@ -14,7 +16,7 @@ the interfaces carry next to nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -28,7 +30,7 @@ from orchestrator.method.stopping.lengths import Lengths
 from orchestrator.parallel.team import ALONE, Team
 
 
-STABILISATION = "stabilisation"
+STABILISATION, FIXED_POINT = "stabilisation", "fixed_point"
 SETTLED = 1e-2  # residual over what springs carry, from which more iterations do not change what they do
 
 
@@ -44,6 +46,10 @@ class LawResiduals:
     def largest(self) -> float:
         """What the tolerance is compared with; nan if any is."""
         return float(np.max([self.residual, self.imbalance, *self.measures.values()]))
+
+    def with_fixed_point(self, residual: float) -> LawResiduals:
+        """The same with the residual of the fixed point."""
+        return replace(self, measures={**self.measures, FIXED_POINT: residual})
 
     def held_by_springs(self, tolerance: float) -> bool:
         """Whether all has settled but for springs that carry more than the tolerance: without them there is no balance."""

@@ -36,7 +36,7 @@ def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[Code
                      "begin the list with an entry without on:, which holds for all")
     problems.raise_if_any()
     for subdomain, code in zip(subdomains, chosen.tolist()):
-        subdomain.code = code
+        subdomain.code, subdomain.remembers = code, entries[code].remembers
 
 
 def _names(mesh: Mesh, subdomain: Subdomain) -> list[str]:
