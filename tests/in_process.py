@@ -8,6 +8,8 @@ missing is the process, its pipes and its files. That the real code gives the sa
 """
 
 import time
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,14 +17,20 @@ import scipy.sparse.linalg as spla
 from quadratic_case import assemble_ten
 
 from orchestrator.blackbox.codes.code import Code
+from orchestrator.blackbox.codes.python_server import FullModel, solver_class
 from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.pool.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
+from orchestrator.config.blackbox import CodeSettings
 from orchestrator.registry import CODES
+
+EXAMPLE = Path(__file__).parents[1] / "configs" / "elastoplastic.py"
+Plastic = solver_class(str(EXAMPLE))
 
 FREEFEM = {"code": "freefem", "workers": 1}
 IN_PROCESS = {"code": "in-process", "workers": 1}
+IN_PROCESS_PLASTIC = {"code": "in-process-plastic", "workers": 1, "options": {"yield_stress": 200.0, "hardening": 2000.0, "kinematic": 0.5}}
 
 
 class TemplateSolver(Solver):
@@ -67,6 +75,27 @@ class InProcessWorker(Worker):
         return matrix
 
 
+class PlasticWorker(InProcessWorker):
+    """The shipped example of a nonlinear solver, in the thread too."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.solver, self.elastic, self.promised = Plastic(**self.code.settings.options), {}, 2 + 4
+
+    def load(self, index: int, model: Model) -> None:
+        full = FullModel(*(getattr(model, f.name) for f in fields(Model)))
+        for name, value in model.origin.arrays(len(model.nodes), len(model.cells)).items():
+            setattr(full, name, value)
+        self.models[index], self.elastic[index] = model, self.solver.stiffness(model)
+        self.prepared[index] = self.solver.prepare(full, self.elastic[index])
+
+    def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
+        u, needed = self.solver.advance(self.prepared[index], forces)
+        if commit:
+            self.solver.commit(self.prepared[index])
+        return np.stack([u, self.elastic[index] @ u - needed])
+
+
 class InProcess(Code):
     """The template's solver as a code; of what a code tells about its process there is nothing to tell."""
 
@@ -79,4 +108,19 @@ class InProcess(Code):
         raise AssertionError("no process is started")
 
 
+class InProcessPlastic(InProcess):
+    translation_invariant, own_matter = False, True
+
+    class Settings(CodeSettings):
+        options: dict = {}
+
+        @property
+        def remembers(self) -> bool:
+            return True
+
+    def worker(self) -> type[Worker]:
+        return PlasticWorker
+
+
 CODES.add(IN_PROCESS["code"], InProcess)
+CODES.add(IN_PROCESS_PLASTIC["code"], InProcessPlastic)

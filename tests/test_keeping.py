@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 from method_case import CUBES, METIS, config
-from in_process import IN_PROCESS
+from in_process import IN_PROCESS, IN_PROCESS_PLASTIC
 
 from orchestrator.config import load_config
 from orchestrator.errors import InputError, InternalError
@@ -46,6 +46,7 @@ CASES = {
     "contact": PRESSED,
     "contact, step by step": {**PRESSED, "method": {"increment": 1}},
     "contact, four differences kept": {**PRESSED, "method": {"memory": 4}},
+    "nonlinear, step by step": {**PRESSED, "blackbox": [IN_PROCESS, {**IN_PROCESS_PLASTIC, "on": "block 0-0-0"}]},
     "bonded, nodes that do not match": {**TURNED, **APART, "interfaces": [{"law": "perfect"}], "boundary": [
         {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2.0}, "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]},
     "contact, nodes that do not match": {**PRESSED, **APART, "boundary": [

@@ -52,6 +52,7 @@ SHIPPED_CODES = {  # what shortens it, iterations at most, its codes and transpo
                    ["freefem pipe", "freefem file", "calculix file", "scikit-fem pipe", "template.py pipe"]),
     "assembly_codes": (["mesh.h=10", "output.fields=false"], 30, ["freefem pipe", "calculix file"]),
     "punch": ([], 50, ["freefem pipe", "calculix file"]),
+    "tube_in_frame": (["histories.expand=[0.5, 1.0, 0.0]", "method.tolerance.error=1e-4"], 60, ["freefem pipe", "elastoplastic.py pipe"]),
     "slider": (["parts.1.mesh.box.cells=[6, 6, 5]"], 60, ["freefem pipe", "scikit-fem pipe"]),
 }
 
@@ -143,5 +144,8 @@ def test_shipped_configurations_of_several_codes(name, tmp_path, configs_dir):
     elif name == "slider":  # dragged there and back, all of it, nearly all along the way
         assert statuses(summary, "stick")[0] > 0 and statuses(summary, "stick")[1:] == [0, 0]
         assert all(0.298 < np.hypot(*step[:2]) / step[2] <= 0.3 for step in reactions[0][1:])
+    elif name == "tube_in_frame":  # what has flown stays pressed on the frame when the pressure is gone
+        assert statuses(summary, "open") == [0, 0, 0] and summary["nonlinear"]["subdomains"] == ["tube"]
+        assert abs(summary["interface_resultants"][0]["resultant"][2][0]) > 1000
     else:
         assert summary["error_bound"] <= 1e-6

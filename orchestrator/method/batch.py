@@ -62,7 +62,7 @@ class Batch:
 
     def begin(self, s: np.ndarray, iteration: int, sweeps: float) -> None:
         """Begin from a state (T, D), after so many iterations and sweeps."""
-        self.s, self.iteration, self.sweeps = s, iteration, sweeps
+        self.s, self.iteration, self.sweeps = s.copy(), iteration, sweeps  # those who listen write into what they were given
         self.whole_at = iteration + 1
         self.measured = np.nan
 
@@ -86,13 +86,13 @@ class Batch:
         """The end of a batch, from its last iteration."""
         notes = memory.notes
         delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
-        delivered = self.d.stage.ended(delivered)
+        local, delivered = self.d.local(delivered), self.d.stage.ended(delivered)
         bound, _ = self.criterion.final(delivered, None)
         event = notes["event"]
         if self.far is not None:
             self.far.recall(notes["far"])
         last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
-        return Iterated(delivered, self.d.local(delivered), bound, notes["met"], notes["reason"], memory.iteration,
+        return Iterated(delivered, local, bound, notes["met"], notes["reason"], memory.iteration,
                         notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0])], notes["batch"]["left_out"],
                         self._strayed)
 

@@ -135,6 +135,8 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     """
     savings, share = savings or Savings(), method.skip.congruent
     part = part or Part.of_all(scene)
+    if any(s.remembers for s in scene.subdomains):  # pseudo-loads are this run's, not the scene's
+        scene = replace(scene, subdomains=[replace(s, loads=s.loads.copy()) if s.remembers else s for s in scene.subdomains])
     space, sides = part.space, sides_by_subdomain(scene)
     own = [scene.subdomains[e] for e in space.subdomains]
     models = [extended_model(scene, s, sides[s.index], soles) for s in own]

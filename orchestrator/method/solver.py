@@ -18,6 +18,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.start import Start
+from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.savings import Savings
 from orchestrator.timing import Stopwatch
 
@@ -47,6 +48,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, 1 if d.nonlinear else method.increment)
     state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
     ended: list[Iterated] = []
+    # a load step may unload: what its residuals are relative to is what the scene was told in all of them
+    told_of_all = LengthScale(d).told if len(batches) > 1 and not d.all_perfect else 0.0
     begun: int | None = None  # iterations of earlier runs
     for number, steps in enumerate(batches):
         view, listener = d, told
@@ -54,6 +57,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
             view = d.batch(steps, ended[-1].local.jump[-1] if ended else None)
             listener = _PartOfAll(told, state, steps)
         batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate)
+        if told_of_all:
+            batch.criterion.lengths.told = max(batch.criterion.lengths.told, told_of_all)
         if number < len(start.ended):
             ended.append(batch.recalled(start.ended[number]))
             state[steps] = ended[-1].fields.s

@@ -14,7 +14,7 @@ and ``commit``.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -98,38 +98,52 @@ class _Body:
         self.u, self.history = self.latest
 
     def advance(self, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton's method, its steps halved where the imbalance grows; from the nearer of the step's beginning and the
-        last answer. Raises ArithmeticError where it does not converge."""
-        found = min((self._at(np.where(self.fixed, given, start), given) for start in (self.u, self.latest[0])),
-                    key=lambda at: at[0])
+        """Newton's method from the last committed step, see ``_moved``, so that answers do not depend on what has been asked
+        since. Raises ArithmeticError where it does not converge."""
+        at = self._at(np.where(self.fixed, given, self.u), given)
         for _ in range(ITERATIONS):
-            left, u, needed, tangent, history = found
-            if left <= BALANCED:
+            if at.left <= BALANCED or (further := self._moved(at, given)) is None:
                 break
-            free = self.free
-            factor = spla.splu(sp.csc_array(tangent[free][:, free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-                               options={"SymmetricMode": True})
-            change = np.zeros_like(u)
-            change[free] = factor.solve((given - needed)[free])
-            for halved in range(HALVINGS):
-                found = self._at(u + 0.5**halved * change, given)
-                if found[0] < left:
-                    break
-            else:
-                found = left, u, needed, tangent, history
-                break
-        left, u, needed, _, history = found
-        if not left <= ENOUGH:
-            raise ArithmeticError(f"Newton's method leaves {left:.1e} of the forces unbalanced: take smaller load steps")
-        self.latest = u, history
-        return u, needed
+            at = further
+        if not at.left <= ENOUGH:
+            raise ArithmeticError(f"Newton's method leaves {at.left:.1e} of the forces unbalanced: take smaller load steps")
+        self.latest = at.u, at.history
+        return at.u, at.needed
 
-    def _at(self, u: np.ndarray, given: np.ndarray) -> tuple:
-        """What is left of the forces on free dofs, relative; u; the forces it needs, their tangent, and the history."""
+    def _moved(self, at: _At, given: np.ndarray) -> _At | None:
+        """A step along the tangent, halved until what is unbalanced falls in the norm of the elastic compliance; where none
+        does, as when flow is reversed, an elastic one: matter that hardens never resists more. None: at rounding."""
+        free, unbalanced = self.free, (given - at.needed)[self.free]
+        factor = spla.splu(sp.csc_array(at.tangent[free][:, free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+                           options={"SymmetricMode": True})
+        elastic = self.elastic[1].solve(unbalanced)
+        size = unbalanced @ elastic
+        for change, halvings in ((factor.solve(unbalanced), HALVINGS), (elastic, 1)):
+            for halved in range(halvings):
+                u = at.u.copy()
+                u[free] += 0.5**halved * change
+                found = self._at(u, given)
+                rest = (given - found.needed)[free]
+                if rest @ self.elastic[1].solve(rest) < size:
+                    return found
+        return None
+
+    def _at(self, u: np.ndarray, given: np.ndarray) -> _At:
         forces, tangent, history = self.solver.response(self.body, u, self.history)
         needed = forces + self.soles @ u
         size = max(np.linalg.norm(given[self.free]), np.linalg.norm(needed), np.finfo(float).tiny)
-        return np.linalg.norm((given - needed)[self.free]) / size, u, needed, tangent + self.soles, history
+        return _At(np.linalg.norm((given - needed)[self.free]) / size, u, needed, tangent + self.soles, history)
+
+
+@dataclass(frozen=True)
+class _At:
+    """Displacements, what they need, and what is left of the forces on free dofs, relative."""
+
+    left: float
+    u: np.ndarray
+    needed: np.ndarray
+    tangent: sp.csr_array
+    history: Any
 
 
 def _some(model: Any, chosen: np.ndarray) -> Any:

@@ -14,7 +14,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import Field, JsonValue, model_validator
+from pydantic import Field, JsonValue
 
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.pool.exits import exit_meaning
@@ -88,12 +88,6 @@ class PythonCode(MessageCode):
         nonlinear: bool = Field(False, description=(
             "whether the solver's class is nonlinear: advance(prepared, forces) and commit(prepared), load step by load step"))
 
-        @model_validator(mode="after")
-        def _stays_alive(self) -> PythonCode.Settings:
-            if self.nonlinear and self.transport != "pipe":
-                raise ValueError("a nonlinear solver remembers load steps: write transport: pipe, or leave it out")
-            return self
-
         @property
         def remembers(self) -> bool:
             """As the entry says: the class is imported by its processes alone."""
@@ -118,6 +112,9 @@ class PythonCode(MessageCode):
         super().__init__(settings)
         code = self.solver or self.settings.code
         where = code.rpartition(":")[0] or code
+        if self.settings.nonlinear and self.settings.transport != "pipe":
+            raise _absent(f"{self.settings.transport} for a nonlinear solver", "a process that remembers load steps",
+                          "write transport: pipe, or leave it out", "transport")
         if self.settings.python:
             _ask(self.settings.python, self.package)
         elif self.package and not _installed(self.package):

@@ -17,7 +17,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
 from orchestrator.method.stopping.criteria import LawCriterion
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.law_residuals import LawResiduals
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -80,7 +80,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         criterion = LawCriterion(d, tolerance)
         laws, lengths = criterion.laws(iterated.fields, iterated.local), criterion.lengths(iterated.fields.u)
         if d.nonlinear is not None:
-            laws = laws.with_fixed_point(iterated.last.residual)
+            laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")

@@ -180,12 +180,18 @@ class LawCriterion:
         lengths, bound = self.lengths(fields.u), None
         laws = self._laws(fields, local, lengths)
         if self.d.nonlinear is not None:
-            laws = laws.with_fixed_point(measures().residual)
+            laws = laws.with_fixed_point(self._fixed_point(local, lengths, measures().residual))
         measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
             bound = self._delivered(fields)
             measure = max(measure, energy_residual(self.d.stage, fields, local, bound.energy))
         return Verdict(bool(measure <= self.value), measure, bound, laws, lengths)
+
+    def _fixed_point(self, local: LocalState, lengths: Lengths, residual: float) -> float:
+        """‖F(s) − s‖ over ‖F(s)‖, given that ratio, or over a small share of k ℓ where the interfaces carry next to nothing."""
+        k = self.d.stage.direction.diagonal
+        size = float(np.sqrt(np.sum(local.s**2 / k)))
+        return residual * size / (max(size, float(np.sqrt(k.sum())) * lengths.of_rest) or 1.0)
 
     def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
@@ -15,6 +16,7 @@ from orchestrator.method.stopping.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.codes import foreign_matter
+from orchestrator.results.summary.nonlinear import nonlinear_parts
 from orchestrator.results.summary.spent import Spent, total
 from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
@@ -37,12 +39,14 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     if foreign := foreign_matter(spent["codes"]):
         estimated = None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
+    nonlinear = nonlinear_parts(scene, iterated.iterations)
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes],
                                  delivered.stabilised)),
         "iterations": iterated.iterations,
-        "acceleration": algorithm(config.method.acceleration, all(i.law.perfect for i in scene.interfaces)).title,
+        "acceleration": algorithm(config.method.acceleration,
+                                  all(i.law.perfect for i in scene.interfaces) and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
         "indicator": last.indicator, "error_bound": iterated.bound.relative,
@@ -52,7 +56,9 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                       ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (delivered.laws.named if delivered.laws else {}),
         "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
-        **problem_size(scene), "energy": 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
+        **nonlinear, **problem_size(scene),
+        # pseudo-loads work on the elastic stiffness: no energy of what flows
+        "energy": [math.nan] * scene.steps if nonlinear else 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.far],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.far)
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.codes import codes_text
+from orchestrator.results.summary.nonlinear import nonlinear_text
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
 from orchestrator.results.summary.workload import idle_text, ranks_text
 from orchestrator.wording import some
@@ -64,6 +65,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("law residual", _law_text(summary)),
             ("mesh's error", _mesh_text(summary)),
             ("interfaces", _status_text(summary)),
+            ("nonlinear", nonlinear_text(summary)),
             ("stabilised", "\n".join(stabilised_sentences(summary))),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
