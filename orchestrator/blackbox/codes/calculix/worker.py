@@ -168,9 +168,9 @@ class CalculixWorker(StatelessWorker):
         before = os.fstat(self.log.fileno()).st_size
         code, seconds = self.wait_for_end(self.spawn(JOB, ""))
         printed = os.pread(self.log.fileno(), os.fstat(self.log.fileno()).st_size - before, before)
-        complaint = _complaint(printed.decode(errors="replace"))
-        if complaint:
-            raise Ended(f"it rejected the deck: {complaint}")
+        said = complaint(printed.decode(errors="replace"))
+        if said:
+            raise Ended(f"it rejected the deck: {said}")
         if code != 0:
             raise Ended("the run failed")
         return seconds
@@ -200,7 +200,7 @@ def _check(loaded: Loaded, u: np.ndarray, forces: np.ndarray) -> None:
         messages.check_residual(float(np.max(left / size, initial=0.0)))
 
 
-def _complaint(printed: str) -> str:
+def complaint(printed: str) -> str:
     """The first error message in what CalculiX printed, on one line; empty when there is none."""
     rows = iter(printed.splitlines())
     for row in rows:

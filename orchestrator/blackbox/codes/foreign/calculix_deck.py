@@ -1,0 +1,77 @@
+"""A CalculiX deck as a part: included as it is, run a few times at the start, then algebra.
+
+- its stiffness K, which CalculiX stores, condensed to the joints: S;
+- for each file of loads a static run with grounded springs k on the joints: u₀, so that b = (S + k) u₀ whatever the loads are
+  (heat, pressure, prescribed displacements);
+- one more with forces s on the joints besides: (S + k) u = b + s tells whether the deck is as linear as its matrix.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.blackbox.codes.foreign.code import ForeignCode
+from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
+from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Refused
+from orchestrator.errors import InputError, Problem
+from orchestrator.scene.foreign.read import read_joints
+
+# Relative: input and stored matrix have 14 digits, condensing costs some of them.
+LINEAR = 1e-6
+
+
+class DeckCode(ForeignCode):
+    """A part that is a CalculiX deck."""
+
+    def made(self) -> Condensed:
+        """As ``ForeignCode`` says."""
+        part, path, name = self.settings.part, self.settings.place, self.settings.name
+        joints = read_joints(part, path, name)
+        with DeckRuns(part, path, joints) as runs:
+            try:
+                return self._made(runs)
+            except Refused as error:
+                raise InputError(Problem((*path, "calculix"), f"'{name}': {error}", "a deck that CalculiX runs", "run it alone, with "
+                                         "ccx, until it does")) from error
+
+    def _made(self, runs: DeckRuns) -> Condensed:
+        part, path, name, joints = self.settings.part, self.settings.place, self.settings.name, runs.joints
+        K, active = runs.stored()
+        dofs = (3 * (joints.ids[:, None] - 1) + np.arange(3)).ravel()
+        free = np.flatnonzero(~joints.held.ravel())
+        order = np.argsort(active)
+        at = np.minimum(np.searchsorted(active[order], dofs[free]), len(active) - 1)
+        lost = free[active[order][at] != dofs[free]]
+        if len(lost):
+            raise InputError(Problem((*path, "joints"), f"'{name}': {len(lost)} dofs of joint nodes depend on others (*EQUATION, *MPC, *TIE, "
+                                     f"*RIGID BODY, shells, beams), the first is {'xyz'[lost[0] % 3]} of node {joints.ids[lost[0] // 3]}",
+                                     "joint nodes whose displacements are unknowns of their own", "make the joint's nodes the "
+                                     "independent side of the tie or equation, or take other nodes for the joint"))
+        S = np.zeros((len(dofs), len(dofs)))
+        S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name)[0]
+        part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
+        k = np.zeros(len(dofs))
+        k[free] = np.diag(S)[free].mean()
+        M = S + np.diag(k)
+        b = np.array([M @ runs.static(k, load) for load in part.loads or []]) if part.loads else np.zeros((1, len(dofs)))
+        b[:, joints.held.ravel()] = 0.0
+        self._probe(runs, M, k, b[0])
+        if len(b) not in (1, len(self.settings.factors)):
+            raise InputError(Problem((*path, "loads"), f"{len(b)} files of loads for {len(self.settings.factors)} load steps",
+                                     "one file for all load steps, or one for each"))
+        return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.rounding)
+
+    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:
+        """Raises InputError where forces on the joints do not move them as the stored matrix says."""
+        free = np.flatnonzero(k)
+        s = np.zeros(len(k))
+        # as large as the loads, or such that displacements are a thousandth of the part
+        size = max(float(np.abs(b).max(initial=0.0)), 1e-3 * runs.joints.size * float(k.max()))
+        s[free] = size * np.random.default_rng(2).uniform(-1, 1, len(free))
+        u = runs.static(k, (self.settings.part.loads or [None])[0], s)
+        left = np.abs(M @ u - b - s)[free].max() / (np.abs(M @ u)[free].max() or 1.0)
+        if not left <= LINEAR:
+            raise InputError(Problem((*self.settings.place, "calculix"), f"'{self.settings.name}': forces on its joints do not move them "
+                                     f"as its stiffness says: {left:.1e} of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose "
+                                     "stiffness does not depend on its loads", "look for contact, gaps, *TRANSFORM on joints, and moduli that "
+                                     "depend on temperature: with its loads the deck is another than without"))

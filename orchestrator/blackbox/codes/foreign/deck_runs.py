@@ -1,0 +1,139 @@
+"""Runs of CalculiX on a user's deck, in a folder of their own: the deck is included, never written."""
+
+from __future__ import annotations
+
+import shutil
+import struct
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from orchestrator.blackbox.codes.calculix import deck as cards_of
+from orchestrator.blackbox.codes.calculix import files
+from orchestrator.blackbox.codes.calculix.code import CalculiX
+from orchestrator.blackbox.codes.calculix.files import Unreadable
+from orchestrator.config.foreign_parts import DeckPart
+from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.foreign.deck import Deck, headings
+from orchestrator.scene.foreign.joints import Joints
+
+JOB = "orchestrator-job"
+# CalculiX stores no stiffness unless some matter has a mass; of this one nothing is made.
+DENSITY = "*MATERIAL,NAME=ORCHESTRATOR\n*ELASTIC\n1.,0.\n*DENSITY\n1.\n"
+PATIENCE = 3600.0  # seconds for a run
+
+
+class Refused(Exception):
+    """CalculiX does not take the deck; in its own words."""
+
+
+class DeckRuns:
+    """Runs of one deck; as a context manager, the folder goes on leaving.
+
+    Parameters
+    ----------
+    part : the entry of ``parts``; path : where it stands in the YAML
+    """
+
+    def __init__(self, part: DeckPart, path: KeyPath, joints: Joints):
+        self.part, self.path, self.joints = part, path, joints
+        self.deck = Deck(Path(part.calculix), path)
+        try:
+            self.code = CalculiX()
+        except InputError as error:
+            raise InputError([Problem((*path, "calculix"), p.found, p.expected, p.cure) for p in error.problems]) from error
+        self.materials = [options["NAME"].upper() for card, options, _ in headings(Path(part.calculix), path)
+                          if card == "MATERIAL" and "NAME" in options]
+        elements = [int(row.words[0]) for card, _, rows in self.deck.cards if card == "ELEMENT" for row in rows if row.words[0].isdigit()]
+        self._next = 1 + max(elements, default=0)
+
+    def __enter__(self) -> DeckRuns:
+        self.folder = Path(tempfile.mkdtemp(prefix="orchestrator-deck-"))
+        for file in [self.part.calculix, *(self.part.loads or [])]:  # and whatever they include, by names beside them
+            for beside in Path(file).resolve().parent.iterdir():
+                link = self.folder / beside.name
+                if not link.exists() and beside.name.split(".")[0] != JOB:
+                    link.symlink_to(beside)
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def stored(self) -> tuple[sp.csr_array, np.ndarray]:
+        """(active, active) stiffness of the deck alone, and the dof 3 (number − 1) + component of each of its rows."""
+        self._run(self._included() + DENSITY + cards_of.store_matrix())
+        try:
+            return files.matrix(self.folder / JOB, 3 * 10**9)
+        except Unreadable as error:
+            raise Refused(f"its stiffness was not stored: {error}") from error
+
+    def static(self, k: np.ndarray, loads: str | None, forces: np.ndarray | None = None) -> np.ndarray:
+        """(3n,) displacements of the joints under a file of loads and forces (3n,) on the joints, springs k (3n,) on them."""
+        text = self._included() + self.springs(k) + "*STEP\n*RESTART,WRITE\n*STATIC\n"
+        if loads is not None:
+            text += f"*INCLUDE,INPUT={Path(loads).name}\n"
+        text += "*CLOAD\n" + self._forces(np.zeros(len(k)) if forces is None else forces)
+        self._run(text + "*END STEP\n")
+        u = self._displacements()
+        dofs = (3 * (self.joints.ids[:, None] - 1) + np.arange(3)).ravel()
+        found = np.where(k > 0, u[dofs], 0.0)
+        if not np.isfinite(found).all():
+            raise Refused("displacements that are not finite: something inside can move by itself")
+        return found
+
+    def springs(self, k: np.ndarray) -> str:
+        """Grounded springs, an element for each dof with k > 0."""
+        parts, number = [], self._next
+        for dof in np.flatnonzero(k):
+            node, c = self.joints.ids[dof // 3], dof % 3 + 1
+            parts.append(f"*ELEMENT,TYPE=SPRING1,ELSET=ORCH{number}\n{number},{node}\n*SPRING,ELSET=ORCH{number}\n{c}\n{k[dof]:.13e}\n")
+            number += 1
+        return "".join(parts)
+
+    def _forces(self, forces: np.ndarray) -> str:
+        """Lines of *CLOAD; one of zero where there are none, since a step must load something."""
+        chosen = np.flatnonzero(np.abs(forces) > cards_of.SMALLEST)
+        return "".join(f"{self.joints.ids[d // 3]},{d % 3 + 1},{forces[d]:.13e}\n" for d in chosen) or f"{self.joints.ids[0]},1,0.\n"
+
+    def _included(self) -> str:
+        return f"*INCLUDE,INPUT={Path(self.part.calculix).name}\n"
+
+    def _run(self, text: str) -> None:
+        from orchestrator.blackbox.codes.calculix.worker import complaint
+
+        for old in self.folder.glob(JOB + ".*"):
+            old.unlink()
+        (self.folder / f"{JOB}.inp").write_text(text, encoding="utf-8")
+        environment = {**self.code.environment(), "OMP_NUM_THREADS": "1"}
+        try:
+            done = subprocess.run(self.code.command(JOB), cwd=self.folder, env=environment, stdin=subprocess.DEVNULL,
+                                  capture_output=True, timeout=PATIENCE)
+        except subprocess.TimeoutExpired as error:
+            raise Refused(f"no answer in {PATIENCE:g} s") from error
+        said = complaint(done.stdout.decode(errors="replace"))
+        if said or done.returncode:
+            raise Refused(f"CalculiX says: {said or self.code.meaning(done.returncode)}")
+
+    def _displacements(self) -> np.ndarray:
+        """(3 nodes,) of all nodes by number: the second record after the materials' names in the restart file."""
+        try:
+            data = (self.folder / JOB).with_suffix(".rout").read_bytes()
+        except OSError as error:
+            raise Refused("no restart file was written") from error
+        records, at = [], 0
+        while at + 4 <= len(data):
+            (length,) = struct.unpack_from("<i", data, at)
+            records.append((at + 4, length))
+            at += 8 + length
+        first = self.materials[0].encode().ljust(80)[:80] if self.materials else b""
+        # a name for each spring follows them
+        names = [i for i, (start, length) in enumerate(records) if length and length % 80 == 0 and data[start : start + 80] == first]
+        if len(names) != 1 or names[0] + 2 >= len(records) or records[names[0] + 2][1] % 32:
+            raise Refused(f"a restart file that cannot be read ({len(self.materials)} materials, found {len(names)} times)")
+        start, length = records[names[0] + 2]
+        if length // 32 < self.joints.ids.max():
+            raise Refused("a restart file without all nodes")
+        return np.frombuffer(data, np.float64, length // 8, start).reshape(-1, 4)[:, 1:].ravel()
