@@ -69,12 +69,13 @@ class Registry(Mapping[str, Any]):
         return self._known[place]
 
 
-DEFAULT_LAW = "perfect"
+DEFAULT_LAW, BOLT_LAW = "perfect", "pretension"  # what joins where nothing is said; across the cut of an entry of bolts
 LAWS = Registry({
     "perfect": "orchestrator.laws.perfect:Perfect",
     "contact": "orchestrator.laws.contact:Contact",
     "jump": "orchestrator.laws.jump:Jump",
     "elastic": "orchestrator.laws.elastic:Elastic",
+    "pretension": "orchestrator.laws.pretension:Pretension",
 })
 
 DEFAULT_CODE = "freefem"  # keeps its factors between requests, and is the fastest here

@@ -22,7 +22,7 @@ def pushed_body(friction: float = 0.0) -> Body:
     transfer = Matching(dofs, dofs, 1, 1, bounds, np.ones((3, 1), bool))
     pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], bounds, transfer, transfer.exists,
                   [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], list(Contact.statuses), None,
-                  none.astype(int), np.zeros((1, 0)), none)
+                  none.astype(int), np.zeros((1, 0)), none, np.arange(1))
     fields = np.zeros((1, 3, 12))
     fields[0, 0, 0] = fields[0, 1, 1] = 1.0
     stiffness = np.diag(np.r_[0.0, 0.0, np.ones(10)])  # what the body lacks stays at rest
@@ -30,7 +30,7 @@ def pushed_body(friction: float = 0.0) -> Body:
 
 
 def settled(body: Body, rho: np.ndarray, radius: float) -> np.ndarray:
-    return body.settle(np.zeros((3, 1)), np.zeros((3, 1)), rho, 1e-10, radius)
+    return body.settle(np.zeros((3, 1)), np.zeros((3, 1)), 0, rho, 1e-10, radius)
 
 
 def test_a_pushed_body_comes_to_rest_at_the_wall():

@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from orchestrator.config.blackbox import settings_class
+from orchestrator.config.entry import Entry
 from orchestrator.config.method import RATIO_RANGE
 from orchestrator.config.foreign_parts import KINDS
 from orchestrator.config.parts import elements_of
 from orchestrator.config.paths import find, get
 from orchestrator.errors import KeyPath, Problem
-from orchestrator.registry import DEFAULT_LAW, LAWS
+from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, LAWS
 
 SMALLEST, HUGEST = 1e-30, 1e30
 
@@ -32,7 +33,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant"),
     ("loads", "*"): ("body_force", "gravity", "spin"),
 }
-ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",)}
+ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",), "interfaces": (), "bolts": ()}
 
 
 def exactly_one(data: Any) -> Iterator[Problem]:
@@ -105,6 +106,7 @@ def load_steps(data: Any) -> Iterator[Problem]:
         for path, entry in find(data, (group, "*")):
             if not isinstance(entry, dict) or not isinstance(histories, dict):
                 continue
+            keys = law_of(entry).Parameters.per_step if group == "interfaces" else keys
             listed = [key for key in keys if _is_per_step(entry.get(key))]
             counts += [((*path, key), len(entry[key])) for key in listed]
             history = entry.get("history")
@@ -123,6 +125,23 @@ def load_steps(data: Any) -> Iterator[Problem]:
         if count != counts[0][1]:
             yield Problem(path, f"{count} load steps", f"{counts[0][1]} load steps, as in {_dotted(counts[0][0])}",
                           "give all histories and lists of vectors the same length")
+
+
+def what_histories_multiply(data: Any) -> Iterator[Problem]:
+    """A history beside a law belongs to something that the law prescribes, and its factors suit it."""
+    histories = get(data, "histories")
+    entries = [(path, law_of(entry).Parameters, entry) for path, entry in find(data, ("interfaces", "*"))]
+    entries += [(path, LAWS[BOLT_LAW].Parameters, entry) for path, entry in find(data, ("bolts", "*"))]
+    for path, parameters, entry in entries:
+        name = entry.get("history") if isinstance(entry, dict) else None
+        if not isinstance(name, str):
+            continue
+        factors = get(histories, name)
+        if parameters.scaled is Entry.scaled:
+            yield Problem((*path, "history"), f"history beside law: {entry.get('law', DEFAULT_LAW)}, which prescribes nothing",
+                          "a history beside a jump, a gap that is a number, or a force", "remove the history")
+        elif isinstance(factors, list) and all(map(_is_number, factors)) and (wrong := parameters.wrong_factors(factors)):
+            yield Problem((*path, "history"), *wrong)
 
 
 def prescribed_once(data: Any) -> Iterator[Problem]:
@@ -252,7 +271,8 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
 
 def directions(data: Any) -> Iterator[Problem]:
     """Axes have a direction, and what is spread over a surface is something."""
-    for where in (("parts", "*", "move", "rotate", "axis"), ("boundary", "*", "motion", "rotate", "axis"), ("loads", "*", "spin", "axis")):
+    for where in (("parts", "*", "move", "rotate", "axis"), ("boundary", "*", "motion", "rotate", "axis"), ("loads", "*", "spin", "axis"),
+                  ("bolts", "*", "cut", "plane")):
         for path, axis in find(data, where):
             if isinstance(axis, list) and not any(axis):
                 yield Problem(path, _show(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
@@ -284,8 +304,8 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
             yield from magnitudes(value, (*path, key))
 
 
-RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, prescribed_once, acceleration_fits,
-         heeded, one_element, a_mesh, parts_fit, foreign_parts, directions]
+RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, what_histories_multiply, prescribed_once,
+         acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -18,8 +18,15 @@ Tolerance = auto_or(Annotated[float, Field(gt=0, le=10)], "a number > 0, at most
 RIGHT = 90.0  # degrees; faces that turn farther look away from each other
 
 
+def scaled(value: Any, factor: float) -> Any:
+    """A number, or a list of such, times a factor."""
+    return [scaled(x, factor) for x in value] if isinstance(value, list) else factor * value
+
+
 class Entry(Part):
     """The law between two parts; the last match wins. Each law derives its own, with its parameters."""
+
+    per_step: ClassVar[tuple[str, ...]] = ()  # keys that may be lists of vectors, one per load step
 
     between: Between = Field(["*", "*"], description=(
         "names of the two parts, shell wildcards allowed, in either order; auto: whatever parts' faces lie on each other, "
@@ -35,6 +42,26 @@ class Entry(Part):
     angle: Annotated[float, Field(gt=0, le=RIGHT)] | None = Field(None, description=(
         "degrees by which such faces may be off looking straight at each other; none: 45"))
     law: Name = Field(DEFAULT_LAW, description="perfect: bonded, the undamaged body")
+
+    history: Name | None = Field(None, description=(
+        "name of the factors per load step, of what the law prescribes: a jump, a gap, a force; none: the same at every step"))
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        """The keys that a history multiplies; none where the law prescribes nothing."""
+        return ()
+
+    @classmethod
+    def wrong_factors(cls, factors: Sequence[float]) -> tuple[str, str, str] | None:
+        """What of a history the law cannot have: what was found, what is expected, the cure."""
+        return None
+
+    def at_steps(self, factors: Sequence[float]) -> list[Entry]:
+        """The entry at every load step, its ``history`` multiplied in; empty where it is the same at all of them."""
+        if self.history is None:
+            return []
+        return [self.model_copy(update={key: scaled(getattr(self, key), factor) for key in self.scaled})
+                for factor in factors]
 
     @property
     def found(self) -> bool:

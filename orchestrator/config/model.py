@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from orchestrator.config.base import Name, Part
 from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_class
+from orchestrator.config.bolts import Bolt
 from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interfaces, everything_perfect
 from orchestrator.config.mesh import Material, Mesh, Subdomains
 from orchestrator.config.method import Method, Output
@@ -33,6 +34,8 @@ class Config(Part):
     boundary: list[BoundaryCondition] = Field(description="where the body is held and loaded")
     histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
         {}, description="name: factors, one per load step; none: one load step")
+    bolts: list[Bolt] = Field([], description=(
+        "bolts cut across their shanks, tightened by a force, then locked: [{on: bolt_1, force: 8000}]; none by default"))
     loads: list[BodyForce] = Field([], description="body forces; none by default")
     interfaces: Interfaces = Field(default_factory=everything_perfect, description=(
         "laws between parts, the last match wins; perfect by default: the body as one piece"))

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from orchestrator.config.bolts import Bolt
 from orchestrator.config.boundary import BodyForce, BoundaryCondition
+from orchestrator.config.entry import Entry as Law
 from orchestrator.config.model import Config
 
-Entry = BoundaryCondition | BodyForce
+Entry = BoundaryCondition | BodyForce | Bolt | Law
 
 
 def vector_of(entry: Entry) -> list | None:
     """The entry's vector, or list of vectors; a uniform pressure is the vector (p, 0, 0). None: a field, see ``factors``."""
     if isinstance(entry, BodyForce):
         return entry.body_force
+    if not isinstance(entry, BoundaryCondition):
+        listed = [getattr(entry, key) for key in getattr(entry, "per_step", ())]
+        return next(filter(is_per_step, listed), None)
     if entry.symmetry:
         return None
     if isinstance(entry.pressure, float | int):
@@ -26,7 +31,7 @@ def is_per_step(vector: list) -> bool:
 
 def steps(config: Config) -> int:
     """Number of load steps: the length of the histories in use and of the per-step lists; else 1."""
-    for entry in (*config.boundary, *config.loads):
+    for entry in (*config.boundary, *config.loads, *config.interfaces, *config.bolts):
         if entry.history is not None:
             return len(config.histories[entry.history])
         if (vector := vector_of(entry)) is not None and is_per_step(vector):

@@ -54,6 +54,12 @@ class Stages:
     before: np.ndarray
     status: np.ndarray
 
+    def at(self, step: int) -> Stages:
+        """One of the load steps alone."""
+        one = slice(step, step + 1)
+        return Stages(self.force[one], self.jump[one], self.answered[one],
+                      self.answered[step - 1] if step else self.before, self.status[one])
+
 
 @dataclass(frozen=True)
 class Written:
@@ -87,6 +93,7 @@ class Law:
     formula, meaning : in the report
     perfect : the sides move as one: its local stage is an exchange, the error bound holds where all laws are so
     as_one : the jump is given, whatever the force: the sides deform as one
+    axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
     joins : a body hangs on the interface whatever the load
     has_history : the answer depends on earlier load steps, so that none may be left out
     rigidity : stiffness per area of the softest springs by which it acts; infinite where sides touch without any
@@ -132,6 +139,7 @@ class Law:
     meaning: ClassVar[str] = ""
     perfect: ClassVar[bool] = False
     as_one: ClassVar[bool] = False
+    axial: ClassVar[bool] = False
     joins: bool = False
     rigidity: float = math.inf
     has_history: bool = True

@@ -46,12 +46,19 @@ class Parameters(Entry):
         return self.within
 
     @property
+    def scaled(self) -> tuple[str, ...]:
+        return ("gap",) if isinstance(self.gap, float | int) else ()
+
+    @property
     def fit(self) -> float:
         return 0.0 if self.apart else max(-(self.gap or 0.0), 0.0)
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         read = raw.get("gap") == "geometry" or (raw.get("gap") is None and raw.get("between") == "auto")
+        if raw.get("history") is not None and (read or not raw.get("gap")):
+            yield ("history", "history without a gap to multiply", "history beside a gap that is a number other than 0",
+                   "give the gap as a number, or remove the history")
         if raw.get("within") is not None and not read:
             yield ("within", "within without gap: geometry", "within beside gap: geometry only",
                    "remove within, or write gap: geometry")

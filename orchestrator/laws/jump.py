@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from orchestrator.config.base import Vector
+from orchestrator.config.base import Vector, one_or_per_step
 from orchestrator.config.entry import Entry
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
 from orchestrator.laws.points import Answer, Points
 
 
+Imposed = one_or_per_step(Vector, "three numbers, or a list of such, one per load step")
+
+
 class Parameters(Entry):
     """An imposed jump of displacement."""
 
-    jump: Vector = Field(description="imposed jump from the first part to the second: three numbers, as [0, 0, 0.01]")
+    per_step: ClassVar[tuple[str, ...]] = ("jump",)
+
+    jump: Imposed = Field(description=(
+        "imposed jump from the first part to the second: three numbers, as [0, 0, 0.01], or a list of such, one per load step"))
+
+    @property
+    def scaled(self) -> tuple[str, ...]:
+        return ("jump",)
+
+    def at_steps(self, factors: Sequence[float]) -> list[Entry]:
+        if isinstance(self.jump[0], list):
+            return [self.model_copy(update={"jump": jump}) for jump in self.jump]
+        return super().at_steps(factors)
 
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:

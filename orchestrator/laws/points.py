@@ -5,7 +5,8 @@ Vectors are rows of components, (3, P): numpy is several times faster along long
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +21,8 @@ class Points:
     stiff_n, stiff_t : (P,) keq = k₁k₂/(k₁ + k₂) of the search direction, along n and across it
     area : (P,) share of the interface's area
     own : name → (…, P), the law's parameters
+    stepped : name → (T, …, P), those of them that differ from load step to load step, at all steps of the scene
+    interface : (P,) int, which interface each is on, for laws whose pairs answer together
     """
 
     normal: np.ndarray
@@ -27,6 +30,8 @@ class Points:
     stiff_t: np.ndarray
     area: np.ndarray
     own: dict[str, np.ndarray] = field(default_factory=dict)
+    stepped: dict[str, np.ndarray] = field(default_factory=dict)
+    interface: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     def __len__(self) -> int:
         return len(self.area)
@@ -37,7 +42,14 @@ class Points:
     def some(self, part: slice | np.ndarray) -> Points:
         """Some of the points."""
         return Points(np.ascontiguousarray(self.normal[:, part]), self.stiff_n[part], self.stiff_t[part], self.area[part],
-                      {name: values[..., part] for name, values in self.own.items()})
+                      *({name: values[..., part] for name, values in own.items()} for own in (self.own, self.stepped)),
+                      interface=self.interface[part] if len(self.interface) else self.interface)
+
+    def at(self, step: int) -> Points:
+        """With the law's parameters at a load step of the scene, counted from 0."""
+        if not self.stepped:
+            return self
+        return replace(self, own=self.own | {name: values[step] for name, values in self.stepped.items()}, stepped={})
 
     @property
     def search(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -71,12 +83,37 @@ class Answer:
     status : (P,) int, one of the law's statuses
     active : (Q,) pairs whose force changes with F, only if the derivative is asked for
     derivative : (3, 3, Q) ∂f̂/∂F at these
+    collective : what else F changes, where pairs answer together; None: nothing
     """
 
     force: np.ndarray
     status: np.ndarray
     active: np.ndarray | None = None
     derivative: np.ndarray | None = None
+    collective: Collective | None = None
+
+
+@dataclass
+class Collective:
+    """What pairs that answer together add to the derivative: ∂f̂_p/∂F_q = −given_p takenᵀ_q for p and q of one group.
+
+    Parameters
+    ----------
+    group : (R,) int, of the pairs ``at``; all pairs of a group belong to one interface
+    at : (R,) int, ascending
+    given, taken : (3, R)
+    """
+
+    group: np.ndarray
+    at: np.ndarray
+    given: np.ndarray
+    taken: np.ndarray
+
+    def groups(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Pairs, given and taken of each group."""
+        for number in np.unique(self.group):
+            own = self.group == number
+            yield self.at[own], self.given[:, own], self.taken[:, own]
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:

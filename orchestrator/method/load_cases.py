@@ -69,7 +69,8 @@ def load_cases(scene: Scene, skip, anchored: bool = False) -> LoadCases:
         if all(law.perfect for law in laws):
             if skip.superposition:
                 return _independent(_load_vectors(scene))
-        elif skip.proportional and not anchored and not any(law.has_history for law in laws):
+        elif skip.proportional and not anchored and not any(
+                i.law.has_history or i.law_at_steps for i in scene.interfaces):
             return _on_rays(_load_vectors(scene), all(law.homogeneous for law in laws))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 

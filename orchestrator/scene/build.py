@@ -12,6 +12,7 @@ from orchestrator.scene.conditions.covered import loads_on_pairs
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
+from orchestrator.scene.interfaces.axial import join_bolts, straighten
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
@@ -20,6 +21,7 @@ from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
 from orchestrator.scene.model import BoundaryEntry, Interface, Material, Mesh, Scene, Subdomain
+from orchestrator.scene.partition.bolts import cut_bolts
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
 
@@ -75,10 +77,13 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         whole = True
     else:
         whole = False
+    partition, cuts = (partition, []) if whole or not config.bolts else cut_bolts(mesh, faces, partition, config.bolts, problems)
     numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
     matter = _matter(mesh, materials, cell_material, boundary)
     interfaces, near = ([], []) if whole else make_interfaces(
-        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set, matter)
+        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set, matter,
+        [factors(entry, config) for entry in config.interfaces])
+    bolts = join_bolts(cuts, interfaces, config.bolts, [factors(entry, config) for entry in config.bolts], problems)
     problems.warnings += loads_on_pairs(mesh, boundary, interfaces, numbering)
     if any(i.surfaces is not None for i in interfaces):
         from orchestrator.scene.interfaces.mortar.fitting import fitted
@@ -100,21 +105,22 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         fixed[stand.nodes] |= stand.held
         split_fixed[np.isin(numbering.nodes, np.arange(stand.nodes.start, stand.nodes.stop))] |= stand.held
     interfaces = leave_free(mesh, interfaces, partition, numbering, split_fixed, config.interfaces, problems)
+    straighten(mesh, interfaces, bolts, problems)
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
     problems.raise_if_any()
     problems.warnings += mesh.remarks
-    problems.warnings += [f"history '{name}' has no use: no entry of boundary or loads names it"
-                          for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads)}]
+    problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces or bolts names it"
+                          for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}]
     subdomains = _subdomains(partition, numbering, cell_material, held_by, split_fixed, split_prescribed, split)
     for s in subdomains:
         s.foreign = bool(len(mesh.foreign)) and bool(mesh.is_foreign(s.cells[:1])[0])
     assign_codes(mesh, subdomains, config.codes)
     _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near)
+                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts)
 
 
 def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:

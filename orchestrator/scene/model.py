@@ -153,6 +153,8 @@ class Interface:
         larger one between bodies that are cut further
     mortar : points and transfer operators between sides that do not match; None where nodes are paired
     surfaces : what the operators are made of, until they are: boundary conditions have a say in it
+    law_at_steps : the law at every load step, where its parameters differ between them, and ``law`` is the one that asks for
+        most; else empty
     """
 
     index: int
@@ -168,6 +170,7 @@ class Interface:
     entry: int = -1
     mortar: Mortar | None = None
     surfaces: Surfaces | None = None
+    law_at_steps: list[Law] = field(default_factory=list)
 
     @property
     def matching(self) -> bool:
@@ -233,6 +236,24 @@ class BoundaryEntry:
 
 
 @dataclass(frozen=True)
+class PlacedBolt:
+    """A bolt of the YAML, cut.
+
+    Parameters
+    ----------
+    name : of its volume
+    interface : at the cut
+    axis : (3,) unit vector along which it pulls, from side 1 to side 2 of the interface
+    point : (3,) where the cut meets the axis, or any point of the plane
+    """
+
+    name: str
+    interface: Interface
+    axis: np.ndarray
+    point: np.ndarray
+
+
+@dataclass(frozen=True)
 class Overview:
     """What a part of a scene knows of all of it: a number per subdomain or interface.
 
@@ -266,6 +287,7 @@ class Scene:
     steps : number of load steps
     warnings : sentences on what is no error but may be meant otherwise
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
+    bolts : those that are cut
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
     """
@@ -284,6 +306,7 @@ class Scene:
     steps: int
     warnings: list[str] = field(default_factory=list)
     near: list[tuple[int, int]] = field(default_factory=list)
+    bolts: list[PlacedBolt] = field(default_factory=list)
     overview: Overview | None = None
     number: np.ndarray | None = None
 

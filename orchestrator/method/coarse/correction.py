@@ -16,7 +16,7 @@ which ``problem`` solves. U is made orthonormal in k. It costs no back-substitut
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -111,7 +111,7 @@ class CoarseCorrection:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
         previous = np.zeros((3, len(self.pairs)))
         previous[:, : len(local.pairs)] = local.previous  # perfect ones come last
-        self.predict = LawStage(self.stage.direction, self.pairs, previous)
+        self.predict = LawStage(self.stage.direction, replace(self.pairs, numbers=local.pairs.numbers), previous)
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
@@ -128,8 +128,9 @@ class CoarseCorrection:
         previous = self.predict.previous
         F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(steps):
-            y[t], F = self.problem.solve(t, F0[t], resultant[t], previous, self.radius)
-            force = self.pairs.force(F, previous).force
+            number = self.predict.pairs.numbers[t]
+            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], previous, self.radius)
+            force = self.pairs.force(F, previous, number).force
             previous = self.pairs.settled(force, F, previous)[1]
         r, space = self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, self.boundary_response, self.body_of_boundary)

@@ -57,6 +57,7 @@ class DenseFields(PairFields):
             turned = answer.derivative[:, :, part].transpose(2, 0, 1) * weight[at, None, None] @ self.all_L[at]
             whole = self.T[at].reshape(-1, 2 * FIELDS).T @ turned.reshape(-1, 2 * FIELDS)
             result[i] = whole.reshape(2, FIELDS, 2, FIELDS).swapaxes(1, 2)
+        self._collective(answer, weight, result)
         return result
 
     def at_pairs(self) -> np.ndarray:

@@ -85,6 +85,7 @@ class LoadStep:
     Parameters
     ----------
     bodies : what all load steps share
+    number : of the load step in the scene
     F0 : (3, P) predicted forces
     resultant : (bodies, 12) Uᵀf
     previous : (3, P) jump at the end of the load step before
@@ -95,8 +96,10 @@ class LoadStep:
     seen : (I,) largest size of the fields so far
     """
 
-    def __init__(self, bodies: Bodies, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray, reach: np.ndarray):
-        self.bodies, self.F0, self.resultant, self.previous, self.reach = bodies, F0, resultant, previous, reach
+    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
+                 reach: np.ndarray):
+        self.bodies, self.number, self.F0, self.resultant = bodies, number, F0, resultant
+        self.previous, self.reach = previous, reach
         self.seen = np.zeros_like(reach)
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
@@ -108,7 +111,7 @@ class LoadStep:
         fields, near = self.bodies.fields, self.bodies.theirs
         if np.isfinite(self.reach).all():
             change = fields.normal_size * np.repeat(self.reach, np.diff(fields.pairs.bounds))
-            near = near & ~fields.pairs.idle(self.F0, change)
+            near = near & ~fields.pairs.idle(self.F0, change, self.number)
         if near.all():
             self.fields, self.F0_near, self.before = fields, self.F0, self.previous
         else:
@@ -131,7 +134,7 @@ class LoadStep:
         bodies = self.bodies
         self._reach_for(y)
         self.F = self.fields.predicted(self.F0_near, y)
-        force = self.fields.pairs.force(self.F, self.before).force
+        force = self.fields.pairs.force(self.F, self.before, self.number).force
         carried = self.fields.carried(force, bodies.weight, bodies.count)
         if bodies.springs is not None:
             carried += self.resisted + (bodies.springs @ y.ravel()).reshape(y.shape)
@@ -141,7 +144,8 @@ class LoadStep:
     def matrix(self) -> np.ndarray | bool:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
         bodies = self.bodies
-        slopes = self.fields.slopes(self.fields.pairs.force(self.F, self.before, derivative=True), bodies.weight)
+        answer = self.fields.pairs.force(self.F, self.before, self.number, derivative=True)
+        slopes = self.fields.slopes(answer, bodies.weight)
         everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
         if not everyone:
             return False
@@ -162,7 +166,7 @@ class LoadStep:
                 dy.ravel() @ (bodies.springs @ dy.ravel())
 
         def work(theta: float) -> float:
-            force = near.pairs.force(F + theta * dF, self.before).force
+            force = near.pairs.force(F + theta * dF, self.before, self.number).force
             carried, = bodies.team.sum(np.vdot(against, force) + springs[0] + theta * springs[1])
             return float(start + theta * slope - carried)
 

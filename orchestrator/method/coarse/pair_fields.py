@@ -90,7 +90,18 @@ class PairFields:
         first = np.searchsorted(answer.active, self.pairs.bounds)
         slopes(self.phi, self.all_L, self.chosen, self.A, answer.active, first, np.ascontiguousarray(answer.derivative),
                weight, result)
+        self._collective(answer, weight, result)
         return result
+
+    def _collective(self, answer: Answer, weight: np.ndarray, slopes: np.ndarray) -> None:
+        """Adds what pairs that answer together change, a product of two vectors per group."""
+        if answer.collective is None:
+            return
+        for at, given, taken in answer.collective.groups():
+            i = int(np.searchsorted(self.pairs.bounds, at[0], side="right")) - 1
+            column = np.einsum("pif,ip->f", self.some(at).at_pairs(), given * weight[self.chosen[at]])
+            row = np.einsum("ip,pif->f", taken, self.all_L[self.chosen[at]])
+            slopes[i] -= np.outer(column, row).reshape(2, FIELDS, 2, FIELDS).swapaxes(1, 2)
 
     def at_pairs(self) -> np.ndarray:
         """(Q, 3, 24) T."""

@@ -66,19 +66,19 @@ class CoarseProblem:
         self._kept: dict[int, KeptFactors] = {}
         self._alone: dict[int, Body] = {}
 
-    def solve(self, step: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
+    def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
               radius: float) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, 12) y of one load step, and (3, P) F = F₀ + L y.
 
         Parameters
         ----------
-        step : number of the load step: what it needed is remembered for the next iteration
+        step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
         F0 : (3, P) predicted forces
         resultant : (bodies, 12) Uᵀf
         previous : (3, P) jump at the end of the load step before
         radius : longest move of a body in one Newton step
         """
-        at = LoadStep(self.bodies, F0, resultant, previous,
+        at = LoadStep(self.bodies, number, F0, resultant, previous,
                       self._reach.get(step, np.full(len(self.fields.bodies), np.inf)))
         y, size, start, end = self._newton(at, radius) if self.bodies.springs is None else self._searched(step, at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
@@ -179,7 +179,7 @@ class CoarseProblem:
         for e in np.flatnonzero(self.own == body):
             if body not in self._alone:
                 self._alone[body] = self._body(body, self.W[e])
-            change[e] = self._alone[body].settle(F, newton.at.previous, newton.rho[body], goal, radius)
+            change[e] = self._alone[body].settle(F, newton.at.previous, newton.at.number, newton.rho[body], goal, radius)
         return self._of_all(change)
 
     def _body(self, body: int, W: np.ndarray) -> Body:

@@ -39,7 +39,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         if i.mortar is not None:
             for found, value in zip((one, two, free, normal, area), _mortar_points(i)):
                 found.append(value)
-            own.append(i.law.parameters(i.mortar.points, np.ones(len(i.mortar)), i.mortar.area))
+            own.append(_parameters(i, i.mortar.points, np.ones(len(i.mortar)), i.mortar.area))
             continue
         sides = np.zeros((2, len(i.global_nodes), 3), dtype=int)
         for side in (0, 1):
@@ -52,7 +52,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         upright, length = pair_normals(points, i)
         normal.append(upright[mobile])
         area.append(point_areas(points, i)[mobile])
-        own.append(i.law.parameters(mobile, length[mobile], area[-1]))
+        own.append(_parameters(i, mobile, length[mobile], area[-1]))
     bounds = np.cumsum([0] + [len(a) for a in area])
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     none = np.zeros((0, 3))  # a rank may have no such interface
@@ -76,7 +76,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
     ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
         (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
     return Pairs(wanted, bounds, transfer, exists, _runs(wanted, bounds, points, own), mine,
-                 [law for law in laws if law.measures], table(laws), stabilisation, *ties, nodes)
+                 [law for law in laws if law.measures], table(laws), stabilisation, *ties, np.arange(scene.steps), nodes)
 
 
 def _mortar_points(interface: Interface) -> tuple[np.ndarray, ...]:
@@ -159,7 +159,25 @@ def _runs(interfaces: list[Interface], bounds: np.ndarray, points: Points, own: 
     for end, law in enumerate(laws, 1):
         if end == len(laws) or laws[end] is not law:
             part = slice(int(bounds[start]), int(bounds[end]))
-            joined = {name: np.concatenate([values[name] for values in own[start:end]], axis=-1) for name in own[start]}
-            runs.append(Run(law, part, replace(points.some(part), own=joined)))
+            constant, stepped = ([values[k] for values in own[start:end]] for k in (0, 1))
+            joined = {name: np.concatenate([values[name] for values in constant], axis=-1) for name in constant[0]}
+            moving = {name: _over_steps([(values.get(name), same[name]) for values, same in zip(stepped, constant)])
+                      for name in constant[0] if any(name in values for values in stepped)}
+            numbers = np.repeat([i.index for i in interfaces[start:end]], np.diff(bounds[start:end + 1]))
+            runs.append(Run(law, part, replace(points.some(part), own=joined, stepped=moving, interface=numbers)))
             start = end
     return runs
+
+
+def _parameters(interface: Interface, *at: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The parameters of an interface's law at its points, and those that differ between load steps at all of them (T, …, P)."""
+    each = [law.parameters(*at) for law in interface.law_at_steps]
+    stepped = {name: np.stack([values[name] for values in each]) for name in (each[0] if each else ())}
+    return interface.law.parameters(*at), {name: v for name, v in stepped.items() if (v != v[:1]).any()}
+
+
+def _over_steps(parts: list[tuple[np.ndarray | None, np.ndarray]]) -> np.ndarray:
+    """(T, …, P) of interfaces one after the other; what does not differ between load steps (…, P) is the same at all."""
+    steps = next(len(values) for values, _ in parts if values is not None)
+    return np.concatenate([np.broadcast_to(same, (steps, *same.shape)) if values is None else values
+                           for values, same in parts], axis=-1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Law
-from orchestrator.laws.points import Answer, Points
+from orchestrator.laws.points import Answer, Collective, Points
 from orchestrator.laws.status import Status
 from orchestrator.method.interface import pair_loops
 from orchestrator.method.interface.general_transfer import General
@@ -51,6 +51,7 @@ class Pairs:
     stabilisation : (P,) ε of every pair, see ``stabilisation``; None where contacts are not stabilised
     tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (T, q) and k⁺
         tie_stiffness (q,)
+    numbers : (T,) int, which load steps of the scene these are
     nodes : (k⁺)⁻¹ of all these interfaces, where the nodes of some do not match
     """
 
@@ -66,6 +67,7 @@ class Pairs:
     tied: np.ndarray
     targets: np.ndarray
     tie_stiffness: np.ndarray
+    numbers: np.ndarray
     nodes: NodeCompliance | None = None
 
     def __len__(self) -> int:
@@ -95,9 +97,14 @@ class Pairs:
             second[self.transfer.sides[i.index][1]] = True
         return tuple(self.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
-    def force(self, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
-        """The laws' answer for the predicted forces F (3, P), each interface by its own law."""
-        parts = [(run.part, run.law.force(run.points, F[:, run.part], previous[:, run.part], derivative))
+    def force(self, F: np.ndarray, previous: np.ndarray, step: int, derivative: bool = False) -> Answer:
+        """The laws' answer for the predicted forces F (3, P), each interface by its own law.
+
+        Parameters
+        ----------
+        step : of the scene, one of ``numbers``
+        """
+        parts = [(run.part, run.law.force(run.points.at(step), F[:, run.part], previous[:, run.part], derivative))
                  for run in self.runs]
         if not parts:
             return _nothing(derivative)
@@ -110,7 +117,18 @@ class Pairs:
             free = self.free[:, answer.active]
             slope = np.concatenate([a.derivative for _, a in parts], axis=2)
             answer.derivative = np.where(free[:, None] & free, slope, 0.0)
+            answer.collective = self._collective([(part, a.collective) for part, a in parts if a.collective is not None])
         return answer
+
+    def _collective(self, parts: list[tuple[slice, Collective]]) -> Collective | None:
+        """Those of several laws, whose groups are their own."""
+        if not parts:
+            return None
+        first = np.cumsum([0] + [int(c.group.max(initial=-1)) + 1 for _, c in parts])
+        at = np.concatenate([c.at + part.start for part, c in parts])
+        given, taken = (np.where(self.free[:, at], np.concatenate([getattr(c, name) for _, c in parts], axis=1), 0.0)
+                        for name in ("given", "taken"))
+        return Collective(np.concatenate([c.group + start for (_, c), start in zip(parts, first)]), at, given, taken)
 
     def settled(self, lawful: np.ndarray, F: np.ndarray, previous: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_before), where anything is stabilised, and d = (F − f̂)/keq.
@@ -151,9 +169,9 @@ class Pairs:
                        nodes=None if self.nodes is None else self.nodes.of_laws,
                        runs=[run for run in self.runs if not run.law.perfect])
 
-    def idle(self, F: np.ndarray, change: np.ndarray) -> np.ndarray:
+    def idle(self, F: np.ndarray, change: np.ndarray, step: int) -> np.ndarray:
         """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
-        parts = [run.law.idle(run.points, F[:, run.part], change[run.part]) for run in self.runs]
+        parts = [run.law.idle(run.points.at(step), F[:, run.part], change[run.part]) for run in self.runs]
         return np.concatenate([np.zeros(0, dtype=bool), *parts])
 
     def masked(self, x: np.ndarray) -> np.ndarray:
@@ -162,7 +180,7 @@ class Pairs:
 
     def batch(self, steps) -> Pairs:
         """The same pairs for some of the load steps, a slice or indices."""
-        return replace(self, targets=self.targets[steps])
+        return replace(self, targets=self.targets[steps], numbers=self.numbers[steps])
 
     @cached_property
     def _all_free(self) -> bool:

@@ -83,10 +83,10 @@ class LawStage:
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
-            answer = pairs.force(F[t], previous)
+            answer = pairs.force(F[t], previous, pairs.numbers[t])
             force[t], jump[t] = pairs.settled(answer.force, F[t], previous)
             if pairs.nodes is not None:
-                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], previous)
+                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], previous, pairs.numbers[t])
             lawful[t], status[t] = answer.force, answer.status
             previous = jump[t]
         w_hat, f_hat = at.hats(force, jump)
@@ -104,8 +104,8 @@ class LawStage:
             s[:, alone] = exchanged
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status)
 
-    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray,
-                 previous: np.ndarray) -> tuple[Answer, np.ndarray, np.ndarray]:
+    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, previous: np.ndarray,
+                 step: int) -> tuple[Answer, np.ndarray, np.ndarray]:
         """What the laws answer, f̂ and d, (3, P) each, where points feel each other through the nodes they share:
 
             f̂ ← law(f̂ + keq d),   d = d* − S (f̂ − q*)
@@ -116,6 +116,7 @@ class LawStage:
         ----------
         F, q : (3, P) predicted forces F = q* + keq d*, and q*
         force : f̂ = law(F) to begin with; previous : jump at the end of the load step before
+        step : of the scene
         """
         pairs, coupling = self.pairs, self.pairs.nodes.coupling
         alone = pairs.points.compliance(F - q)
@@ -125,7 +126,7 @@ class LawStage:
 
         for _ in range(COUPLED):
             F = force + pairs.points.stiffness(moved(force))
-            answer = pairs.force(F, previous)
+            answer = pairs.force(F, previous, step)
             force = pairs.settled(answer.force, F, previous)[0]
         return answer, force, moved(force)
 
@@ -133,7 +134,7 @@ class LawStage:
     def at_rest(self) -> np.ndarray:
         """(P,) int, status of pairs that nothing has moved."""
         nothing = np.zeros((3, len(self.pairs)))
-        return self.pairs.force(nothing, nothing).status
+        return self.pairs.force(nothing, nothing, 0).status
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps."""

@@ -94,11 +94,14 @@ def _measured(pairs: Pairs, at: PairTraces | GeneralTraces, local: LocalState, l
         found = [0.0] * (2 + len(law.measures))
         if law in here:
             part, points = here[law].part, here[law].points
-            pressure, values = law.residuals(points, Stages(
-                at.force[..., part], at.jump[..., part], local.jump[..., part], before[:, part],
-                local.status[:, part]))
-            found = [_largest(points.stiff_n / points.area) * lengths.of_rest, *map(_largest, (
-                pressure, *(values[measure.name] for measure in law.measures)))]
+            stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before[:, part],
+                            local.status[:, part])
+            each = [(points, stages)] if not points.stepped else [
+                (points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
+            told = [(pressure, *(values[measure.name] for measure in law.measures))
+                    for pressure, values in (law.residuals(*own) for own in each)]
+            found = [_largest(points.stiff_n / points.area) * lengths.of_rest,
+                     *(np.max([_largest(x) for x in same]) for same in zip(*told))]
         largest += found
     if pairs.stabilisation is not None:
         parts = in_parts(largest_tractions, len(pairs), pairs.points.area, local.force, local.lawful)

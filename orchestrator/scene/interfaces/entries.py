@@ -16,16 +16,32 @@ from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
 
 
+def govern(interface: Interface, entry: Any, factors: Sequence[float], direction: float = 1.0,
+           distance: np.ndarray | None = None) -> None:
+    """Give an interface the law of an entry, and where it differs between load steps that of each.
+
+    Parameters
+    ----------
+    factors : (steps,) what multiplies the entry
+    direction, distance : as for ``Law.of``
+    """
+    law, count = LAWS[entry.law], len(interface.global_nodes)
+    interface.law_at_steps = [law.of(at, count, direction, distance) for at in entry.at_steps(factors)] if len(factors) else []
+    interface.law = max(interface.law_at_steps, key=lambda one: one.imposed) if interface.law_at_steps else \
+        law.of(entry, count, direction, distance)
+
+
 class Laws:
     """Finds the entry that governs a pair and remembers which entries were of use.
 
     Parameters
     ----------
     entries : of the YAML, each with a ``pair`` of patterns, pairs to ``exclude``, and ``law``; the last match wins
+    factors : per entry (steps,) what multiplies it; none: one load step
     """
 
-    def __init__(self, entries: list[Any]):
-        self.entries = list(entries)
+    def __init__(self, entries: list[Any], factors: Sequence[Sequence[float]] = ()):
+        self.entries, self.factors = list(entries), factors
         self.used = [False] * len(self.entries)
         self._hits = lru_cache(maxsize=None)(lambda pattern, name: bool(matching(pattern, [name])))
 
@@ -58,7 +74,7 @@ class Laws:
             return
         entry, interface.entry = self.entries[index], index
         direction = 1.0 if self._any(entry.pair[0], first) else -1.0
-        interface.law = LAWS[entry.law].of(entry, len(interface.global_nodes), direction, distance)
+        govern(interface, entry, self.factors[index] if self.factors else [], direction, distance)
 
     def slave(self, index: int, first: Iterable[str], second: Iterable[str]) -> int | None:
         """Which side, 0 or 1, an entry has for the slave; None: neither, or both by the same word."""

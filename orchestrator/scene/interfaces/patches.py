@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ MOST = 50
 
 def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, entries: list[Any],
                     problems: Problems, asked: bool = True,
-                    matter: Matter | None = None) -> tuple[list[Interface], list[tuple[int, int]]]:
+                    matter: Matter | None = None, factors: Sequence[Sequence[float]] = ()) -> tuple[list[Interface], list[tuple[int, int]]]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
 
     Pairs that touch along an edge or in a node are none. All components count as free, see ``leave_free``.
@@ -37,6 +37,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     entries : of ``interfaces:`` in the YAML
     asked : whether the user has written them; what is near without an interface is a mistake then
     matter : what chooses slaves where nodes do not match; None: such faces are no interface
+    factors : per entry (steps,) what multiplies it
 
     Returns
     -------
@@ -44,7 +45,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     """
     shared, sides, bounds = patches(faces, partition.subdomain)
     triangles, cells = _outward_of_first(faces, partition.subdomain, shared)
-    laws = Laws(entries)
+    laws = Laws(entries, factors)
     found: list[Interface] = []
     pairs: list[tuple[str, str]] = []
     cuts: list[tuple[str, str]] = []  # names of the two sides, between bodies and within one

@@ -1,0 +1,143 @@
+"""Bolts cut across their shanks: which tets are on which side, and where ``cut: auto`` has the plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orchestrator.config.turning import unit
+from orchestrator.errors import Problems
+from orchestrator.scene.mesh.faces import Faces, pieces
+from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.model import Mesh
+from orchestrator.scene.names import matching, suggestion, unique_names
+from orchestrator.scene.partition.partition import Partition
+
+# Faces of a shank look across its axis: a larger cosine than that belongs to a cone.
+ACROSS = 0.05
+# Facets of one cylinder are all alike far from its axis, but for the axis' own error on coarse meshes: that share of the
+# largest radius between two neighbours tells two cylinders apart.
+ALIKE = 0.05
+# A cylinder shorter than that many of its radii is no shank.
+SHORTEST = 0.5
+
+
+@dataclass(frozen=True)
+class BoltCut:
+    """The cut of one bolt.
+
+    Parameters
+    ----------
+    index : position in the YAML's ``bolts``
+    name : of the volume
+    axis : (3,) unit normal of the plane; point : (3,) on it
+    behind, ahead : the subdomains on either side, ahead where the axis leads
+    """
+
+    index: int
+    name: str
+    axis: np.ndarray
+    point: np.ndarray
+    behind: tuple[int, ...]
+    ahead: tuple[int, ...]
+
+
+def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
+              problems: Problems) -> tuple[Partition, list[BoltCut]]:
+    """Cuts the subdomains that a bolt's plane runs through.
+
+    Returns
+    -------
+    the partition, in which both sides are subdomains of their own and pieces of one body; and the cuts
+    """
+    ahead, planes = np.zeros(len(mesh.cells), dtype=bool), []
+    for i, bolt in enumerate(bolts):
+        names = matching(bolt.on, mesh.volumes)
+        if len(names) != 1:
+            problems.add(("bolts", i, "on"), f"no volume is called {bolt.on!r}" if not names else
+                         f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}", "the name of one volume: every bolt "
+                         "has a force of its own", suggestion(bolt.on, mesh.volumes, "volume") if not names else
+                         "write an entry for each of them")
+            continue
+        if names[0] in (name for _, name, *_ in planes):
+            problems.add(("bolts", i, "on"), f"a second entry for {names[0]}", "one entry for each bolt", "leave one out")
+            continue
+        own = np.flatnonzero(mesh.volume == mesh.volumes.index(names[0]))
+        plane = (np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)) if bolt.cut != "auto" else \
+            across_shank(mesh, faces, own)
+        if plane is None:
+            problems.add(("bolts", i, "cut"), f"cut: auto, and no cylinder on {names[0]} that is longer than half its radius",
+                         "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
+            continue
+        height = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - plane[1]) @ plane[0]
+        if not ((height > 0).any() and (height <= 0).any()):
+            along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ plane[0]
+            problems.add(("bolts", i, "cut"), f"a plane beside {names[0]}, at {plane[1] @ plane[0]:g} along its normal",
+                         f"a plane through it: it reaches from {along.min():g} to {along.max():g}", "move the plane")
+            continue
+        if np.isin(np.delete(partition.subdomain, own), partition.subdomain[own]).any():
+            problems.add(("bolts", i, "on"), f"subdomains that hold {names[0]} and other matter together",
+                         "subdomains of the bolt alone", "write subdomains: groups, one per volume, in a scene of several volumes")
+            continue
+        ahead[own] = height > 0
+        planes.append((i, names[0], *plane, own))
+    if not planes:
+        return partition, []
+    keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
+    before, count = keys // 2, np.bincount(keys // 2)
+    names = [partition.names[e] if count[e] == 1 else f"{partition.names[e]}.{1 + key % 2}" for e, key in zip(before, keys)]
+    made = Partition(subdomain, unique_names(names), [partition.body(e) for e in before])
+    cuts = [BoltCut(i, name, axis, point, *(tuple(np.unique(subdomain[own[ahead[own] == side]]).tolist()) for side in (0, 1)))
+            for i, name, axis, point, own in planes]
+    number, piece = pieces(faces, subdomain)
+    if number != len(names):
+        parts = np.bincount(subdomain[np.unique(piece, return_index=True)[1]], minlength=len(names))
+        for cut in cuts:
+            if (parts[[*cut.behind, *cut.ahead]] > 1).any():
+                problems.add(("bolts", cut.index, "cut"), f"a plane that cuts {cut.name} in more than two pieces",
+                             "a plane across the shank that meets nothing else of it", "move the plane, or turn it")
+    return made, cuts
+
+
+def across_shank(mesh: Mesh, faces: Faces, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Axis (3,) and middle (3,) of the longest cylinder that some cells are round; None where there is none.
+
+    The axis is first the principal axis of inertia that is least like the others, then what the faces that look across it
+    all look across.
+    """
+    volume = np.abs(tet_volumes(mesh.nodes, mesh.cells[cells]))
+    corners = mesh.nodes[mesh.cells[cells, :4]]
+    centre = volume @ corners.mean(axis=1) / volume.sum()
+    r = corners.mean(axis=1) - centre
+    moments, axes = np.linalg.eigh(np.einsum("k,ki,kj->ij", volume, r, r))
+    axis = axes[:, np.argmax(np.abs(moments - np.median(moments)))]
+    skin = np.isin(faces.owner, cells) ^ (np.isin(faces.neighbour, cells) & (faces.neighbour >= 0))
+    triangles = faces.triangles[skin]
+    vectors = area_vectors(mesh.nodes, triangles)
+    area = np.linalg.norm(vectors, axis=1)
+    normal = vectors / area[:, None]
+    for _ in range(2):
+        beside = np.abs(normal @ axis) < ACROSS
+        if not beside.any():
+            return None
+        least = np.linalg.eigh(np.einsum("k,ki,kj->ij", area[beside], normal[beside], normal[beside]))[1][:, 0]
+        axis = least * np.sign(least @ axis)
+    axis *= np.sign(axis[np.abs(axis).argmax()])
+    beside = np.abs(normal @ axis) < ACROSS
+    points, normal = mesh.nodes[triangles[beside][:, :3]], normal[beside]
+    radius = np.abs(np.einsum("ki,ki->k", normal, points[:, 0] - centre))  # how far from the axis each facet's plane is
+    order = np.argsort(radius)
+    group = np.zeros(len(radius), dtype=int)
+    group[order] = np.cumsum(np.r_[0, np.diff(radius[order]) > ALIKE * radius.max()])
+    height = points @ axis
+    best, found = 0.0, None
+    for own in (group == g for g in range(group.max() + 1)):
+        low, high = height[own].min(), height[own].max()
+        if high - low > max(best, SHORTEST * radius[own].mean()):
+            best, found = high - low, (low + high) / 2
+    if found is None:
+        return None
+    return axis, centre + (found - centre @ axis) * axis
