@@ -105,7 +105,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         fixed[stand.nodes] |= stand.held
         split_fixed[np.isin(numbering.nodes, np.arange(stand.nodes.start, stand.nodes.stop))] |= stand.held
     interfaces = leave_free(mesh, interfaces, partition, numbering, split_fixed, config.interfaces, problems)
-    straighten(mesh, interfaces, bolts, problems)
+    bolts = straighten(mesh, interfaces, bolts, problems)
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]

@@ -178,6 +178,16 @@ class Interface:
         return self.mortar is None and self.surfaces is None
 
     @property
+    def tied(self) -> bool:
+        """Whether its sides' traces are kept linear on faces of six nodes: where a law does not give the jump."""
+        return self.triangles.shape[1] == 6 and not (self.law.as_one if self.matching else self.law.perfect)
+
+    def distances(self, steps: int) -> np.ndarray:
+        """(steps, n) how far the sides are apart before they move, as the law has it at every load step."""
+        laws = self.law_at_steps or [self.law] * steps
+        return np.stack([np.broadcast_to(law.distance, len(self.free)) for law in laws])
+
+    @property
     def corners(self) -> np.ndarray:
         """(c,) int, ascending, those of the patch's nodes that are corners of triangles."""
         return np.unique(self.triangles[:, :3])

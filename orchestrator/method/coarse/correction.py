@@ -121,8 +121,11 @@ class CoarseCorrection:
         fields : result of a linear stage
         """
         steps = len(fields.s)
-        if self.radius is None:
-            self.radius = (REACH if self.pairs.stabilisation is None else FAR) * max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
+        if not self.radius:
+            moved = max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
+            if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
+                moved = self.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
+            self.radius = (REACH if self.pairs.stabilisation is None else FAR) * moved
         y = np.zeros((steps, self.bodies, FIELDS))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous

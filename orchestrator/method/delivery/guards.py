@@ -25,7 +25,7 @@ from orchestrator.method.delivery.balance import balance
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interior import Interior, interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
-from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_normals
+from orchestrator.method.interface.pair_geometry import lawful_corners, pair_normals
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.lengths import Lengths
 
@@ -175,13 +175,15 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
     chosen, worst = own_interfaces(d), {}
     pressures = _pressures(d, interfaces, lengths)
     for i, start in zip(chosen, interfaces.offsets):
-        mobile = np.searchsorted(i.corners, lawful_nodes(i))
+        mobile = np.searchsorted(i.corners, lawful_corners(i))
         at, nodes = start + mobile, i.corners[mobile]
-        written = Written((interfaces.gap - interfaces.initial_gap)[:, at], interfaces.slip[:, at],
-                          interfaces.pressure[:, at], interfaces.friction_traction[:, at], nodes,
-                          length[at])
-        for what, value in i.law.violations(written, lengths.of_displacements, pressures[i.law.name]).items():
-            worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
+        fields = (interfaces.gap[:, at] - i.distances(interfaces.steps)[:, nodes], interfaces.slip[:, at],
+                  interfaces.pressure[:, at], interfaces.friction_traction[:, at])
+        each = [(i.law, slice(None))] if not i.law_at_steps else [(law, slice(t, t + 1)) for t, law in enumerate(i.law_at_steps)]
+        for law, steps in each:
+            written = Written(*(x[steps] for x in fields), nodes, length[at])
+            for what, value in law.violations(written, lengths.of_displacements, pressures[law.name]).items():
+                worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
     worst = _largest(d, worst)
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
             for what, value in worst.items() if not value <= allowed]

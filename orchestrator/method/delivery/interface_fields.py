@@ -17,6 +17,7 @@ from orchestrator.method.events import COUNTED
 from orchestrator.laws.status import BONDED
 from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_normals, point_areas
 from orchestrator.method.iterated import Iterated
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 from orchestrator.scene.model import Interface, Scene
 
 
@@ -33,7 +34,7 @@ class InterfaceFields:
     triangles : (M, 3) int, indices into the N nodes, oriented outward of side 1
     owner : (M,) int, the interface of each triangle
     normal : (N, 3) unit normals from side 1 to side 2; area : (N,) each node's share of its interface
-    initial_gap : (N,) length, negative for a press fit
+    initial_gap : (N,) length, negative for a press fit; of one with a history, at the load step that asks for most
     gap : (T, N) length, distance of the sides along the normal
     slip : (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded state
     pressure : (T, N) force/length², positive in compression
@@ -124,7 +125,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     corners = [i.corners for i in chosen]  # mid-edge nodes are tied to them
     offsets = np.cumsum([0] + [len(c) for c in corners])
     start = {i.index: a for i, a in zip(chosen, offsets)}
-    place = _places([i for i in pairs.interfaces if i.index in start], start)
+    place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
     both = [pair_normals(scene.points(i), i) for i in chosen]
     normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
     length = _joined([l[c] for (_, l), c in zip(both, corners)])
@@ -134,13 +135,18 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     jump, force = np.zeros((2, steps, len(normal), 3))
     status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
     at = pairs.traces(*iterated.fields.extended)
-    jumps, forces = (x.transpose(0, 2, 1) for x in (at.jump, at.force))
     mine = pairs.mine
-    jump[:, place], force[:, place], status[:, place] = jumps[:, mine], forces[:, mine], iterated.local.status[:, mine]
+    jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (at.jump, at.force))
+    shown = corner[:, 1] < 0
+    jump[:, place[shown]], status[:, place[shown]] = jumps[:, shown], iterated.local.status[:, mine][:, shown]
+    force[:, place[shown]] = forces[:, shown]
+    for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
+        np.add.at(force, (slice(None), end), 0.5 * forces[:, ~shown])
     opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force))
     size = np.where(area > 0, area, np.inf)
     traction, pressure = (force - push[:, :, None] * normal) / size[:, None], -push / (length * size)
-    gap, slip = initial + length * opening, jump - opening[:, :, None] * normal
+    apart = np.concatenate([i.distances(steps)[:, c] for i, c in zip(chosen, corners)], axis=1) if chosen else np.zeros((steps, 0))
+    gap, slip = apart + length * opening, jump - opening[:, :, None] * normal
     resultant = np.zeros((steps, len(chosen), 3))
     for index, (a, b) in enumerate(zip(offsets[:-1], offsets[1:])):
         resultant[:, index] = force[:, a:b].sum(axis=1)
@@ -210,10 +216,20 @@ def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *field
         field[:, rest] = np.moveaxis(np.tensordot(shares.toarray(), field[:, own], axes=(1, 1)), 0, 1)
 
 
-def _places(interfaces: list[Interface], start: dict[int, int]) -> np.ndarray:
-    """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed."""
-    places = [start[i.index] + np.searchsorted(i.corners, lawful_nodes(i)) for i in interfaces]
-    return np.concatenate(places) if places else np.zeros(0, int)
+def _places(interfaces: list[Interface], start: dict[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) where each pair's node is: pairs leave out the nodes on which everything is prescribed. And (P, 2), of pairs in the
+    middle of an edge, where its ends are; −1 for all others."""
+    places, ends = [np.zeros(0, int)], [np.zeros((0, 2), int)]
+    for i in interfaces:
+        at = lawful_nodes(i)
+        places.append(start[i.index] + np.searchsorted(i.corners, at))
+        ends.append(np.full((len(at), 2), -1))
+        if len(at) > np.isin(at, i.corners).sum():
+            edge, number = edges_of(i.triangles, TRIANGLE_EDGES)
+            of_node = np.full((len(i.free), 2), -1)
+            of_node[i.triangles[:, 3:].ravel()] = start[i.index] + np.searchsorted(i.corners, edge[number.ravel()])
+            ends[-1] = of_node[at]
+    return np.concatenate(places), np.concatenate(ends)
 
 
 def mean_of_sides(scene: Scene, sides: list[np.ndarray]) -> np.ndarray:

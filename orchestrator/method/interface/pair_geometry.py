@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_areas, node_normals
 from orchestrator.scene.model import Interface
 
@@ -17,7 +18,7 @@ def lawful_nodes(interface: Interface) -> np.ndarray:
     if interface.mortar is not None:
         return interface.mortar.points
     mobile = interface.free.any(axis=1)
-    if not interface.law.perfect:
+    if interface.tied:
         mobile &= np.isin(np.arange(len(mobile)), interface.corners)
     return np.flatnonzero(mobile)
 
@@ -50,3 +51,17 @@ def point_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
         area[interface.mortar.points] = interface.mortar.area
         return area
     return node_areas(points, interface.triangles)
+
+
+def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
+    """(n,) the same where laws act at mid-edge nodes too: a twelfth of a six-node facet for its corners, a quarter for these."""
+    if interface.tied or not interface.matching or interface.triangles.shape[1] == 3:
+        return point_areas(points, interface)
+    area = np.linalg.norm(area_vectors(points, interface.triangles), axis=1)
+    return np.bincount(interface.triangles.ravel(), weights=np.outer(area, [1 / 12] * 3 + [1 / 4] * 3).ravel(), minlength=len(points))
+
+
+def lawful_corners(interface: Interface) -> np.ndarray:
+    """(p,) int, ascending, which of the ``lawful_nodes`` are corners."""
+    lawful = lawful_nodes(interface)
+    return lawful[np.isin(lawful, interface.corners)]

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from orchestrator.laws.points import Points
 from orchestrator.laws.status import table
 from orchestrator.method.interface.general_transfer import General
-from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_normals, point_areas
+from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_areas, pair_normals
 from orchestrator.method.interface.pairs import Pairs, Run
 from orchestrator.method.interface.point_traces import NodeCompliance, inverses, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
@@ -51,7 +51,7 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         free.append(i.free[mobile])
         upright, length = pair_normals(points, i)
         normal.append(upright[mobile])
-        area.append(point_areas(points, i)[mobile])
+        area.append(pair_areas(points, i)[mobile])
         own.append(_parameters(i, mobile, length[mobile], area[-1]))
     bounds = np.cumsum([0] + [len(a) for a in area])
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)

@@ -95,7 +95,7 @@ def traced(interface: Interface, side: int) -> np.ndarray:
 
 
 def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:
-    """Ties of all interfaces with six-node faces that are not perfect; None where there are none.
+    """Ties of all interfaces with six-node faces whose law does not give the jump; None where there are none.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: in
     """
     dofs, targets, rows, columns, supports = [], [], [], [], []
     for interface, own in zip(scene.interfaces, sides):
-        if interface.law.perfect or interface.triangles.shape[1] == 3:
+        if not interface.tied:
             continue
         for side, slot in enumerate(own):
             triangles, free = interface.triangles_on(side), traced(interface, side)

@@ -38,6 +38,8 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
             (law, str(sum(entry["law"] == law for entry in resultants)), *_told(law)) for law in found]),
             "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on "
             "side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap."]
+    if bolts := summary.get("bolts"):
+        parts += [heading("Bolts"), *_bolts(bolts)]
     status = _status(summary.get("status_counts"))
     if status:
         parts += [heading("Interface status"), status]
@@ -63,6 +65,13 @@ def _status(counts: object) -> str:
         return ""
     rows = [(str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)]
     return table(("load step", *names), rows, numeric=True)
+
+
+def _bolts(bolts: list[dict]) -> list[str]:
+    rows = [(bolt["name"], str(step), number(force), number(shorter), state) for bolt in bolts
+            for step, (force, shorter, state) in enumerate(zip(bolt["force"], bolt["shortening"], bolt["state"]), 1)]
+    return ["Force along the bolt, positive where it is pulled; what tightening has taken off its length.",
+            table(("bolt", "load step", "force", "shortening", "state"), rows, numeric=True)]
 
 
 def _resultants(entries: list[dict]) -> list[str]:

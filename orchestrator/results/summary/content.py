@@ -8,6 +8,7 @@ from dataclasses import asdict
 
 from orchestrator.config import Config
 from orchestrator.method.acceleration.choice import algorithm
+from orchestrator.method.delivery.bolts import bolt_forces
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
@@ -100,5 +101,5 @@ def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
              "resultant": force}
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
-        "detached": detached, "weakly_held": weakly_held,
+        "detached": detached, "weakly_held": weakly_held, **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {}),
     }

@@ -66,6 +66,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("mesh's error", _mesh_text(summary)),
             ("interfaces", _status_text(summary)),
             ("nonlinear", nonlinear_text(summary)),
+            ("bolts", "\n".join(bolt_sentences(summary))),
             ("stabilised", "\n".join(stabilised_sentences(summary))),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
@@ -116,6 +117,12 @@ def _status_text(summary: Mapping[str, object]) -> str | None:
     steps = len(counts[names[0]])
     when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
     return ", ".join(f"{counts[name][-1]:,} {name}" for name in names) + when
+
+
+def bolt_sentences(summary: Mapping[str, object]) -> list[str]:
+    """What bolts carry at the last load step."""
+    return [f"{bolt['name']}: {bolt['force'][-1]:.5g}, {bolt['state'][-1]}, shortened by {bolt['shortening'][-1]:.4g}"
+            for bolt in jsonable(summary.get("bolts")) or ()]
 
 
 def hold_sentences(summary: Mapping[str, object]) -> list[str]:

@@ -47,9 +47,14 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
     return placed
 
 
-def straighten(mesh: Mesh, interfaces: list[Interface], bolts: Sequence[PlacedBolt], problems: Problems) -> None:
-    """Give interfaces of laws with an axis the same normal everywhere: the bolt's, or the mean of their own."""
-    axes = {id(bolt.interface): bolt for bolt in bolts}
+def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt], problems: Problems) -> list[PlacedBolt]:
+    """Give interfaces of laws with an axis the same normal everywhere: the bolt's, or the mean of their own.
+
+    Returns
+    -------
+    the bolts, and interfaces of such laws between parts as bolts of the interface's name
+    """
+    axes, others = {id(bolt.interface): bolt for bolt in bolts}, []
     for i in interfaces:
         if not i.law.axial:
             continue
@@ -62,6 +67,8 @@ def straighten(mesh: Mesh, interfaces: list[Interface], bolts: Sequence[PlacedBo
         axis = area_vectors(mesh.nodes, i.global_nodes[i.triangles]).sum(axis=0) if bolt is None else bolt.axis
         axis = axis / np.linalg.norm(axis)
         i.normals = np.tile(axis, (len(i.global_nodes), 1))
+        if bolt is None:
+            others.append(PlacedBolt(i.name, i, axis, mesh.nodes[i.global_nodes].mean(axis=0)))
         held = ~i.free & (np.abs(axis) > ALONG)
         if held.any():
             where = format_point(mesh.nodes[i.global_nodes[np.flatnonzero(held.any(axis=1))[0]]])
@@ -69,3 +76,4 @@ def straighten(mesh: Mesh, interfaces: list[Interface], bolts: Sequence[PlacedBo
                          f"a support that holds {i.name} along the axis of its law, at {where}",
                          "sides that are free along the axis: both move by what the force asks for",
                          "hold the bolt elsewhere, or move the cut")
+    return [*bolts, *others]

@@ -117,7 +117,7 @@ def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int
 def size_at(scene: Scene, interface: Interface, side: int) -> np.ndarray:
     """(n,) distance of the nodes that count on a side: half the facets' size with ten-node tets, unless these are tied."""
     triangles = interface.triangles_on(side)
-    half = triangles.shape[1] == 6 and interface.law.perfect
+    half = triangles.shape[1] == 6 and not interface.tied
     return local_size(scene.side_points(interface, side), triangles) / (2 if half else 1)
 
 

@@ -1,0 +1,172 @@
+"""Bolts: tightened by a force, then locked, one after another; against CalculiX, and against equilibrium."""
+
+
+import meshio
+import numpy as np
+import pytest
+from calculix_case import displacements
+from in_process import IN_PROCESS
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.results.report.interface_section import interface_section
+from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.partition.bolts import fitted
+
+PULL = 300.0
+FLAT, OBLIQUE = {"plane": "z", "at": 1.5}, {"plane": [0.1, 0, 1], "at": [0.5, 0.5, 1.4]}
+
+
+def bar(element: str = "P1", cut: object = None, **changes) -> dict:
+    """A bar between walls, tightened, then loaded from beside and heated no more."""
+    return {"name": "bar", "mesh": {"box": {"size": [1, 1, 3], "cells": [2, 2, 4]}},
+            "subdomains": {"slices": {"axis": "z", "count": 1}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+            "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [0, 0, 0]},
+                         {"on": "xmax", "traction": [3, 2, 5], "history": "late"}],
+            "histories": {"late": [0, 1], "first": [1, 1]},
+            "bolts": [{"on": "*", "cut": cut or FLAT, "force": PULL, "history": "first"}],
+            "blackbox": {**IN_PROCESS, "element": element}, "method": {"tolerance": {"error": 1e-9}}, **changes}
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_bolt_is_what_calculix_has_for_a_pre_tension_section(element, tmp_path):
+    solution = solve(config_from(bar(element)))
+    assert solution.converged
+    scene, (told,) = solution.scene, solution.summary["bolts"]
+    assert told["state"] == ["tightened", "locked"] and told["axis"] == [0, 0, 1]
+    assert told["force"][0] == pytest.approx(PULL, rel=1e-8)
+    assert told["shortening"][1] == pytest.approx(told["shortening"][0], rel=1e-9) and told["shortening"][0] > 0
+    exact = displacements(scene, tmp_path, [[PULL, None]])
+    off = np.abs(exact - solution.displacement)[:, np.setdiff1d(np.arange(len(scene.mesh.nodes)), scene.bolts[0].interface.global_nodes)]
+    assert off.max() < 1e-6 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_an_oblique_zigzag_cut_carries_the_force_along_the_axis(element):
+    """The whole section is in balance: the force on either wall, along the axis, is the bolt's."""
+    solution = solve(config_from(bar(element, OBLIQUE)))
+    axis = solution.scene.bolts[0].axis
+    assert axis == pytest.approx(np.array([0.1, 0, 1]) / np.sqrt(1.01))
+    top, bottom = solution.reactions[1], solution.reactions[0]
+    assert top[0] @ axis == pytest.approx(PULL, rel=1e-7) and bottom[0] @ axis == pytest.approx(-PULL, rel=1e-7)
+    assert np.ptp(solution.interfaces.gap, axis=1).max() < 1e-9
+    assert np.abs(solution.interfaces.slip).max() < 1e-9
+
+
+def clamp(tmp_path, friction: float = 0.2, **changes) -> dict:
+    """Two plates between the heads of a bolt that has the shape of an I; all of it in contact."""
+    mesh = bricks([3.0, 1.0, 4.0], [6, 2, 8], "clamp")
+    points, cells = mesh.nodes, mesh.cells
+    x, _, z = points[cells].mean(axis=1).T
+    bolt = (np.abs(x - 1.5) < 0.5) | (np.abs(z - 2) > 1.5)
+    group = np.where(bolt, 1, np.where(z < 2, 2, 3) + 2 * (x > 1.5))
+    path = tmp_path / "clamp.msh"
+    names = ["bolt", "low_1", "high_1", "low_2", "high_2"]
+    meshio.write(path, meshio.Mesh(points, [("tetra", cells)], cell_data={"gmsh:physical": [group], "gmsh:geometrical": [group]},
+                                   field_data={name: np.array([i, 3]) for i, name in enumerate(names, 1)}), "gmsh22", binary=False)
+    held = [{"on": {"box": [[side, 0, 0.5], [side, 1, 2]]}, "displacement": [0, 0, 0]} for side in (0, 3)]
+    return {"name": "clamp", "mesh": {"file": str(path)}, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+            "boundary": [*held, *({"on": {"box": [[side, 0, 2], [side, 1, 3.5]]}, "traction": [0, 0, 10], "history": "late"} for side in (0, 3))],
+            "histories": {"late": [0, 0, 1], "tighten": [0.5, 1, 1]}, "interfaces": [{"law": "contact", "friction": friction}],
+            "bolts": [{"on": "bolt", "cut": {"plane": "z", "at": 2.0}, "force": 400.0, "history": "tighten"}],
+            "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-8}}, **changes}
+
+
+def test_in_contact_a_bolt_presses_plates_together_and_takes_a_part_of_what_pulls_them_apart(tmp_path):
+    solution = solve(config_from(clamp(tmp_path)))
+    assert solution.converged, solution.stop_reason
+    told, = solution.summary["bolts"]
+    assert told["state"] == ["tightened", "tightened", "locked"]
+    assert told["force"][:2] == pytest.approx([200, 400], rel=1e-6)
+    pressed = sum(np.array(i["resultant"])[:, 2] for i in solution.summary["interface_resultants"] if "low" in i["name"] and "high" in i["name"])
+    # across the joint: what the plates press and what holds the bolt's lower end is what the bolt pulls
+    assert abs(pressed[:2]) == pytest.approx([200, 400], rel=1e-5)
+    pull = 10 * 2 * 1.5
+    assert abs(told["force"][2] - 400) < 0.5 * pull  # the plates take most of it
+    assert abs(pressed[2]) == pytest.approx(told["force"][2] - pull, rel=1e-5)
+    assert told["shortening"][2] == pytest.approx(told["shortening"][1], rel=1e-9)
+    assert dict(summary_rows(solution.summary))["bolts"].startswith("bolt: 39")
+    assert "| bolt | 3 |" in "\n".join(interface_section(solution.summary))
+
+
+def test_the_coarse_problem_knows_that_a_bolts_pairs_answer_together(monkeypatch):
+    """Newton's matrix is the derivative of the imbalance, also where ∂f̂/∂F couples all pairs of a cut."""
+    from orchestrator.method.coarse.problem import CoarseProblem
+
+    seen = {}
+    original = CoarseProblem.solve
+    monkeypatch.setattr(CoarseProblem, "solve", lambda self, *a: seen.update(problem=self, pairs=self.fields.pairs) or original(self, *a))
+    solve(config_from(bar()))
+    problem, pairs, rng = seen["problem"], seen["pairs"], np.random.default_rng(3)
+    F0, before = 100 * rng.normal(size=(3, len(pairs))), 1e-3 * rng.normal(size=(3, len(pairs)))
+    resultant, y, change = (rng.normal(size=(2, 12)) for _ in range(3))
+    for number in (0, 1):  # tightened, locked
+        step = LoadStep(problem.bodies, number, F0, resultant, before, np.full(1, np.inf))
+        step.residual(y)
+        matrix = problem.bodies.pattern.matrix(step.matrix(), 0.0).toarray()
+        found = (step.residual(y + change) - step.residual(y - change)) / 2
+        assert matrix @ change.ravel() == pytest.approx(found.ravel(), abs=1e-6 * np.abs(found).max())
+
+
+def test_the_axis_of_a_shank_is_found_from_the_corners_of_its_facets():
+    rng = np.random.default_rng(1)
+    angle, height = rng.uniform(0, 2 * np.pi, 60), rng.uniform(-3, 3, 60)
+    frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    points = np.c_[np.cos(angle), np.sin(angle), height] @ frame.T + [5, -2, 7]
+    through, axis = fitted(points, np.array([5.05, -2.04, 7.1]), frame[:, 2] + 0.05 * frame[:, 0])
+    assert abs(axis @ frame[:, 2]) == pytest.approx(1, abs=1e-14)
+    assert np.linalg.norm(np.cross(through - [5, -2, 7], axis)) < 1e-12
+
+
+def test_histories_multiply_jumps_and_gaps():
+    """Of two blocks between walls: a jump of 1, 0 and −2 hundredths pulls, rests and presses; a press fit grows."""
+    blocks = {"name": "blocks", "mesh": {"box": {"size": [1, 1, 2], "cells": [1, 1, 2]}}, "subdomains": {"slices": {"axis": "z", "count": 2}},
+              "materials": [{"young": 100.0, "poisson": 0.0}], "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-9}},
+              "boundary": [{"on": side, "displacement": [0, 0, 0]} for side in ("zmin", "zmax")], "histories": {"steps": [1, 0, -2]}}
+    for law in ({"law": "jump", "jump": [0, 0, 0.01], "history": "steps"}, {"law": "jump", "jump": [[0, 0, 0.01], [0, 0, 0], [0, 0, -0.02]]}):
+        solution = solve(config_from({**blocks, "interfaces": [{"between": ["slice 0", "slice 1"], **law}]}))
+        # two springs E A / l in series of length 1 each
+        assert solution.reactions[1][:, 2] == pytest.approx([-0.5, 0, 1], abs=1e-8)
+        assert solution.interfaces.gap == pytest.approx(np.outer([0.01, 0, -0.02], np.ones(4)), abs=1e-10)
+    fit = {"law": "contact", "gap": -0.01, "history": "steps"}
+    solution = solve(config_from({**blocks, "interfaces": [fit], "histories": {"steps": [1, 0.5, 3]}}))
+    assert solution.reactions[1][:, 2] == pytest.approx([-0.5, -0.25, -1.5], abs=1e-8)
+    assert solution.interfaces.gap == pytest.approx(0, abs=1e-10)
+
+
+WRONG = {
+    "no volume": ({"bolts": [{"on": "bolt_7", "force": 1.0}]}, ("bolts", 0, "on"), "no volume is called 'bolt_7'"),
+    "no force": ({"bolts": [{"on": "*", "force": 0.0}]}, ("bolts", 0, "force"), "> 0"),
+    "a plane beside it": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 30.0}, "force": 1.0}]}, ("bolts", 0, "cut"), "reaches from 0 to 3"),
+    "no direction": ({"bolts": [{"on": "*", "cut": {"plane": [0, 0, 0], "at": [0, 0, 0]}, "force": 1.0}]}, ("bolts", 0, "cut", "plane"), "direction"),
+    "no cylinder": ({"bolts": [{"on": "*", "force": 1.0}], "mesh": {"polycrystal": {"grains": 1, "size": 1.0, "h": 0.6}}}, ("bolts", 0, "cut"), ""),
+    "an unknown end": ({"bolts": [{"on": "*", "force": 1.0, "then": "free"}]}, ("bolts", 0, "then"), "locked"),
+    "no history": ({"bolts": [{"on": "*", "force": 1.0, "history": "none"}]}, ("bolts", 0, "history"), "'none'"),
+    "a bolt that pushes": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0, "history": "down"}], "histories": {"down": [1, -1], "late": [0, 1]}},
+                           ("bolts", 0, "history"), "a bolt pulls"),
+    "never tightened": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0, "history": "never"}], "histories": {"never": [0, 0], "late": [0, 1]}},
+                        ("bolts", 0, "history"), "never tightened"),
+    "cut twice": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0}] * 2}, ("bolts", 1, "on"), "second entry"),
+    "cut along": ({"bolts": [{"on": "*", "cut": {"plane": "z", "at": 1.4}, "force": 1.0}], "subdomains": {"slices": {"axis": "x", "count": 2}}},
+                  ("bolts", 0, "cut"), "interfaces"),
+    "held at the cut": ({"bolts": [{"on": "*", "cut": FLAT, "force": 1.0}], "boundary": [{"on": "ymin", "displacement": [None, None, 0]},
+                        {"on": "zmin", "displacement": [0, 0, 0]}]}, ("boundary",), "along the axis"),
+    "history of nothing": ({"bolts": [], "interfaces": [{"law": "perfect", "history": "late"}]}, ("interfaces", 0, "history"), "prescribes nothing"),
+    "history without a gap": ({"bolts": [], "interfaces": [{"law": "contact", "history": "late"}]}, ("interfaces", 0, "history"), "gap"),
+    "a list and a history": ({"bolts": [], "interfaces": [{"law": "jump", "between": ["a", "b"], "jump": [[0, 0, 0], [0, 0, 1]], "history": "late"}]},
+                             ("interfaces", 0, "history"), "one vector per step"),
+    "force of a pair that is found": ({"bolts": [], "interfaces": [{"law": "pretension", "between": "auto", "force": 1.0}]}, ("interfaces", 0, "between"), "bolts:"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_wrong_with_a_bolt_is_told_with_its_place(what):
+    changes, path, words = WRONG[what]
+    with pytest.raises(InputError) as caught:
+        build_scene(config_from(bar(**changes)))
+    problem = next(p for p in caught.value.problems if p.path == path)
+    assert words in str(problem) and problem.expected and problem.cure
