@@ -38,6 +38,8 @@ SHIPPED_CONTACT = {  # what shortens it, iterations at most, what its results sh
         700 < abs(i["resultant"][0][2]) < 1200 for i in s["interface_resultants"] if set(i["name"].split()[::2]) & {"plate"}
         and "nut" in i["name"])),
     "flange": (["method.tolerance.error=1e-3"], 25, tightened),
+    "bolts": (["method.tolerance.error=1e-3"], 25, lambda s, f: all(
+        b["state"][1:] == ["tightened" if b["force"][0] < 100 else "locked", "locked"] and 8000 < b["force"][2] < 9000 for b in s["bolts"])),
     "stack": (["method.tolerance.error=1e-3"], 30, lambda s, f: s["detached"] == [[]] * 4 and statuses(s, "stick")[0] > 0
               and abs(s["reactions"][0][1][2] + s["reactions"][1][1][2]) < 1),
     "polycrystal_10": (["mesh.polycrystal.h=0.2"], 120, lambda s, f: statuses(s, "open")[3] > statuses(s, "open")[1]),
