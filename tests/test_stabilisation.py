@@ -151,7 +151,7 @@ def test_half_a_tolerance_moves_solutions_by_less_than_two(case):
 def test_what_springs_carried_is_told_and_below_the_tolerance():
     found = converged(with_stabilisation("auto", **CASES["ten grains"])).summary
     told = found["stabilised"]
-    assert 0 < told["force"] == found["residuals"]["stabilisation"] <= found["tolerance"] and 0 < told["work"] < 1e-3
+    assert 0 < told["force"] == pytest.approx(found["residuals"]["stabilisation"], rel=1e-12) and told["force"] <= found["tolerance"] and 0 < told["work"] < 1e-3
     lost = {name for key in ("detached", "weakly_held") for names in found[key] for name in names}
     assert lost and {name for names in found["detached"] for name in names} <= {n for names in told["bodies"] for n in names}
     rows = dict(summary_rows(found))
