@@ -28,6 +28,7 @@ class Registry(Mapping[str, Any]):
     def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None):
         self._places, self._own = dict(places), dict(own or {})
         self._known: dict[str, Any] = {}
+        self._first = tuple(places)
 
     def __getitem__(self, name: str) -> Any:
         place = self._place(name)
@@ -47,6 +48,10 @@ class Registry(Mapping[str, Any]):
     def own(self) -> list[Any]:
         """What stands for names of the user's own."""
         return [self._at(place) for place in self._own.values()]
+
+    def shipped(self) -> dict[str, Any]:
+        """Without what has been added."""
+        return {name: self[name] for name in self._first}
 
     def add(self, name: str, thing: Any) -> None:
         """Something that is not shipped: a law or a code of the user's own."""

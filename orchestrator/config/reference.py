@@ -75,7 +75,7 @@ def mappings(notes: list[Any], suffix: str = "") -> Iterator[tuple[str, str, typ
     """Models inside a type: what the path gets behind it, which of several, the model."""
     by_name = next((note for note in notes if isinstance(note, ByName)), None)
     if by_name is not None:
-        yield from ((suffix, f"{by_name.key}: {name}", by_name.model_of(thing)) for name, thing in by_name.registry.items())
+        yield from ((suffix, f"{by_name.key}: {name}", by_name.model_of(thing)) for name, thing in by_name.registry.shipped().items())
         return
     kind = notes[0]
     if isinstance(kind, type) and issubclass(kind, Part):
