@@ -134,7 +134,8 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         wanted = method.tolerance.error == "auto" or config.output.fields
         delivered = on_whole(delivered, whole, estimate if wanted else None)
     summary = summarise(config, whole, delivered, setup_sweeps, exact, ranks, watch)
-    return Solution.of(whole, delivered, summary, exact)
+    with watch("output"):
+        return Solution.of(config, whole, delivered, summary, exact)
 
 
 def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequence, cases: LoadCases, told: Subscribers,

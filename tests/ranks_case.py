@@ -100,6 +100,9 @@ def found(name: str, team: Team = ALONE) -> dict[str, np.ndarray] | None:
     summary = solved.summary
     result = {"displacement": solved.displacement, "reactions": summary["reactions"], "energy": summary["energy"],
               "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"]}
+    carried = solved.answers.interfaces.resultants
+    result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],
+               "stresses": solved.answers.extremes.value[:, :, 4:]}
     if solved.interfaces is not None:
         result |= {"status": solved.interfaces.status, "pressure": solved.interfaces.pressure,
                    "resultant": solved.interfaces.resultant}

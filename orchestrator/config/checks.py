@@ -281,6 +281,24 @@ def directions(data: Any) -> Iterator[Problem]:
             yield Problem(path, "neither force nor moment", "one of them, or both", "add force: [0, 0, -1000]")
 
 
+def probes_fit(data: Any) -> Iterator[Problem]:
+    """Probes have names of their own, and keys that their quantity heeds."""
+    seen: dict[str, int] = {}
+    for path, probe in find(data, ("output", "probes", "*")):
+        if not isinstance(probe, dict):
+            continue
+        name = probe.get("name") or f"probe_{path[-1] + 1}"
+        if isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
+            yield Problem((*path, "name"), f"a second probe called '{name}'", "a name for each probe", "give it another name")
+        if "at" in probe and "on" in probe:
+            yield Problem(path, "at and on together", "exactly one of at, on", "keep at or on, remove the other")
+        resultant = probe.get("quantity") == "resultant"
+        for key, fits, where in (("of", not resultant, "a mean or an extreme"), ("about", resultant, "a resultant")):
+            if "on" in probe and probe.get(key) is not None and not fits:
+                yield Problem((*path, key), f"{key} beside quantity: {_show(probe.get('quantity', 'mean'))}",
+                              f"{key} beside {where} only", f"remove {key}")
+
+
 def one_element(data: Any) -> Iterator[Problem]:
     """The same element in all entries of ``blackbox``."""
     elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
@@ -305,7 +323,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
 
 
 RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, what_histories_multiply, prescribed_once,
-         acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions]
+         acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

@@ -1,4 +1,4 @@
-"""``method`` and ``output``: how the problem is solved, and what is kept."""
+"""``method``: how the problem is solved."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from orchestrator.config.base import AutoCount, Count, Name, Part, Positive, auto_or
+from orchestrator.config.base import AutoCount, Count, Part, Positive, auto_or
 
 RATIO_RANGE = (1e-3, 1e2)
 STABLEST = 0.1  # stabilisation beyond which springs, not laws, decide what contacts do
@@ -138,9 +138,3 @@ class Method(Part):
         "error 1e-6: well below the discretisation error of any practical mesh"))
     max_iterations: Count = Field(500, description=(
         "of the whole run, all batches of load steps together; far above what a healthy run needs, so it only stops sick ones"))
-
-
-class Output(Part):
-    directory: Name | None = Field(None, description="results folder; none: results/<name>")
-    fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
-    figures: bool = Field(True, description="draw the figures; they are what most people look at first")

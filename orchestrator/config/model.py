@@ -11,7 +11,8 @@ from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_clas
 from orchestrator.config.bolts import Bolt
 from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interfaces, everything_perfect
 from orchestrator.config.mesh import Material, Mesh, Subdomains
-from orchestrator.config.method import Method, Output
+from orchestrator.config.method import Method
+from orchestrator.config.output import Output
 from orchestrator.config.parts import OnePart, elements_of
 from orchestrator.registry import FOREIGN
 

@@ -115,6 +115,8 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
             artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
             write_fields(folder, solution.fields, team)
+        if solution.answers is not None:
+            solution.answers.write(folder)
     note_time(solution.summary, watch)
     write_summary(folder, solution.summary)
 

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from orchestrator.config import Config
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
+from orchestrator.results.answers.answers import Answers
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import read_npz, write_npz
 from orchestrator.results.folder import ResultsFolder
@@ -36,6 +38,7 @@ class Solution:
     iterated : what the iterations ended with: traces and interface forces, statuses, error bound, events
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are averaged
     reference : the undecomposed solution, if asked for
+    answers : extremes, probes, and what interfaces carry
 
     Examples
     --------
@@ -66,15 +69,21 @@ class Solution:
     iterated: Iterated | None = None
     parts: list[np.ndarray] | None = None
     reference: Reference | None = None
+    answers: Answers | None = None
 
     @classmethod
-    def of(cls, scene: Scene, delivered: Delivered, summary: dict[str, object], reference: Reference | None) -> Solution:
-        """Of a run that has just been finished; nothing is written."""
+    def of(cls, config: Config, scene: Scene, delivered: Delivered, summary: dict[str, object],
+           reference: Reference | None) -> Solution:
+        """Of a run that has just been finished; its answers are entered in the summary, nothing is written."""
         estimate = delivered.discretisation
-        fields = Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces,
-                           estimate and estimate.cells)
+        foreign = {e for code in summary["codes"] if code["own_matter"] for e in code["subdomains"]}
+        foreign = sorted(foreign | {s.index for s in scene.subdomains if s.foreign})
+        fields = Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces, estimate and estimate.cells,
+                           believed=~np.isin(scene.cell_subdomain, foreign) if foreign else None)
+        answers = Answers.of(scene, delivered, fields, summary.get("detached") or ())
+        summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference)
+                   delivered.parts, reference, answers)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:

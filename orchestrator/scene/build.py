@@ -110,6 +110,12 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]
         check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
+    probes = []
+    if config.output.probes:
+        from orchestrator.scene.conditions.probes import find_probes
+
+        bodies = [partition.body(i) or name for i, name in enumerate(partition.names)]
+        probes = find_probes(mesh, faces, partition.subdomain, bodies, interfaces, config.output.probes, problems)
     problems.raise_if_any()
     problems.warnings += mesh.remarks
     problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces or bolts names it"
@@ -120,7 +126,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     assign_codes(mesh, subdomains, config.codes)
     _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts)
+                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, probes=probes)
 
 
 def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:

@@ -298,6 +298,7 @@ class Scene:
     warnings : sentences on what is no error but may be meant otherwise
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
     bolts : those that are cut
+    probes : what is asked for, see ``conditions.probes``; the whole scene has them
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
     """
@@ -319,6 +320,7 @@ class Scene:
     bolts: list[PlacedBolt] = field(default_factory=list)
     overview: Overview | None = None
     number: np.ndarray | None = None
+    probes: list = field(default_factory=list)
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""

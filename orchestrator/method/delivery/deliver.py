@@ -12,6 +12,7 @@ from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, mean_of_sides
 from orchestrator.method.delivery.recovery import delivered, of_all, on_mesh, reactions, recover
+from orchestrator.method.delivery.resultants import Resultants, interface_resultants
 from orchestrator.method.delivery.stabilised import Stabilised, stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
@@ -37,6 +38,8 @@ class Delivered:
     laws : how well the laws hold there
     stabilised : what stabilisation carried; None where there is none
     reactions : per boundary entry, per load step, its resultant force
+    reaction_moments : (entries, T, 3) their moments about the origin
+    resultants : what all interfaces carry
     displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean of the sides
     discretisation : its estimated error, if asked for
     """
@@ -49,6 +52,8 @@ class Delivered:
     laws: LawResiduals | None
     stabilised: Stabilised | None
     reactions: list[list[list[float]]]
+    reaction_moments: np.ndarray
+    resultants: Resultants
     displacement: np.ndarray | None = None
     discretisation: Estimate | None = None
 
@@ -84,9 +89,11 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
     if broken:
         iterated = replace(iterated, converged=False, stop_reason=f"guard: {'; '.join(broken)}")
-    carried, acting = stabilised(d, iterated), reactions(d, parts, iterated.fields.f)
+    carried, acting = stabilised(d, iterated), reactions(d, parts, iterated.fields.f, np.zeros(3))
+    resultants = interface_resultants(d, iterated.fields.f)
     return Delivered(iterated, of_all(d, parts), of_all(d, continuous if own is None else own), d.all_perfect,
-                     all_interfaces(d, interfaces), laws, carried, acting)
+                     all_interfaces(d, interfaces), laws, carried,
+                     acting[:, :, :3].tolist(), acting[:, :, 3:], resultants)
 
 
 def on_whole(delivered: Delivered, whole: Scene, estimate: DiscretisationEstimate | None) -> Delivered:

@@ -7,7 +7,7 @@ import numpy as np
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.scene.conditions.affine import resultant
+from orchestrator.scene.conditions.affine import wrench
 from orchestrator.scene.model import Scene
 
 
@@ -114,27 +114,34 @@ def support_forces(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> 
     return result
 
 
-def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> list[list[list[float]]]:
-    """Resultant force on each boundary entry, per load step.
+def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """Resultant force and moment on each boundary entry, (entries, T, 6).
 
     Parameters
     ----------
     parts : per subdomain (T, n_E, 3), as recovered
     f : (T, D) interface forces
+    about : (3,) what moments are about
 
     Returns
     -------
-    per entry of the YAML, per step, a 3-vector: the support's reaction for prescribed
+    per entry of the YAML and step the force, then the moment: the support's reaction for prescribed
     displacements (a node in several entries counts for the last), the applied resultant for loads
     """
     scene, steps = d.scene, d.scene.steps
-    supported = np.zeros((steps, len(scene.boundary), 3))
+    supported = np.zeros((steps, len(scene.boundary), 6))
     for s, forces in zip(d.own, support_forces(d, parts, f)):
-        for c in () if forces is None else range(3):
+        if forces is None:
+            continue
+        arm = scene.mesh.nodes[s.nodes] - about
+        for c in range(3):
             held = np.flatnonzero(s.fixed[:, c])
-            np.add.at(supported[:, :, c], (slice(None), s.held_by[held, c]), forces[:, held, c])
+            entry, push = s.held_by[held, c], forces[:, held, c]
+            np.add.at(supported[:, :, c], (slice(None), entry), push)
+            for axis, lever, sign in ((3 + (c + 1) % 3, (c + 2) % 3, 1), (3 + (c + 2) % 3, (c + 1) % 3, -1)):  # arm × e_c
+                np.add.at(supported[:, :, axis], (slice(None), entry), sign * push * arm[held, lever])
     for entry in scene.boundary:  # every face is on one rank
         if entry.kind != "displacement":
-            supported[:, entry.index] = resultant(entry, scene.mesh.nodes)
+            supported[:, entry.index] = wrench(entry, scene.mesh.nodes, about)
     total, = d.space.team.sum(supported)
-    return total.swapaxes(0, 1).tolist()
+    return total.swapaxes(0, 1)

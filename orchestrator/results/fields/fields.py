@@ -6,18 +6,21 @@ largest von Mises stress at the cell's nodes is beside it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.method.stopping import stress as recovery
+from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 
 if TYPE_CHECKING:
     from orchestrator.method.delivery.interface_fields import InterfaceFields
+    from orchestrator.results.fields.nodal import Nodal
     from orchestrator.scene.model import Scene
 
 
@@ -34,6 +37,10 @@ class Fields:
     sides : per subdomain (steps, n_E, 3) on its own nodes (``numbering``); None where nothing opens
     interfaces : fields of the interfaces that are not perfect, if there are any
     discretisation_error : (steps, m) estimate of it per cell, relative, energy norm; None where not estimated
+    part : (m,) int, index into ``parts``, their names; one without a name where it is None
+    joined : (N,) int, per node of ``numbering`` a label, equal where perfect interfaces make nodes one; None where
+        nothing opens
+    believed : (m,) bool, where stresses are those of the matter that was computed; None: everywhere
     """
 
     nodes: np.ndarray
@@ -44,11 +51,18 @@ class Fields:
     sides: list[np.ndarray] | None = None
     interfaces: InterfaceFields | None = None
     discretisation_error: np.ndarray | None = None
+    part: np.ndarray | None = None
+    parts: tuple[str, ...] = ()
+    joined: np.ndarray | None = None
+    believed: np.ndarray | None = None
 
     @classmethod
-    def of(cls, scene: Scene, displacement: np.ndarray, *others: object) -> Fields:
+    def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
+           believed: np.ndarray | None = None) -> Fields:
         """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
-        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, scene.lame, displacement, *others)
+        joined = None if sides is None else _joined(scene)
+        return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, scene.lame, displacement, sides, *others,
+                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined, believed=believed)
 
     @property
     def steps(self) -> int:
@@ -65,16 +79,38 @@ class Fields:
         if self.sides is None:
             return self
         split = self.numbering
-        return Fields(self.nodes[split.nodes], split.corners, self.subdomain, self.lame,
-                      np.concatenate(self.sides, axis=1), interfaces=self.interfaces,
-                      discretisation_error=self.discretisation_error)
+        return replace(self, nodes=self.nodes[split.nodes], cells=split.corners, sides=None,
+                       displacement=np.concatenate(self.sides, axis=1))
+
+    @cached_property
+    def nodal(self) -> Nodal:
+        """Stresses at the nodes."""
+        from orchestrator.results.fields.nodal import Nodal
+
+        return Nodal(self)
+
+    @property
+    def apart(self) -> Fields:
+        """The same where every stress at the nodes has nodes of its own; these fields themselves where each node has one."""
+        node, cells = self.nodal.split
+        drawn = self.opened
+        if np.array_equal(node, np.arange(len(drawn.nodes))):
+            return drawn
+        return replace(drawn, nodes=drawn.nodes[node], cells=cells, displacement=drawn.displacement[:, node], joined=None)
+
+    def __getstate__(self) -> dict[str, object]:
+        """What others cannot compute themselves."""
+        return {field.name: getattr(self, field.name) for field in dataclass_fields(self)}
 
     def some(self, chosen: np.ndarray) -> Fields:
         """The same of some of the cells (k,) int, with their own nodes; without interfaces."""
         nodes, cells = np.unique(self.cells[chosen], return_inverse=True)
-        error = self.discretisation_error
+        error, part, believed = self.discretisation_error, self.part, self.believed
         return Fields(self.nodes[nodes], cells.reshape(len(chosen), -1), self.subdomain[chosen], self.lame[chosen],
-                      self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen])
+                      self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen],
+                      part=None if part is None else part[chosen], parts=self.parts,
+                      joined=None if self.joined is None else self.joined[nodes],
+                      believed=None if believed is None else believed[chosen])
 
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
@@ -119,3 +155,12 @@ class Fields:
             return np.broadcast_to(self.von_mises(step)[:, None], self.cells.shape)
         corners = self.corner_stress(step)
         return recovery.von_mises(np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1))
+
+
+def _joined(scene: Scene) -> np.ndarray:
+    """(N,) int, as ``Fields.joined``."""
+    ends = np.cumsum([0] + [len(s.nodes) for s in scene.subdomains])
+    bonds = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
+    one, two = (np.concatenate([np.empty(0, int), *(i.nodes[side] + ends[i.subdomains[side]] for i in bonds)])
+                for side in (0, 1))
+    return components(one, two, int(ends[-1]))[1]

@@ -1,8 +1,8 @@
 """The field files of a run: fields.npz for programs (``npz``), fields/ (.vtu per step and a .pvd) for ParaView.
 
-ParaView shows the six components of the stress under their names and takes them as a symmetric tensor. Where interfaces
-can open, every subdomain has its own nodes in the .vtu files, so that bodies separate; what happens on the interfaces
-is in files of their own (``interface_files``).
+ParaView shows the six components of the stress under their names and takes them as a symmetric tensor. In the .vtu files
+every part and every matter has its own nodes, and where interfaces can open every body, so that bodies separate and
+stresses at nodes are of one body each; what happens on the interfaces is in files of their own (``interface_files``).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from orchestrator.method.stopping.stress import von_mises
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.interface_files import write_interfaces
+from orchestrator.results.fields.nodal import Nodal, principal
 from orchestrator.results.fields.npz import write_npz
 from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
 from orchestrator.results.folder import ResultsFolder
@@ -38,12 +39,13 @@ def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE) -> N
     """
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
+    grid = fields.apart
     if team.size > 1:
-        names = _in_pieces(folder, fields.opened, team)
+        names = _in_pieces(folder, grid, fields.nodal, team)
     else:
         names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
         for step, name in enumerate(names):
-            _write_step(folder, f"fields/{name}", fields.opened, step)
+            _write_step(folder, f"fields/{name}", grid, step, fields.nodal.everywhere(fields.nodal.stress(step)))
     write_pvd(folder, PVD_NAME, names)
     if fields.interfaces is not None:
         write_interfaces(folder, fields.nodes, fields.interfaces,
@@ -52,28 +54,31 @@ def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE) -> N
 
 def write_piece(team: Team) -> None:
     """What the other ranks do while rank 0 writes fields: a piece of every step."""
-    directory, piece = team.hand_out(lambda rank: None)
-    _write_piece(ResultsFolder(directory), piece, team.rank)
+    directory, *piece = team.hand_out(lambda rank: None)
+    _write_piece(ResultsFolder(directory), *piece, team.rank)
     team.gather(None)
 
 
-def _in_pieces(folder: ResultsFolder, fields: Fields, team: Team) -> list[str]:
+def _in_pieces(folder: ResultsFolder, fields: Fields, nodal: Nodal, team: Team) -> list[str]:
     """Have every rank write its piece; names of the files that put them together."""
     ends = np.linspace(0, len(fields.cells), team.size + 1).astype(int)
     order = np.argsort(fields.subdomain, kind="stable")
+    stress = np.array([nodal.everywhere(nodal.stress(step)) for step in range(fields.steps)])
 
-    def piece(rank: int) -> Fields:
-        return fields.some(np.sort(order[ends[rank] : ends[rank + 1]]))
+    def piece(rank: int) -> tuple[Fields, np.ndarray]:
+        chosen = np.sort(order[ends[rank] : ends[rank + 1]])
+        return fields.some(chosen), stress[:, np.unique(fields.cells[chosen])]
 
-    _write_piece(folder, team.hand_out(lambda rank: (os.fspath(folder.path.absolute()), piece(rank)))[1], 0)
+    _write_piece(folder, *team.hand_out(lambda rank: (os.fspath(folder.path.absolute()), *piece(rank)))[1:], 0)
     team.gather(None)
     for rank in range(1, team.size):
         if not all((folder / f"fields/{name}").is_file() for name in _names(fields.steps, rank)):
-            _write_piece(folder, piece(rank), rank)  # that rank's disk is another one
+            _write_piece(folder, *piece(rank), rank)  # that rank's disk is another one
     names = [f"step_{step + 1:04d}.pvtu" for step in range(fields.steps)]
+    one = np.arange(min(1, len(fields.cells)))
     for step, name in enumerate(names):
         write_pvtu(folder, f"fields/{name}", [_names(fields.steps, rank)[step] for rank in range(team.size)],
-                   *_data(fields.some(np.arange(min(1, len(fields.cells)))), step))
+                   *_data(fields.some(one), step, stress[step, np.unique(fields.cells[one])]))
     return names
 
 
@@ -81,21 +86,21 @@ def _names(steps: int, rank: int) -> list[str]:
     return [f"step_{step + 1:04d}_{rank}.vtu" for step in range(steps)]
 
 
-def _write_piece(folder: ResultsFolder, piece: Fields, rank: int) -> None:
+def _write_piece(folder: ResultsFolder, piece: Fields, stress: np.ndarray, rank: int) -> None:
     for step, name in enumerate(_names(piece.steps, rank)):
-        _write_step(folder, f"fields/{name}", piece, step)
+        _write_step(folder, f"fields/{name}", piece, step, stress[step])
 
 
-def _write_step(folder: ResultsFolder, name: str, fields: Fields, step: int) -> None:
-    write_vtu(folder, name, fields.nodes, fields.cells, *_data(fields, step))
+def _write_step(folder: ResultsFolder, name: str, fields: Fields, step: int, stress: np.ndarray) -> None:
+    write_vtu(folder, name, fields.nodes, fields.cells, *_data(fields, step, stress))
 
 
-def _data(fields: Fields, step: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What a step's file says of nodes and of cells."""
+def _data(fields: Fields, step: int, stress: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What a step's file says of nodes, with their stress (n, 6), and of cells."""
     sigma = fields.stress(step)
     cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": fields.subdomain.astype(np.int32)}
     if fields.cells.shape[1] == 10:
         cells["von_mises_max"] = fields.nodal_von_mises(step).max(axis=1)
     if fields.discretisation_error is not None:
         cells["discretisation_error"] = fields.discretisation_error[step]
-    return {"displacement": fields.displacement[step]}, cells
+    return {"displacement": fields.displacement[step], "nodal_stress": stress, "principal_stress": principal(stress)}, cells

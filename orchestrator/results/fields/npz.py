@@ -3,7 +3,8 @@
 | name | array |
 |---|---|
 | `nodes`, `cells`, `subdomain`, `lame`, `displacement` | as in ``Fields`` |
-| `discretisation_error` | as there, where it was estimated |
+| `discretisation_error`, `believed` | as there, where it was estimated, where not all is to be believed |
+| `part`, `parts`, `joined` | as there: parts, their names, and which nodes are one where interfaces open |
 | `displacement_sides_0`, `…_1`, … | (steps, n_E, 3) per subdomain, where interfaces open |
 | `gap`, `initial_gap`, `slip`, `pressure`, `friction_traction`, `status` | as in ``InterfaceFields``, where interfaces open |
 | `interface_…` | its other arrays, so `interface_nodes` for `nodes` |
@@ -26,7 +27,7 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "fields.npz"
 _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
-_ERROR = "discretisation_error"
+_IF_THERE = ("discretisation_error", "part", "joined", "believed")
 _SIDES = "displacement_sides_"  # + index of the subdomain
 _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
 _INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)}
@@ -43,8 +44,8 @@ def write_npz(folder: ResultsFolder, written: Fields) -> Path:
     arrays |= {f"{_SIDES}{e}": u for e, u in enumerate(written.sides or ())}
     if written.interfaces is not None:
         arrays |= {key: getattr(written.interfaces, name) for name, key in _INTERFACE.items()}
-    if written.discretisation_error is not None:
-        arrays[_ERROR] = written.discretisation_error
+    arrays |= {name: array for name in _IF_THERE if (array := getattr(written, name)) is not None}
+    arrays["parts"] = np.array(written.parts, dtype=str)
     with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
         np.savez(file, **arrays)
     return folder / NAME
@@ -64,7 +65,8 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
         with np.load(path, allow_pickle=False) as data:
             count = sum(name.startswith(_SIDES) for name in data)
             return Fields(*(data[name] for name in _ALWAYS), [data[f"{_SIDES}{e}"] for e in range(count)] or None,
-                          _interfaces(data), data[_ERROR] if _ERROR in data else None)
+                          _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
+                          parts=tuple(data["parts"].tolist()))
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}",
                                  f"arrays {', '.join(_ALWAYS)}, as a run writes them",

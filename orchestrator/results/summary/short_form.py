@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from orchestrator.config.output import Units
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.codes import codes_text
 from orchestrator.results.summary.nonlinear import nonlinear_text
@@ -14,6 +15,7 @@ from orchestrator.results.summary.workload import idle_text, ranks_text
 from orchestrator.wording import some
 
 LARGEST = 6  # stages named
+SHOWN = 8  # reactions on screen
 
 
 def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None,
@@ -57,6 +59,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     total = sweeps.get("total") if isinstance(sweeps, Mapping) else sweeps
     rows = [("run", shown("name", "{}")),
             ("result", state if reason in ("", "converged") else f"{state} ({reason})"),
+            *answer_rows(summary),
             ("what to do", "\n".join(summary.get("advice") or ())),
             ("iterations", shown("iterations") and f"{shown('iterations')}"
              + (f", {total:.4g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
@@ -81,6 +84,55 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("skipped", _skipped_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]
+
+
+def answer_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
+    """The numbers that are asked for first: peak stress and displacement with their places, reactions, probes."""
+    units = units_of(summary)
+    rows = [(label, _peak_text(summary, key, what, unit)) for label, key, what, unit in (
+        ("peak stress", "peak_stress", "von Mises", units["stress"]),
+        ("peak displ.", "peak_displacement", "", units["length"]))]
+    names, reactions = summary.get("reaction_names") or [], jsonable(summary.get("reactions")) or []
+    texts = [f"{name}: {_vector(steps[-1])}{units['force']}" for name, steps in zip(names, reactions) if steps]
+    if len(texts) > SHOWN:
+        texts = [*texts[:SHOWN], f"… and {len(texts) - SHOWN} more in summary.json"]
+    rows.append(("reactions", "\n".join(texts)))
+    rows.append(("probes", "\n".join(_probe_text(probe, units) for probe in jsonable(summary.get("probes")) or ())))
+    return rows
+
+
+def units_of(summary: Mapping[str, object]) -> dict[str, str]:
+    """Units of length, force, stress and moment with a space before; empty where none are named."""
+    named = ((summary.get("config") or {}).get("output") or {}).get("units")
+    if not named:
+        return {key: "" for key in ("length", "force", "stress", "moment", "energy")}
+    units = Units.model_validate(named)
+    moment = f" {units.force}·{units.length}"
+    return {"length": f" {units.length}", "force": f" {units.force}", "stress": f" {units.stress}", "moment": moment, "energy": moment}
+
+
+def _peak_text(summary: Mapping[str, object], key: str, what: str, unit: str) -> str | None:
+    found = jsonable(summary.get(key))
+    if not found:
+        return None
+    several = (summary.get("load_steps") or 1) > 1
+    part = f" of {found['part']}" if found["part"] else ""
+    when = f", load step {found['load_step']}" if several else ""
+    return f"{found['value']:.5g}{unit}  ({', '.join(filter(None, [what, 'at ' + _vector(found['at'])]))}{part}{when})"
+
+
+def _probe_text(probe: Mapping[str, object], units: Mapping[str, str]) -> str:
+    """A probe at the last load step."""
+    if probe.get("why"):
+        return f"{probe['name']}: {probe['why']}"
+    unit = {"displacement": units["length"], "stress": units["stress"], "force": ""}[probe["of"]]
+    kind = "" if probe["quantity"] in ("point", "resultant") else f"{probe['quantity']} "
+    values = ", ".join(f"{name} {values[-1] + 0.0:.5g}" for name, values in probe["values"].items())
+    return f"{probe['name']}: {kind}{values}{unit}"
+
+
+def _vector(values: Sequence[float | None]) -> str:
+    return "(" + ", ".join("–" if x is None else f"{x:.5g}" for x in values) + ")"
 
 
 def _law_text(summary: Mapping[str, object]) -> str | None:

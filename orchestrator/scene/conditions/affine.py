@@ -89,11 +89,14 @@ def nodal(entry: BoundaryEntry, nodes: np.ndarray) -> np.ndarray:
     return np.einsum("ab,tkbi->tkai", TRIANGLE_MOMENTS[entry.triangles.shape[1]], density)
 
 
-def resultant(entry: BoundaryEntry, nodes: np.ndarray) -> np.ndarray:
-    """(steps, 3) the force of a traction or pressure on all of its faces."""
-    area = area_vectors(nodes, entry.triangles)
+def wrench(entry: BoundaryEntry, nodes: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """(steps, 6) the force of a traction or pressure on all of its faces, and its moment about a point (3,)."""
+    area, corners = area_vectors(nodes, entry.triangles), nodes[entry.triangles[:, :3]] - about
     if entry.slope is not None:
-        return nodal(entry, nodes).sum(axis=(1, 2))
+        forces, arm = nodal(entry, nodes), nodes[entry.triangles] - about
+        return np.concatenate([forces.sum(axis=(1, 2)), np.cross(arm, forces).sum(axis=(1, 2))], axis=1)
+    arm = corners.mean(axis=1)
     if entry.kind == "pressure":
-        return -entry.values[:, :1] * area.sum(axis=0)
-    return entry.values * np.linalg.norm(area, axis=1).sum()
+        return -entry.values[:, :1] * np.concatenate([area.sum(axis=0), np.cross(arm, area).sum(axis=0)])
+    size = np.linalg.norm(area, axis=1)
+    return np.concatenate([entry.values * size.sum(), np.cross(size @ arm, entry.values)], axis=1)

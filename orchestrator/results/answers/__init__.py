@@ -1,0 +1,1 @@
+"""What is asked of a solution: extremes, probes, resultants, work."""

@@ -1,0 +1,90 @@
+"""All that is answered of a solved scene, beside its fields: for the summary and for files of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.config import Config
+from orchestrator.method.delivery.deliver import Delivered
+from orchestrator.results.answers import extremes as ends
+from orchestrator.results.answers import interfaces as carried
+from orchestrator.results.answers import probes as asked
+from orchestrator.results.answers.extremes import Extremes, extremes, write_extremes
+from orchestrator.results.answers.interfaces import InterfaceTable
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.model import Scene
+
+FILES = (ends.NAME, carried.NAME, asked.NAME)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Of a run that has just been finished.
+
+    Parameters
+    ----------
+    nodal : stresses at the nodes
+    extremes : of every part
+    interfaces : what all interfaces carry
+    probes : as ``probes.read_probes`` gives them
+    steps : load steps
+    """
+
+    nodal: Nodal
+    extremes: Extremes
+    interfaces: InterfaceTable
+    probes: list[dict[str, object]]
+    steps: int
+
+    @classmethod
+    def of(cls, scene: Scene, delivered: Delivered, fields: Fields, detached: Sequence[list[str]] = ()) -> Answers:
+        """Of a solved scene; ``detached``: names of bodies that nothing holds, per load step."""
+        nodal = fields.nodal
+        lost = None
+        if any(detached) or any(s.foreign for s in scene.subdomains):  # of a mesh that is not ours what is inside means nothing
+            lost = np.array([[s.foreign or s.body in names for s in scene.subdomains] for names in detached or [[]] * scene.steps])
+        found = asked.read_probes(scene, nodal, delivered.parts) if scene.probes else []
+        return cls(nodal, extremes(nodal, lost), InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found,
+                   scene.steps)
+
+    def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
+        """What summary.json says of it."""
+        about = np.array(config.output.moments_about, dtype=float)
+        moments = delivered.reaction_moments - np.cross(about, np.array(delivered.reactions).reshape(delivered.reaction_moments.shape))
+        return {
+            "peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
+            "reaction_names": reaction_names(config), "reaction_moments": {"about": about, "moments": moments},
+            "probes": self.probes,
+        }
+
+    def write(self, folder: ResultsFolder) -> None:
+        """Writes extremes.csv, interfaces.csv and, where there are probes, probes.csv.
+
+        Raises
+        ------
+        InputError : disk full or folder not writable
+        """
+        write_extremes(folder, self.extremes)
+        if self.interfaces.names:
+            self.interfaces.write(folder)
+        if self.probes:
+            asked.write_probes(folder, self.probes, self.steps)
+
+
+def reaction_names(config: Config) -> list[str]:
+    """What the entries of ``boundary`` are called: by their own name, else by their place."""
+    return [place_text(entry.model_dump(exclude_none=True)["on"]) for entry in config.boundary]
+
+
+def place_text(on: str | Mapping[str, object]) -> str:
+    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1)."""
+    if isinstance(on, str):
+        return on
+    if "plane" in on:
+        return f"{on['plane']} = {on['at']:g}"
+    return "box " + " … ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")" for corner in on["box"])

@@ -1,0 +1,70 @@
+"""interfaces.csv: what every interface carries at every load step, bonded ones too."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.resultants import Resultants
+from orchestrator.results.answers.work import work
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.model import Scene
+
+NAME = "interfaces.csv"
+COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",
+           "pressure_x", "pressure_y", "pressure_z", "area", "work", "dissipation")
+
+
+@dataclass(frozen=True)
+class InterfaceTable:
+    """Of all I interfaces, T load steps.
+
+    Parameters
+    ----------
+    names, sides, laws : (I,) texts, pairs of texts, texts
+    resultants : forces and moments on side 1
+    work, dissipation : (T, I) since the unloaded state, nothing where sides cannot move; see ``work``
+    """
+
+    names: list[str]
+    sides: list[tuple[str, str]]
+    laws: list[str]
+    resultants: Resultants
+    work: np.ndarray
+    dissipation: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, resultants: Resultants, fields: InterfaceFields | None) -> InterfaceTable:
+        """Of a solved scene."""
+        every = scene.interfaces
+        taken, lost = np.zeros((2, scene.steps, len(every)))
+        moving = [i.index for i in every if not i.law.perfect]
+        if fields is not None:
+            taken[:, moving], lost[:, moving] = work(fields, np.array([every[i].law.has_history for i in moving]))
+        return cls([i.name for i in every], [tuple(scene.subdomains[e].name for e in i.subdomains) for i in every],
+                   [i.law.name for i in every], resultants, taken, lost)
+
+    def write(self, folder: ResultsFolder) -> Path:
+        """Writes the file; places without a centre of pressure are empty.
+
+        Raises
+        ------
+        InputError : disk full or folder not writable
+        """
+        r, text = self.resultants, io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        steps = len(self.work)
+        numbers = np.concatenate([
+            r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre,
+            np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]],
+            axis=2)
+        for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)):
+            writer.writerows([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
+                             for step, row in enumerate(numbers[:, k].tolist()))
+        return folder.write(NAME, text.getvalue())

@@ -1,0 +1,164 @@
+"""Values that were asked for: at points, and over surfaces, at every load step.
+
+A resultant is all that acts on the body through the nodes of a surface,
+
+    R = Σ_n (K u − p)_n + Σ_faces ∫ t,      M = Σ (x − x₀) × …,
+
+with K u of the tets around its nodes, p all their loads, t the tractions on the faces themselves: supports, loads and what
+interfaces carry there. What holds a node of the rim counts where its entry of ``boundary`` has faces of the surface too;
+where several such entries hold a node, for the last, as among the reactions.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.blackbox.models.matter import Matter
+from orchestrator.results.answers.extremes import (
+    DISPLACEMENT,
+    STRESS,
+    components_of_displacement,
+    components_of_stress,
+)
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.conditions.affine import wrench
+from orchestrator.scene.conditions.probes import Point, Surface
+from orchestrator.scene.mesh.faces import pack
+from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_SHARES
+from orchestrator.scene.model import Scene
+
+NAME = "probes.csv"
+RESULTANT = ("fx", "fy", "fz", "mx", "my", "mz")
+FOREIGN = "the matter there is its code's own: what it is stressed by is not known here"
+
+
+def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray]) -> list[dict[str, object]]:
+    """Per probe of the scene its name, what it tells, and per component the values of all load steps.
+
+    Parameters
+    ----------
+    parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
+
+    Returns
+    -------
+    dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
+    ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
+    """
+    return [_at_point(probe, nodal) if isinstance(probe, Point)
+            else _resultant(probe, scene, nodal.fields, parts) if probe.quantity == "resultant"
+            else _over_surface(probe, scene, nodal) for probe in scene.probes]
+
+
+def _told(probe: Point | Surface, quantity: str, of: str, names: Sequence[str], values: np.ndarray, **more: object) -> dict:
+    """``values`` (T, components)."""
+    known = bool(np.isfinite(values).all())
+    told = {"name": probe.name, "quantity": quantity, "of": of, **more,
+            "values": {name: column if known else None for name, column in zip(names, values.T.tolist())}}
+    return told if known else told | {"why": FOREIGN}
+
+
+def _at_point(probe: Point, nodal: Nodal) -> dict[str, object]:
+    fields, cell = nodal.fields, probe.cell
+    if probe.quantity == "stress":
+        sigma = np.array([probe.weights @ nodal.stress(step)[nodal.corner[cell]] for step in range(fields.steps)])
+        return _told(probe, "point", "stress", STRESS, components_of_stress(sigma), at=probe.at)
+    shape = probe.weights
+    if fields.cells.shape[1] == 10:
+        i, j = TET_EDGES.T
+        shape = np.concatenate([shape * (2 * shape - 1), 4 * shape[i] * shape[j]])
+    u = np.einsum("a,tai->ti", shape, fields.displacement[:, fields.cells[cell]])
+    return _told(probe, "point", "displacement", DISPLACEMENT, components_of_displacement(u), at=probe.at)
+
+
+def _over_surface(probe: Surface, scene: Scene, nodal: Nodal) -> dict[str, object]:
+    """Mean or extreme. Means of stress are those of fields linear on each facet; of displacement, those of the element."""
+    fields = nodal.fields
+    stress = probe.of == "stress"
+    triangles = probe.triangles[:, :3] if stress else probe.triangles
+    local = (scene.mesh.cells[probe.cells][:, None, :] == triangles[:, :, None]).argmax(axis=2)
+    at = (nodal.corner if stress else fields.cells)[probe.cells[:, None], local]
+    names, components = (STRESS, components_of_stress) if stress else (DISPLACEMENT, components_of_displacement)
+    area = np.linalg.norm(probe.area, axis=1)
+    points = scene.mesh.nodes[triangles.reshape(-1)]
+    rows, places = [], []
+    for step in range(fields.steps):
+        values = (nodal.stress(step) if stress else fields.displacement[step])[at]
+        if probe.quantity == "mean":
+            mean = np.einsum("k,a,kai->i", area, TRIANGLE_SHARES[triangles.shape[1]], values) / area.sum()
+            rows.append(components(mean))
+            continue
+        each = components(values).reshape(len(points), -1)
+        if not np.isfinite(each).all():
+            rows.append(np.full(len(names), np.nan))
+            continue
+        place = (each.argmax if probe.quantity == "max" else each.argmin)(axis=0)
+        rows.append(each[place, np.arange(len(names))])
+        places.append(points[place])
+    where = area @ scene.mesh.nodes[probe.triangles[:, :3]].mean(axis=1) / area.sum()
+    if len(places) == fields.steps:
+        where = {name: column for name, column in zip(names, np.array(places).swapaxes(0, 1).tolist())}
+    return _told(probe, probe.quantity, probe.of, names, np.array(rows), at=where)
+
+
+def _resultant(probe: Surface, scene: Scene, fields: Fields, parts: Sequence[np.ndarray]) -> dict[str, object]:
+    ends = np.cumsum([0] + [len(s.nodes) for s in scene.subdomains])
+    cells = np.empty_like(scene.mesh.cells)  # copies of nodes, as in ``Fields.numbering``
+    for s, start in zip(scene.subdomains, ends):
+        cells[s.cells] = s.connectivity + start
+    node = np.concatenate([s.nodes for s in scene.subdomains])
+    label = node if fields.joined is None else fields.joined
+    local = (scene.mesh.cells[probe.cells][:, None, :] == probe.triangles[:, :, None]).argmax(axis=2)
+    chosen = np.isin(label, label[cells[probe.cells[:, None], local]])  # (N,) copies on the surface
+    around = chosen[cells].any(axis=1) & (np.isin(scene.mesh.volume, probe.within) if len(probe.within) else True)
+    around = np.flatnonzero(around)
+    if fields.believed is not None and not fields.believed[around].all():
+        return _told(probe, "resultant", "force", RESULTANT, np.full((scene.steps, 6), np.nan), at=probe.about)
+    used, own = np.unique(cells[around], return_inverse=True)
+    u = np.concatenate(parts, axis=1)[:, used]
+    moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material[around]]
+    points = scene.mesh.nodes[node[used]]
+    held = Matter(points, own.reshape(len(around), -1), *moduli.T).forces(u.reshape(len(u), -1)).reshape(u.shape)
+    loads = np.concatenate([s.loads for s in scene.subdomains], axis=1)[:, used]
+    count = len(scene.mesh.nodes)
+    mine = pack(probe.triangles[:, :3], count)
+    on = [np.isin(pack(entry.triangles[:, :3], count), mine) for entry in scene.boundary]
+    held_by = np.concatenate([s.held_by for s in scene.subdomains])[used]
+    others = (held_by >= 0) & ~np.array([*(faces.any() for faces in on), False])[held_by]
+    here = chosen[used]
+    forces, arm = np.where(others, 0.0, held - loads)[:, here], points[here] - probe.about
+    total = np.concatenate([forces.sum(axis=1), np.cross(arm, forces).sum(axis=1)], axis=1)
+    for entry, faces in zip(scene.boundary, on):
+        if entry.kind != "displacement" and faces.any():
+            some = replace(entry, triangles=entry.triangles[faces], cells=entry.cells[faces])
+            total += wrench(some, scene.mesh.nodes, probe.about)
+    return _told(probe, "resultant", "force", RESULTANT, total, at=probe.about)
+
+
+def columns(probes: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, list[float] | None]]:
+    """Name of each component of each probe, ``probe.component``, and its values per load step."""
+    for probe in probes:
+        for component, values in probe["values"].items():
+            yield f"{probe['name']}.{component}", values
+
+
+def write_probes(folder: ResultsFolder, probes: Sequence[Mapping[str, object]], steps: int) -> Path:
+    """Writes probes.csv: a line per load step, a column per component; empty where there is no number.
+
+    Raises
+    ------
+    InputError : disk full or folder not writable
+    """
+    found = list(columns(probes))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["load_step", *(name for name, _ in found)])
+    writer.writerows([step + 1, *("" if values is None else repr(values[step]) for _, values in found)] for step in range(steps))
+    return folder.write(NAME, text.getvalue())

@@ -1,0 +1,111 @@
+"""Stress at the nodes: of each part and each matter by itself, never averaged across.
+
+The stresses of the tets around a node, there, are averaged by volume. A node has one such stress for each part and each
+matter that it belongs to, and for each side of an interface that may open or whose meshes do not match; perfect interfaces
+inside a part leave no trace. In between, and in the middle of edges, it is linear.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from orchestrator.results.fields.fields import Fields
+
+
+
+class Nodal:
+    """Nodal stresses of a solution; K nodes, counted once for each stress that they have.
+
+    Attributes
+    ----------
+    fields : those on ``Fields.opened``, whose nodes are meant
+    corner : (m, 4) int, which of the K each tet's corners are
+    node : (K,) int, one of the nodes of ``fields`` at each; where copies have been joined, the first
+    part : (K,) int, index into ``Fields.parts``
+    """
+
+    def __init__(self, fields: Fields):
+        self.fields = fields.opened
+        corners = self.fields.cells[:, :4]
+        joined = corners if fields.joined is None else fields.joined[corners]
+        kind = self.fields.material
+        if fields.part is not None and len(fields.parts) > 1:
+            kind = kind + np.int64(kind.max() + 1) * fields.part
+        kinds = np.unique(kind, return_inverse=True)[1].ravel() if kind.any() else kind
+        key = joined + (int(joined.max()) + 1) * np.asarray(kinds, np.int64)[:, None]
+        present = np.zeros(int(key.max()) + 1, dtype=bool)
+        present[key] = True
+        self.corner = (np.cumsum(present) - 1)[key]
+        count = int(self.corner.max()) + 1
+        self.node, self.part = np.zeros((2, count), dtype=int)
+        self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
+        if fields.part is not None:
+            self.part[self.corner] = fields.part[:, None]
+        self._weight = np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=count)
+        self._known: dict[int, np.ndarray] = {}
+
+    def __len__(self) -> int:
+        return len(self.node)
+
+    @property
+    def points(self) -> np.ndarray:
+        """(K, 3) where the nodes are."""
+        return self.fields.nodes[self.node]
+
+    def stress(self, step: int) -> np.ndarray:
+        """(K, 6) stress at one load step, in VTK's order; nan where it is not to be believed."""
+        if step not in self._known:
+            self._known = {step: self._averaged(step)}  # of many steps the last is enough
+        return self._known[step]
+
+    def _averaged(self, step: int) -> np.ndarray:
+        fields, volumes = self.fields, self.fields.volumes
+        linear = fields.cells.shape[1] == 4
+        sigma = fields.stress(step) if linear else fields.corner_stress(step)
+        result = np.empty((6, len(self)))
+        for c in range(6):
+            each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
+            result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self)) / self._weight
+        if fields.believed is not None:
+            result[:, self.corner[~fields.believed]] = np.nan
+        return result.T
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        """(e, 2) int, for the nodes in the middle of edges of ten-node tets, which of the K are the edges' ends."""
+        return self._edges[0]
+
+    @cached_property
+    def _edges(self) -> tuple[np.ndarray, np.ndarray]:
+        from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
+
+        return edges_of(self.corner, TET_EDGES)
+
+    @cached_property
+    def split(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes of ``fields`` (K + e,) at each place that has a stress, edges' middles last, and the tets (m, 4 or 10) on them."""
+        if self.fields.cells.shape[1] == 4:
+            return self.node, self.corner
+        edge = self._edges[1]
+        middle = np.zeros(len(self.ends), dtype=int)
+        middle[edge] = self.fields.cells[:, 4:]
+        return np.concatenate([self.node, middle]), np.hstack([self.corner, len(self) + edge])
+
+    def everywhere(self, values: np.ndarray) -> np.ndarray:
+        """(K + e, …) values (K, …) of the nodes, and in the middle of edges the mean of their ends."""
+        return values if self.fields.cells.shape[1] == 4 else np.concatenate([values, values[self.ends].mean(axis=1)])
+
+
+def principal(sigma: np.ndarray) -> np.ndarray:
+    """(..., 3) principal stresses, the largest first, of stresses (..., 6) in VTK's order; nan of nan."""
+    matrix = sigma[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+    known = np.isfinite(matrix).all(axis=(-2, -1))
+    result = np.full(sigma.shape[:-1] + (3,), np.nan)
+    result[known] = np.linalg.eigvalsh(matrix[known])[..., ::-1]
+    return result
+
+

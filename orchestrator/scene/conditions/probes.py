@@ -1,0 +1,182 @@
+"""Where probes are: points found in their tets, surfaces in their faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orchestrator.config.output import PointProbe
+from orchestrator.errors import KeyPath, Problems
+from orchestrator.scene.conditions.selection import select
+from orchestrator.scene.mesh.faces import Faces, components
+from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.names import matching, suggestion
+from orchestrator.wording import some
+
+# A point counts as in a tet that it is outside of by rounding, in barycentric coordinates.
+INSIDE = 1e-9
+# On curved faces a point of the true surface lies beside the facets: taken to the nearest one within this share of the
+# element's size, which facets of 40 degrees reach.
+BESIDE = 0.1
+
+
+@dataclass(frozen=True)
+class Point:
+    """A probe at a point: its place in the body, the tet that has it, and its barycentric coordinates (4,) there."""
+
+    name: str
+    quantity: str
+    at: np.ndarray
+    cell: int
+    weights: np.ndarray
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A probe on faces.
+
+    Parameters
+    ----------
+    quantity : mean, max, min or resultant; of : displacement or stress
+    triangles : (k, 3 or 6) int, global nodes, outward of ``cells`` (k,), whose fields are meant
+    area : (k, 3) area vectors
+    about : (3,) what moments are about
+    within : numbers of the volumes that a resultant is confined to; none: of all around
+    """
+
+    name: str
+    quantity: str
+    of: str
+    triangles: np.ndarray
+    cells: np.ndarray
+    area: np.ndarray
+    about: np.ndarray
+    within: np.ndarray
+
+
+def find_probes(mesh: Mesh, faces: Faces, subdomain: np.ndarray, bodies: Sequence[str], interfaces: Sequence[Interface],
+                asked: Sequence[Any], problems: Problems) -> list[Point | Surface]:
+    """The probes of the configuration on the mesh.
+
+    Parameters
+    ----------
+    subdomain : (m,) int, of each tet; bodies : name of each subdomain's body
+    asked : ``output.probes``
+    """
+    found = []
+    for i, one in enumerate(asked):
+        path, name = ("output", "probes", i), one.name or f"probe_{i + 1}"
+        cells = _cells_of(mesh, subdomain, bodies, one.part, (*path, "part"), problems)
+        if cells is None:
+            continue
+        if isinstance(one, PointProbe):
+            point = _point(mesh, subdomain, bodies, interfaces, one, name, cells, path, problems)
+        else:
+            point = _surface(mesh, faces, one, name, cells, path, problems)
+        found += [point] if point else []
+    return found
+
+
+def _cells_of(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], part: str | None, path: KeyPath,
+              problems: Problems) -> np.ndarray | None:
+    """(m,) bool, the tets of a part; all where none is named; None, with a problem, where there is none of that name."""
+    if part is None:
+        return np.ones(len(mesh.cells), dtype=bool)
+    volumes = np.isin(mesh.volumes, matching(part, mesh.volumes))[mesh.volume]
+    own = np.isin(bodies, matching(part, bodies))[subdomain]
+    if not (volumes | own).any():
+        known = list(dict.fromkeys([*mesh.volumes, *bodies]))
+        problems.add(path, f"no volume and no body is called {part!r}", "a name of one, shell wildcards allowed",
+                     suggestion(part, known, "volume"))
+        return None
+    return volumes if volumes.any() else own
+
+
+def _point(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], interfaces: Sequence[Interface], asked: PointProbe,
+           name: str, allowed: np.ndarray, path: KeyPath, problems: Problems) -> Point | None:
+    at = np.array(asked.at, dtype=float)
+    cells = np.flatnonzero(allowed)
+    corners = mesh.nodes[mesh.cells[cells, :4]]
+    size = np.ptp(corners, axis=1).max(axis=1)
+    near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
+    cells, corners, size = cells[near], corners[near], size[near]
+    weights = _barycentric(corners, at)
+    inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
+    if inside.any():
+        cells, weights = cells[inside], weights[inside]
+        names = _apart(mesh, subdomain, bodies, interfaces, cells)
+        if len(names) > 1:
+            problems.add((*path, "at"), f"{format_point(at)} is where {some(names)} meet: each has values of its own there",
+                         "one part", f"add part: {names[0]}")
+            return None
+        return Point(name, asked.quantity, at, int(cells[0]), weights[0])
+    if len(cells):
+        clamped = np.maximum(weights, 0.0)
+        clamped /= clamped.sum(axis=1, keepdims=True)
+        distance = np.linalg.norm(np.einsum("kax,ka->kx", corners, clamped) - at, axis=1)
+        best = int(np.argmin(distance))
+        if distance[best] <= BESIDE * size[best]:
+            return Point(name, asked.quantity, clamped[best] @ corners[best], int(cells[best]), clamped[best])
+    nodes = np.unique(mesh.cells[allowed, :4])
+    distance = np.linalg.norm(mesh.nodes[nodes] - at, axis=1)
+    nearest = mesh.nodes[nodes[np.argmin(distance)]]
+    whose = "the body" if asked.part is None else f"{asked.part!r}"
+    problems.add((*path, "at"), f"{format_point(at)} is outside {whose}; the nearest node is {distance.min():.6g} away, at "
+                 f"{format_point(nearest)}", "a point inside or on the surface",
+                 f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
+    return None
+
+
+def _barycentric(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(k, 4) barycentric coordinates of a point in tets of corners (k, 4, 3)."""
+    if not len(corners):
+        return np.empty((0, 4))
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
+    rest = np.linalg.solve(edges, (at - corners[:, 0])[:, :, None])[:, :, 0]
+    return np.column_stack([1 - rest.sum(axis=1), rest])
+
+
+def _apart(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], interfaces: Sequence[Interface],
+           cells: np.ndarray) -> list[str]:
+    """Names of what has tets of its own among these: volumes, and bodies that interfaces of one volume may part."""
+    volumes = np.unique(mesh.volume[cells])
+    if len(volumes) > 1:
+        return [mesh.volumes[v] for v in volumes]
+    theirs = np.unique(subdomain[cells])
+    bonds = np.array([i.subdomains for i in interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
+    held = components(*bonds.T, len(bodies))[1][theirs]
+    first = theirs[np.unique(held, return_index=True)[1]]
+    return list(dict.fromkeys(bodies[e] for e in first))
+
+
+def _surface(mesh: Mesh, faces: Faces, asked: Any, name: str, allowed: np.ndarray, path: KeyPath,
+             problems: Problems) -> Surface | None:
+    chosen = select(mesh, faces, asked.on, (*path, "on"), problems)
+    if not len(chosen):
+        return None
+    triangles, owner, other = faces.triangles[chosen], faces.owner[chosen], faces.neighbour[chosen]
+    first, second = allowed[owner], (other >= 0) & allowed[other]
+    if not (first | second).any():
+        problems.add((*path, "part"), f"{asked.part!r} has none of these faces", "a part that has", "name another part, or leave it out")
+        return None
+    between = first & second & (mesh.volume[owner] != mesh.volume[other])
+    if between.any():
+        k = int(np.flatnonzero(between)[0])
+        names = [mesh.volumes[mesh.volume[c]] for c in (owner[k], other[k])]
+        problems.add((*path, "on"), f"faces between {some(names)}: each has values of its own there", "one part",
+                     f"add part: {names[0]}")
+        return None
+    cells = np.where(first, owner, other)
+    kept = first | second
+    area = np.where(first, 1.0, -1.0)[:, None] * area_vectors(mesh.nodes, triangles)
+    triangles, cells, area = triangles[kept], cells[kept], area[kept]
+    each = np.linalg.norm(area, axis=1)
+    centre = each @ mesh.nodes[triangles[:, :3]].mean(axis=1) / each.sum()
+    about = centre if asked.about is None else np.array(asked.about, dtype=float)
+    within = np.unique(mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
+    return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within)

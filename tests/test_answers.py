@@ -1,0 +1,170 @@
+"""Probes, extremes, reactions and resultants against closed forms and equilibrium."""
+
+import csv
+
+import numpy as np
+import pytest
+import results_case as case
+from in_process import IN_PROCESS
+from typer.testing import CliRunner
+
+from orchestrator.cli import app
+from orchestrator.config import config_from
+from orchestrator.results.answers.extremes import extremes
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.run import solve
+
+EXACT = 1e-9  # of quantities of order 1: what iterations to 1e-11 leave of them
+FORCE, MOMENT, LENGTH, YOUNG = 3.0, 2.0, 4.0, 1000.0
+PROBES = [
+    {"name": "fibre", "at": [2.3, 0.2, 0.9], "quantity": "stress"}, {"name": "tip", "at": [LENGTH, 0.5, 0.5]},
+    {"name": "clamp", "on": "xmin", "quantity": "resultant"},
+    {"name": "end", "on": {"plane": "x", "at": LENGTH}, "quantity": "resultant", "about": [0, 0, 0]},
+    {"name": "free", "on": "zmax", "quantity": "resultant"}, {"name": "side", "on": "ymin", "quantity": "max", "of": "stress"},
+    {"on": "xmax"}]
+
+
+def bar(**changes) -> dict:
+    """A bar, ν = 0, pulled by a force at load step 1; at 2 bent by a moment about y too, about the origin."""
+    spread = {"on": "xmax", "history": "last"}
+    return {
+        "name": "bar", "mesh": {"box": {"size": [LENGTH, 1, 1], "cells": [4, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 2}},
+        "materials": [{"young": YOUNG, "poisson": 0.0}], "histories": {"all": [1.0, 1.0], "last": [0.0, 1.0]},
+        "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [FORCE, 0, 0], "history": "all"},
+                     spread | {"resultant": {"moment": [0, MOMENT, 0]}}],
+        "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-11}}, "output": {"probes": PROBES}} | changes
+
+
+def close(found, expected, tolerance=EXACT) -> bool:
+    return bool(np.abs(np.asarray(found, float) - expected).max() <= tolerance)
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_tension_and_bending_of_a_bar(element, tmp_path):
+    """σ = F/A + M z/I, u = F x/EA, w = −M x²/2EI; forces and moments everywhere in equilibrium; and so in the files."""
+    at_the_end = [LENGTH, 0.5, 0.5] if element == "P1" else [0, 0, 0]
+    found = solve(config_from(bar(blackbox=IN_PROCESS | {"element": element}, output={"probes": PROBES, "moments_about": at_the_end})))
+    summary = found.summary
+    told = {probe["name"]: probe for probe in summary["probes"]}
+    steps = [0, 1] if element == "P2" else [0]  # four-node tets cannot bend
+    sigma = np.array([FORCE, FORCE + MOMENT * 0.4 * 12])
+    for step in steps:
+        values = {name: {key: value[step] for key, value in probe["values"].items()} for name, probe in told.items()}
+        fibre, tip = values["fibre"], values["tip"]
+        for key in ("sxx", "von_mises", "s1"):
+            assert close(fibre[key], sigma[step])
+        assert close([fibre[key] for key in ("syy", "szz", "sxy", "syz", "sxz", "s2", "s3")], 0.0)
+        sag = -step * MOMENT * 12 * LENGTH**2 / 2 / YOUNG
+        assert close([tip["ux"], tip["uy"], tip["uz"]], [FORCE * LENGTH / YOUNG, 0, sag])
+        assert close([values["probe_7"][key] for key in ("ux", "uz")], [FORCE * LENGTH / YOUNG, sag])
+        top = FORCE + step * MOMENT * 6
+        assert close(values["side"]["sxx"], top) and (not step or close(told["side"]["at"]["sxx"][step][2], 1.0))
+    for name, about in (("clamp", [0, 0.5, 0.5]), ("end", [0, 0, 0])):
+        sign = -1 if name == "clamp" else 1
+        moments = [np.cross([0, 0.5, 0.5], [FORCE, 0, 0]) * (name == "end") + [0, step * MOMENT, 0] for step in (0, 1)]
+        wrench = np.array(list(told[name]["values"].values())).T
+        assert close(wrench, sign * np.array([[FORCE, 0, 0, *moment] for moment in moments]), 1e-10 * 10)
+    assert close(list(told["free"]["values"].values()), 0.0, 1e-9)
+
+    reactions, about = np.array(summary["reactions"]), summary["reaction_moments"]
+    moments = np.array(about["moments"])
+    assert close(reactions.sum(axis=0), 0.0, 1e-9) and close(moments.sum(axis=0), 0.0, 1e-9)
+    assert close(moments[0, 1], -np.cross(np.array([0, 0.5, 0.5]) - at_the_end, [FORCE, 0, 0]) - [0, MOMENT, 0])
+    assert summary["reaction_names"] == ["xmin", "xmax", "xmax"]
+    table = found.answers.interfaces.resultants
+    assert close(table.force, [[[FORCE, 0, 0]]] * 2) and close(table.moment[:, 0], [[0, 0, 0], [0, MOMENT, 0]])
+    assert close(table.pressure_centre[:, 0], [[2, 0.5, 0.5], [2, 0.5, 0.5 + MOMENT / FORCE]])
+    if element == "P2":
+        peak, farthest = summary["peak_stress"], summary["peak_displacement"]
+        assert close(peak["value"], FORCE + MOMENT * 6) and close(peak["at"][2], 1.0) and peak["load_step"] == 2
+        assert close(farthest["at"][0], LENGTH) and farthest["part"] == "box"
+
+    found.answers.write(ResultsFolder(tmp_path))
+    rows = {name: list(csv.DictReader(open(tmp_path / f"{name}.csv"))) for name in ("probes", "extremes", "interfaces")}
+    assert [float(row["tip.ux"]) for row in rows["probes"]] == told["tip"]["values"]["ux"]
+    assert [row["load_step"] for row in rows["probes"]] == ["1", "2"]
+    most = max((row for row in rows["extremes"] if row["quantity"] == "von_mises"), key=lambda row: float(row["value"]))
+    assert float(most["value"]) == pytest.approx(summary["peak_stress"]["value"], rel=1e-8)
+    assert close([float(row["fx"]) for row in rows["interfaces"]], FORCE) and rows["interfaces"][0]["law"] == "perfect"
+
+
+def test_friction_turns_work_into_heat():
+    """A block is pressed by N, pushed over its base by d: D = μ N d; the interface carries N, μ N."""
+    block = {"size": [1, 1, 0.5], "cells": [2, 2, 1]}
+    press, push, slip = 0.02, 0.05, 0.3
+    made = config_from({
+        "name": "block", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.0}],
+        "parts": [{"name": "base", "mesh": {"box": block}}, {"name": "top", "mesh": {"box": {**block, "cells": [3, 3, 1]}}, "move": {"translate": [0, 0, 0.5]}}],
+        "interfaces": [{"law": "contact", "friction": slip}], "blackbox": IN_PROCESS,
+        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
+                     {"on": "top/zmax", "displacement": [[0, 0, -press], [push, 0, -press], [2 * push, 0, -press]]}],
+        "method": {"tolerance": {"error": 1e-9}}, "output": {"probes": [{"on": "top/zmin", "quantity": "resultant"}]}})
+    found = solve(made)
+    table, normal = found.answers.interfaces, 100.0 * press
+    resultants = table.resultants
+    held = np.array(found.summary["reactions"])[0]
+    side = 1 if table.sides[0][0] == "base" else -1
+    assert close(resultants.force[:, 0], -side * held, 1e-7) and close(resultants.force[:, 0, 2], -side * normal, 1e-6)
+    assert close(np.abs(resultants.force[2, 0, 0]), slip * normal, 1e-6)
+    on_top = np.array([found.summary["probes"][0]["values"][key] for key in ("fx", "fy", "fz")]).T
+    assert close(on_top, held, 1e-7)
+    # the second push slides the block as a whole, but for what its tipping has left to be sheared
+    assert table.dissipation[2, 0] - table.dissipation[1, 0] == pytest.approx(slip * normal * push, rel=1e-4)
+    assert table.work[2, 0] - table.work[1, 0] == pytest.approx(slip * normal * push, rel=1e-4)
+
+
+def test_parts_and_matters_have_stresses_of_their_own():
+    """Each part by itself, to the sign and the place; where matter is a code's own there is no number."""
+    mesh = case.box_mesh()
+    part = case.slices(mesh, 3)
+    base = dict(nodes=mesh.nodes, cells=mesh.cells, subdomain=part, lame=case.lame(mesh), displacement=case.bending(mesh),
+                part=part, parts=("a", "b", "c"))
+    stiff = np.where((part == 1)[:, None], 2.0, 1.0) * base["lame"]
+    one, two = extremes(Fields(**base).nodal), extremes(Fields(**base | {"lame": stiff}).nodal)
+    stress = slice(4, None)
+    assert close(two.value[:, 1, stress], 2 * one.value[:, 1, stress], 1e-6) and close(two.value[:, [0, 2]], one.value[:, [0, 2]], 1e-9)
+    whole = extremes(Fields(**base | {"part": None, "parts": ()}).nodal)
+    assert (one.value[0].min(axis=0)[:4] == whole.value[0, 0, :4]).all() and (one.step[1, :, 0] == 2).all()
+    assert (one.at[1, 0, :, 0] <= 1.0).all() and (one.at[1, 2, :, 0] >= 2.0).all()
+    foreign = Fields(**base, believed=part != 2)
+    known = extremes(foreign.nodal)
+    assert np.isnan(known.value[:, 2, stress]).all() and (known.value[:, :2] == one.value[:, :2]).all()
+    assert known.largest("von_mises")["part"] in "ab" and not any(row[0] == "c" and row[1] == "sxx" for row in known.rows)
+    assert extremes(Fields(**base, believed=part > 2).nodal).largest("von_mises") is None
+
+
+GOOD = """
+name: pair
+parts:
+  - {name: low, mesh: {box: {size: [1, 1, 1], cells: [1, 1, 1]}}}
+  - {name: top, mesh: {box: {size: [1, 1, 1], cells: [1, 1, 1]}}, move: {translate: [0, 0, 1]}}
+subdomains: groups
+materials: [{young: 1, poisson: 0.3}]
+boundary: [{on: low/zmin, displacement: [0, 0, 0]}]
+output:
+"""
+BAD = [("probes: [{at: [5, 0, 0]}]", "outside the body"), ("probes: [{at: [0.5, 0.5, 1]}]", "add part: low"),
+       ("probes: [{at: [0.5, 0.5, 1], part: midle}]", "no volume and no body"), ("probes: [{at: [0, 0]}]", "at least 3"),
+       ("probes: [{on: low/zmx}]", "did you mean low/zmax"), ("probes: [{on: low/zmax, part: top}]", "has none of these faces"),
+       ("probes: [{at: [0, 0, 0], on: xmin}]", "at and on together"), ("probes: [{on: low/zmax, quantity: sum}]", "mean, max, min, resultant"),
+       ("probes: [{on: low/zmax, quantity: resultant, of: stress}]", "beside a mean or an extreme only"),
+       ("probes: [{on: low/zmax, about: [0, 0, 0]}]", "beside a resultant only"), ("probes: [{quantity: stress}]", "did you mean"),
+       ("probes: [{name: a, at: [0, 0, 0]}, {name: a, at: [1, 0, 0]}]", "a second probe called 'a'"),
+       ("moments_about: origin", "a list"), ("units: {length: mm}", "no force"), ("units: {length: mm, force: kg m/s2}", "kg m/s2")]
+
+
+@pytest.mark.parametrize("line, words", BAD, ids=[line for line, _ in BAD])
+def test_bad_input_is_told(tmp_path, line, words):
+    path = tmp_path / "pair.yaml"
+    path.write_text(GOOD + f"  {line}\n")
+    done = CliRunner().invoke(app, ["check", str(path)])
+    said = done.stderr
+    assert done.exit_code == 2 and words in said and "pair.yaml:10" in said and "found:" in said and "expected:" in said, said
+
+
+def test_points_where_parts_meet_take_a_word(tmp_path):
+    path = tmp_path / "pair.yaml"
+    path.write_text(GOOD + "  probes: [{at: [0.5, 0.5, 1], part: top}, {on: top/zmin, part: top, of: stress}]\n")
+    done = CliRunner().invoke(app, ["check", str(path)])
+    assert done.exit_code == 0, done.stderr
