@@ -147,9 +147,9 @@ output:
 BAD = [("probes: [{at: [5, 0, 0]}]", "outside the body"), ("probes: [{at: [0.5, 0.5, 1]}]", "add part: low"),
        ("probes: [{at: [0.5, 0.5, 1], part: midle}]", "no volume and no body"), ("probes: [{at: [0, 0]}]", "at least 3"),
        ("probes: [{on: low/zmx}]", "did you mean low/zmax"), ("probes: [{on: low/zmax, part: top}]", "has none of these faces"),
-       ("probes: [{at: [0, 0, 0], on: xmin}]", "at and on together"), ("probes: [{on: low/zmax, quantity: sum}]", "mean, max, min, resultant"),
+       ("probes: [{at: [0, 0, 0], on: xmin}]", "unknown key 'on'"), ("probes: [{on: low/zmax, quantity: sum}]", "mean, max, min, resultant"),
        ("probes: [{on: low/zmax, quantity: resultant, of: stress}]", "beside a mean or an extreme only"),
-       ("probes: [{on: low/zmax, about: [0, 0, 0]}]", "beside a resultant only"), ("probes: [{quantity: stress}]", "did you mean"),
+       ("probes: [{on: low/zmax, about: [0, 0, 0]}]", "beside a resultant only"), ("probes: [{quantity: mean}]", "no on"),
        ("probes: [{name: a, at: [0, 0, 0]}, {name: a, at: [1, 0, 0]}]", "a second probe called 'a'"),
        ("moments_about: origin", "a list"), ("units: {length: mm}", "no force"), ("units: {length: mm, force: kg m/s2}", "kg m/s2")]
 

@@ -290,8 +290,6 @@ def probes_fit(data: Any) -> Iterator[Problem]:
         name = probe.get("name") or f"probe_{path[-1] + 1}"
         if isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
             yield Problem((*path, "name"), f"a second probe called '{name}'", "a name for each probe", "give it another name")
-        if "at" in probe and "on" in probe:
-            yield Problem(path, "at and on together", "exactly one of at, on", "keep at or on, remove the other")
         resultant = probe.get("quantity") == "resultant"
         for key, fits, where in (("of", not resultant, "a mean or an extreme"), ("about", resultant, "a resultant")):
             if "on" in probe and probe.get(key) is not None and not fits:

@@ -124,7 +124,8 @@ def _meet(path: KeyPath, data: Any, root: type[BaseModel]) -> tuple[type[BaseMod
         field = next_field
         end += end < len(path) and isinstance(path[end], int)
         chooser = next(_marks(field.annotation, field.metadata), None)
-        model = chooser.model(get(data, *path[:end])) if chooser else next(_models(field.annotation), None)
+        value = get(data, *path[:end])
+        model = chooser.model(value) if chooser else _fitting(list(_models(field.annotation)), value)
     return model, field
 
 
@@ -149,6 +150,12 @@ def _models(annotation: Any):
         yield annotation
     for part in get_args(annotation):
         yield from _models(part)
+
+
+def _fitting(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None:
+    """Of a union's models the first that knows most of a mapping's keys."""
+    known = value.keys() if isinstance(value, dict) else ()
+    return max(models, key=lambda model: sum(key in model.model_fields for key in known), default=None)
 
 
 def _options(field: FieldInfo | None) -> list[Any]:
