@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import cache
 from itertools import count
@@ -77,25 +77,26 @@ def _nothing(number):
     return number
 
 
-def in_parts(function: Compiled, size: int, *arguments) -> list:
+def in_parts(function: Compiled, size: int, *arguments, part: int = PART) -> list:
     """What ``function(start, stop, *arguments)`` returns for parts of ``range(size)``, in their order; on all cores.
 
     Parameters
     ----------
     function : writes to entries of its own part alone
+    part : how many of them
     """
-    starts = range(0, size, PART)
+    starts = range(0, size, part)
     if len(starts) <= 1:
         return [function(0, size, *arguments)]
     results: list = [None] * len(starts)
-    results[0] = function(0, min(PART, size), *arguments)  # compiled before several threads want it
+    results[0] = function(0, min(part, size), *arguments)  # compiled before several threads want it
     left = count(1)
 
     def work() -> None:
-        while (part := next(left)) < len(starts):
-            results[part] = function(starts[part], min(starts[part] + PART, size), *arguments)
+        while (number := next(left)) < len(starts):
+            results[number] = function(starts[number], min(starts[number] + part, size), *arguments)
 
-    helpers = [_helpers().submit(work) for _ in range(min(_cores(), len(starts) - 1) - 1)]
+    helpers = [_helpers().submit(work) for _ in range(min(cores(), len(starts) - 1) - 1)]
     try:
         work()
     finally:
@@ -104,10 +105,26 @@ def in_parts(function: Compiled, size: int, *arguments) -> list:
     return results
 
 
-def _cores() -> int:
+def together(function: Callable[[Any], Any], arguments: Sequence[Any]) -> list:
+    """What ``function`` returns for each of some arguments, in their order; each by a thread of its own.
+
+    Parameters
+    ----------
+    function : spends its time where other threads may run
+    """
+    helpers = [_helpers().submit(function, argument) for argument in arguments[1:]]
+    try:
+        first = [function(argument) for argument in arguments[:1]]
+    finally:
+        wait(helpers)
+    return first + [helper.result() for helper in helpers]
+
+
+def cores() -> int:
+    """Those that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 @cache
 def _helpers() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max(1, _cores() - 1), "parts")
+    return ThreadPoolExecutor(max(1, cores() - 1), "parts")

@@ -1,6 +1,6 @@
 """Sparse matrices of dense blocks whose places never change: bodies, and the interfaces between them.
 
-Places and the order of elimination are found once; what remains of an assembly is one product with a matrix of ones.
+Places and the order of elimination are found once; what remains of an assembly are sums of blocks.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.elimination import Elimination
+from orchestrator.method.coarse.kernels import added_up
 
 ACCURACY = 1e-4  # relative residual of a solution, a hundredth of what Newton's method has to reduce its own to
+BLOCKS = 1024  # that are worth a thread's while
 REFINED = 4  # solutions in single precision, which cost about half a factorisation
 
 
@@ -38,8 +41,7 @@ class BlockPattern:
         self.indices, self.indptr = columns.astype(np.int32), np.searchsorted(rows, np.arange(bodies + 1)).astype(np.int32)
         turn = np.arange(len(ends)) if order is None else np.argsort(order)
         sequence = np.lexsort((np.repeat(turn, 4), where))  # the columns of a row stay in this sequence
-        starts = np.searchsorted(where[sequence], np.arange(len(places) + 1))
-        self.sum = sp.csr_array((np.ones(len(where)), sequence, starts), shape=(len(places), len(where)))
+        self.which, self.starts = sequence, np.searchsorted(where[sequence], np.arange(len(places) + 1))
 
     def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
         """(n, size, size) blocks of the matrix, block row after block row.
@@ -55,7 +57,14 @@ class BlockPattern:
 
     def summed(self, pairs: np.ndarray) -> np.ndarray:
         """The same without bodies' own blocks."""
-        return (self.sum @ pairs.reshape(-1, self.size**2)).reshape(-1, self.size, self.size)
+        return self.less(np.zeros((len(self.indices), self.size, self.size)), pairs, 1.0)
+
+    def less(self, values: np.ndarray, pairs: np.ndarray, sign: float = -1.0) -> np.ndarray:
+        """Blocks of a matrix, less those of the interfaces (or, by the sign, and those)."""
+        result = np.empty_like(values)
+        in_parts(added_up, len(result), self.starts, self.which, sign, pairs.reshape(-1, self.size**2),
+                 *(x.reshape(len(result), -1) for x in (values, result)), part=BLOCKS)
+        return result
 
     def matrix(self, values: np.ndarray, shift: float) -> sp.bsr_array:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""

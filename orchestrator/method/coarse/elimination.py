@@ -6,30 +6,27 @@ of those that these see among the ones to come (Duff & Reid, ACM Trans. Math. So
 
     F = [[A, B], [C, D]],   G = A⁻¹B,   D − C G goes to the parent front
 
-Order and fronts depend on the places of the blocks alone and are found once. All work is dense products of LAPACK.
-Pivots are sought within A.
+Order and fronts depend on the places of the blocks alone and are found once. ``fronts`` has the work itself, nearly all of it
+dense products. Branches of fronts are eliminated by threads of their own; sums do not depend on how many there are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.blas import dgemm, sgemm
-from scipy.linalg.lapack import dgetrf, dgetrs, sgetrf, sgetrs
 
-from orchestrator.method.coarse.kernels import add_blocks, add_matrix
+from orchestrator.compiled import cores, together
 from orchestrator.method.interface.factor import dissection
 
-READ = 20.0  # operations that LAPACK does in single precision in the time that a solution spends on an entry of the factors
-OWN_CALLS = 5e5  # operations that LAPACK does in the time that calls for one more front take, some 20 µs
-
-
-# Factorise, solve, multiply.
-ROUTINES = {np.dtype(np.float32): (sgetrf, sgetrs, sgemm), np.dtype(np.float64): (dgetrf, dgetrs, dgemm)}
+READ = 20.0  # operations that BLAS does in single precision in the time that a solution spends on an entry of the factors
+OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
+PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
+OWN_THREAD = 1e7  # operations that BLAS does in the time that it takes to have another thread do something
+PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
 
 
 @dataclass
@@ -72,6 +69,7 @@ class Elimination:
 
     def __init__(self, indptr: np.ndarray, indices: np.ndarray, size: int):
         count, self.size = len(indptr) - 1, size
+        self._work: dict[np.dtype, np.ndarray] = {}
         pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
         sees = [indices[a:b][indices[a:b] != i] for i, (a, b) in enumerate(zip(indptr[:-1], indptr[1:]))]
         groups = _grouped(sees, dissection(pattern), size)
@@ -102,34 +100,96 @@ class Elimination:
         operations = sum(_operations(own, rest, self.size) for own, rest in sizes)
         return operations / (READ * self.size**2 * sum(own * (own + 2 * rest) for own, rest in sizes))
 
-    def factors(self, blocks: np.ndarray) -> Factors:
+    @cached_property
+    def layout(self) -> Layout:
+        """Where factors lie, and what is done by which thread."""
+        return Layout.of(self.fronts, self.size)
+
+    def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
         """Factorise a matrix.
 
         Parameters
         ----------
         blocks : (n, size, size) in the order of the pattern, of either precision: that of the factors
+        instead : earlier factors whose place these may take
 
         Raises
         ------
         ZeroDivisionError : a pivot vanishes
         """
-        size, waiting, done = self.size, [[] for _ in self.fronts], []
-        getrf, getrs, gemm = ROUTINES[blocks.dtype]
-        for number, front in enumerate(self.fronts):
-            own, rest = front.stop - front.start, len(front.rest)
-            A, B, C, D = (np.zeros((size * a, size * b), blocks.dtype, order="F") for a in (own, rest) for b in (own, rest))
-            add_blocks(blocks, front.blocks, front.row, front.column, own, A, B, C, D)
-            for child, left in waiting[number]:
-                add_matrix(left, child.within, size, own, A, B, C, D)
-            waiting[number] = []
-            A, pivots, failed = getrf(A, overwrite_a=True)
-            if failed > 0:
-                raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
-            if rest:
-                B, _ = getrs(A, pivots, B, overwrite_b=True)
-                waiting[front.parent].append((front, gemm(-1.0, C, B, beta=1.0, c=D, overwrite_c=True)))
-            done.append((A, pivots, C, B))
-        return Factors(self, done, getrs)
+        from orchestrator.method.coarse import fronts
+        from orchestrator.method.coarse.products import PRODUCT
+
+        at = self.layout
+        if blocks.dtype not in self._work:  # fresh pages cost as much as what is done on them
+            self._work[blocks.dtype] = np.empty(at.work, blocks.dtype)
+        work, result = self._work[blocks.dtype], instead
+        if result is None or result.own.dtype != blocks.dtype:
+            result = Factors(self, np.empty(at.own, blocks.dtype), np.empty(at.beside, blocks.dtype))
+        constants = np.array([-1.0, 0.0, 1.0], blocks.dtype)
+
+        def some(which: np.ndarray) -> int:
+            return fronts.eliminate(which, PRODUCT[blocks.dtype], constants, blocks, at.panel, at.sizes, at.places,
+                                    at.enters, at.enter, at.children, at.child, at.rests, at.within, result.own, result.beside, work)
+
+        if max(together(some, at.apart), default=-1) >= 0 or some(at.last) >= 0:
+            raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
+        return result
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The fronts as ``fronts.eliminate`` wants them.
+
+    Parameters
+    ----------
+    panel : rows of a panel
+    own, beside, work : numbers in all own parts, in what is beside them, and in fronts whose rest is not taken up yet
+    apart, last : the fronts that threads of their own eliminate, and those after these
+    others : as for ``fronts.eliminate``
+    """
+
+    panel: int
+    sizes: np.ndarray
+    places: np.ndarray
+    own: int
+    beside: int
+    work: int
+    starts: np.ndarray
+    enters: np.ndarray
+    enter: np.ndarray
+    children: np.ndarray
+    child: np.ndarray
+    rests: np.ndarray
+    rest: np.ndarray
+    within: np.ndarray
+    apart: list[np.ndarray]
+    last: np.ndarray
+
+    @classmethod
+    def of(cls, fronts: Sequence[Front], size: int) -> Layout:
+        """Of these fronts, whose blocks have ``size`` rows."""
+        count, none = len(fronts), np.zeros(0, dtype=int)
+        parent = np.array([front.parent for front in fronts], dtype=int)
+        sizes = size * np.array([(front.stop - front.start, len(front.rest)) for front in fronts], dtype=int).reshape(-1, 2)
+        child = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):]
+        children = np.searchsorted(parent[child], np.arange(count + 1))
+        operations = np.array([_operations(own // size, rest // size, size) for own, rest in sizes], dtype=float)
+        apart, last = _shared_out(parent, operations, cores())
+        a, m = sizes.T
+        places = np.column_stack([_starts((a + m) * a)[:-1], _starts(a * m)[:-1], np.zeros(count, dtype=int)])
+        begin = 0
+        for some in [*apart, last]:
+            places[some, 2], begin = _stacked(some, parent, (a + m) ** 2, begin)
+        return cls(
+            panel=max(1, PANEL // size) * size, sizes=sizes, places=places, starts=np.array([f.start for f in fronts], dtype=int),
+            own=int(((a + m) * a).sum()), beside=int((a * m).sum()), work=begin,
+            enters=_starts([len(front.blocks) for front in fronts]),
+            enter=np.column_stack([np.concatenate([none, *(getattr(front, name) for front in fronts)])
+                                   for name in ("blocks", "row", "column")]),
+            children=children, child=child, rests=_starts([len(front.rest) for front in fronts]),
+            rest=np.concatenate([none, *(front.rest for front in fronts)]),
+            within=np.concatenate([none, *(front.within for front in fronts)]), apart=apart, last=last)
 
 
 @dataclass
@@ -139,29 +199,75 @@ class Factors:
     Parameters
     ----------
     of : order and fronts
-    fronts : per front A = P L U, the pivots, C and G = A⁻¹B
-    getrs : LAPACK's, of their precision
+    own, beside : the numbers, front after front
     """
 
     of: Elimination
-    fronts: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
-    getrs: Callable
+    own: np.ndarray
+    beside: np.ndarray
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(bodies, size) solution for a right-hand side of that shape."""
-        of, x = self.of, right[self.of.order].astype(self.fronts[0][0].dtype)
-        for front, (A, pivots, C, _) in zip(of.fronts, self.fronts):
-            own = x[front.start:front.stop].reshape(-1)
-            own[:] = self.getrs(A, pivots, own)[0]
-            if len(front.rest):
-                x[front.rest] -= (C @ own).reshape(-1, of.size)
-        for front, (_, _, _, G) in zip(reversed(of.fronts), reversed(self.fronts)):
-            if len(front.rest):
-                own = x[front.start:front.stop].reshape(-1)
-                own -= G @ x[front.rest].ravel()
+        from orchestrator.method.coarse import fronts
+
+        at, x = self.of.layout, right[self.of.order].astype(self.own.dtype)
+        fronts.solve(at.panel, self.of.size, at.sizes, at.places, at.starts, at.rests, at.rest, self.own, self.beside, x)
         result = np.empty_like(x)
-        result[of.order] = x
+        result[self.of.order] = x
         return result
+
+
+def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
+    """(n + 1,) where each of some runs starts, and the end."""
+    return np.concatenate([[0], np.cumsum(lengths, dtype=int)])
+
+
+def _shared_out(parent: np.ndarray, operations: np.ndarray, threads: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """Fronts (·,) that each of several threads eliminates, branches with all that is below them, and those that come after.
+
+    The largest branch is taken apart, its own front left for later, as long as that ends sooner.
+    """
+    count, below, first = len(parent), operations.copy(), np.arange(len(parent))
+    for f in np.flatnonzero(parent >= 0):  # children before parents; a branch lies together, from its first front on
+        below[parent[f]] += below[f]
+        first[parent[f]] = min(first[parent[f]], first[f])
+    branches, later, soonest, best = list(np.flatnonzero(parent < 0)), 0.0, np.inf, []
+    while branches:
+        shares: list[list[int]] = [[] for _ in range(threads)]
+        for branch in sorted(branches, key=lambda f: -below[f]):
+            min(shares, key=lambda share: below[share].sum()).append(branch)
+        longest = max(below[share].sum() for share in shares)
+        if longest + later < soonest - OWN_THREAD:
+            soonest, best = longest + later, shares
+        largest = max(branches, key=lambda f: below[f])
+        if below[largest] < OWN_THREAD:
+            break
+        branches.remove(largest)
+        branches += list(np.flatnonzero(parent == largest))
+        later += operations[largest]
+    apart = [np.concatenate([np.arange(first[f], f + 1) for f in sorted(share)]) for share in best if share]
+    if len(apart) < 2:
+        return [], np.arange(count)
+    return apart, np.setdiff1d(np.arange(count), np.concatenate(apart))
+
+
+def _stacked(some: np.ndarray, parent: np.ndarray, numbers: np.ndarray, begin: int) -> tuple[np.ndarray, int]:
+    """(·,) where some fronts of so many numbers lie until their parents have taken what they leave, and where that ends.
+
+    A front is put on one of two stacks, its parent on the other: there it never lies on what it is made of.
+    """
+    place, height, highest = np.zeros(len(parent), dtype=int), [0, 0], [0, 0]
+    level = np.zeros(len(parent), dtype=int)
+    for f in range(len(parent) - 1, -1, -1):
+        level[f] = level[parent[f]] + 1 if parent[f] >= 0 else 0
+    taken = np.bincount(parent[some][parent[some] >= 0], weights=numbers[some][parent[some] >= 0], minlength=len(parent))
+    side = level % 2
+    for f in some:
+        height[1 - side[f]] -= int(taken[f])
+        place[f] = height[side[f]]
+        height[side[f]] += int(numbers[f])
+        highest[side[f]] = max(highest[side[f]], height[side[f]])
+    return begin + place[some] + np.where(side[some] == 0, 0, highest[0]), begin + sum(highest)
 
 
 def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[tuple[list[int], set[int], list]]:
@@ -179,7 +285,7 @@ def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[t
         rest = {int(j) for j in sees[body] if place[j] > k}.union(*(group[1] for group in children[k])) - {int(body)}
         for group in sorted(children[k], key=lambda g: len(g[0])):
             apart = _operations(len(group[0]), len(group[1]), size) + _operations(len(columns), len(rest), size)
-            if _operations(len(group[0]) + len(columns), len(rest), size) <= apart + OWN_CALLS:
+            if _operations(len(group[0]) + len(columns), len(rest), size) <= apart + OWN_CALLS + PASSED * (size * len(group[1])) ** 2:
                 columns, kept = group[0] + columns, kept + group[2]
             else:
                 kept.append(group)

@@ -40,7 +40,7 @@ class KeptFactors:
         if x is None:
             try:
                 self.blocks = blocks.astype(np.float32)
-                self._factors = self.pattern.elimination.factors(self.blocks)
+                self._factors = self.pattern.elimination.factors(self.blocks, self._factors)
                 x = self._tried(blocks, right.ravel(), max(tries, REFINED))
             except ZeroDivisionError:
                 pass

@@ -98,73 +98,18 @@ def carried(phi, chosen, bounds, A, ends, force, weight, result):
 
 
 @compiled
-def slopes(phi, L, chosen, A, active, first, derivative, weight, result):
-    """result (I, 2, 2, 12, 12) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L, blocks of the two bodies.
+def added_up(start, stop, starts, which, sign, blocks, at, result):
+    """result (n, s) = at + sign · the sum of some blocks (k, s), in rows from start to stop.
 
     Parameters
     ----------
-    active : (R,) int, ascending, among the chosen pairs; first : (I + 1,) int, where those of each interface start
-    derivative : (3, 3, R)
-    others : as for ``carried``
+    starts : (n + 1,) int, where those of each row begin in ``which``
     """
-    m, size = phi.shape[1], L.shape[2]
-    half = size // 2
-    sums, turned = np.empty((3 * m, size)), np.empty((3, size))
-    for i in range(len(result)):
-        result[i] = 0.0
-        if first[i] == first[i + 1]:
-            continue
-        sums[:] = 0.0
-        for r in range(first[i], first[i + 1]):
-            p = chosen[active[r]]
-            for c in range(3):
-                a, b, d = derivative[c, 0, r], derivative[c, 1, r], derivative[c, 2, r]
-                for f in range(size):
-                    turned[c, f] = weight[p] * (a * L[p, 0, f] + b * L[p, 1, f] + d * L[p, 2, f])
-            for c in range(3):
-                for j in range(m):
-                    for f in range(size):
-                        sums[c * m + j, f] += phi[p, j] * turned[c, f]
-        for row in range(2):
-            for column in range(2):
-                block = result[i, row, column]
-                for a in range(3 * m):
-                    for f in range(half):
-                        for g in range(half):
-                            block[f, g] += A[i, a, row * half + f] * sums[a, column * half + g]
-
-
-@compiled
-def add_blocks(blocks, chosen, rows, columns, own, A, B, C, D):
-    """Add blocks (n, s, s) to a matrix [[A, B], [C, D]] whose first ``own`` block rows and columns are A's.
-
-    Parameters
-    ----------
-    chosen : (k,) int, which; rows, columns : (k,) int, their place
-    """
-    s = blocks.shape[1]
-    for k in range(len(chosen)):
-        block, row, column = blocks[chosen[k]], rows[k], columns[k]
-        upper, left = row < own, column < own
-        target = (A if left else B) if upper else (C if left else D)
-        i0, j0 = s * (row if upper else row - own), s * (column if left else column - own)
-        for j in range(s):
-            for i in range(s):
-                target[i0 + i, j0 + j] += block[i, j]
-
-
-@compiled
-def add_matrix(left, within, size, own, A, B, C, D):
-    """Add a matrix of blocks to [[A, B], [C, D]]; within : (m,) int, the place of its block rows and columns."""
-    for v in range(len(within)):
-        column = within[v]
-        is_left = column < own
-        j0 = size * (column if is_left else column - own)
-        for u in range(len(within)):
-            row = within[u]
-            upper = row < own
-            target = (A if is_left else B) if upper else (C if is_left else D)
-            i0 = size * (row if upper else row - own)
-            for j in range(size):
-                for i in range(size):
-                    target[i0 + i, j0 + j] += left[size * u + i, size * v + j]
+    for i in range(start, stop):
+        row, before = result[i], at[i]
+        for j in range(len(row)):
+            row[j] = before[j]
+        for k in range(starts[i], starts[i + 1]):
+            block = blocks[which[k]]
+            for j in range(len(row)):
+                row[j] += sign * block[j]

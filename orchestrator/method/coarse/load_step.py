@@ -66,7 +66,7 @@ class Bodies:
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
         pattern = BlockPattern(ends, count, FIELDS, order) if team.rank == 0 else None
         weight, springs, affine = np.ones(len(theirs)), None, None
-        slopes = np.zeros((len(counted), 2, 2, FIELDS, FIELDS))
+        slopes = np.zeros((len(counted), 2, 2, FIELDS, FIELDS), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
             weight, every = 1 - fields.pairs.stabilisation, np.arange(len(theirs))
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
@@ -149,7 +149,7 @@ class LoadStep:
         everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
         if not everyone:
             return False
-        return bodies.affine - bodies.pattern.summed(everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
+        return bodies.pattern.less(bodies.affine, everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
 
     def along(self, y: np.ndarray, dy: np.ndarray) -> Callable[[float], float]:
         """θ → dy·ρ(y + θ dy), the work of the imbalance along a line from where ρ was formed last; θ from 0 to 1."""

@@ -13,12 +13,14 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, moved, slopes, spread
+from orchestrator.method.coarse.kernels import carried, moved, spread
 from orchestrator.method.interface.pairs import Pairs
 
 MONOMIALS = 4
 FIELDS = 3 * MONOMIALS
+WORTH = 4096  # pairs, of which a loop takes much longer than to hand them out to a thread
 
 
 @dataclass
@@ -34,6 +36,7 @@ class PairFields:
         is what a sum over pairs costs, and a correction whose forces are off by a ten-millionth corrects as well
     bodies : (I, 2) int
     chosen : (Q,) int, ascending, which ``pairs`` are; default: all
+    turned : (I, 24, 3m) A transposed, in the precision of ``all_L``
     """
 
     pairs: Pairs
@@ -42,14 +45,22 @@ class PairFields:
     all_L: np.ndarray
     bodies: np.ndarray
     chosen: np.ndarray | None = None
+    turned: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.chosen is None:
             self.chosen = np.arange(len(self.phi))
+        if self.turned is None:
+            self.turned = np.ascontiguousarray(self.A.swapaxes(1, 2), self.all_L.dtype)
 
     def some(self, chosen: np.ndarray) -> PairFields:
         """The same fields at some of the pairs (R,) int, ascending."""
         return replace(self, pairs=self.pairs.some(chosen), chosen=self.chosen[chosen])
+
+    @property
+    def part(self) -> int:
+        """How many interfaces are worth a thread's while."""
+        return max(1, len(self.A) * WORTH // max(1, len(self.chosen)))
 
     @property
     def L(self) -> np.ndarray:
@@ -85,11 +96,14 @@ class PairFields:
         return result
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
-        """(I, 2, 2, 12, 12) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies; ω as for ``carried``."""
-        result = np.empty((len(self.A), 2, 2, FIELDS, FIELDS))
+        """(I, 2, 2, 12, 12) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
+        from orchestrator.method.coarse.products import PRODUCT
+        from orchestrator.method.coarse.slopes import slopes
+
+        result = np.empty((len(self.A), 2, 2, FIELDS, FIELDS), self.all_L.dtype)
         first = np.searchsorted(answer.active, self.pairs.bounds)
-        slopes(self.phi, self.all_L, self.chosen, self.A, answer.active, first, np.ascontiguousarray(answer.derivative),
-               weight, result)
+        in_parts(slopes, len(result), PRODUCT[self.all_L.dtype], self.phi, self.all_L, self.chosen, self.turned, answer.active,
+                 first, np.ascontiguousarray(answer.derivative), weight, result, part=self.part)
         self._collective(answer, weight, result)
         return result
 

@@ -1,0 +1,49 @@
+"""BLAS's product of matrices, for compiled functions to call. To be imported where it is used: it takes the compiler along."""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import get_cython_function_address, intrinsic
+
+# Addresses of the products that scipy brings.
+PRODUCT = {np.dtype(np.float32): get_cython_function_address("scipy.linalg.cython_blas", "sgemm"),
+           np.dtype(np.float64): get_cython_function_address("scipy.linalg.cython_blas", "dgemm")}
+
+
+@intrinsic
+def gemm(typing, routine, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc):
+    """C ← α A B + β C of matrices that lie row after row, (m, k) by (k, n), ``ld`` entries from one row to the next.
+
+    Parameters
+    ----------
+    routine : address of BLAS's; alpha, beta : of the precision that it works in
+    a, b, c : address of the first entry
+    """
+    real, whole = alpha, types.intp
+    signature = types.void(whole, whole, whole, whole, real, whole, whole, whole, whole, real, whole, whole)
+
+    def generate(context, builder, signature, arguments):
+        routine, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc = arguments
+        real, word, letter = context.get_value_type(signature.args[4]), ir.IntType(32), ir.IntType(8)
+
+        def at(value, kind):
+            place = cgutils.alloca_once(builder, kind)
+            builder.store(value, place)
+            return place
+
+        def number(value):
+            return at(builder.trunc(value, word), word)
+
+        def matrix(address):
+            return builder.inttoptr(address, real.as_pointer())
+
+        # row after row is column after column of the transposed, and Cᵀ = Bᵀ Aᵀ
+        given = [at(letter(ord("N")), letter), at(letter(ord("N")), letter), number(n), number(m), number(k), at(alpha, real),
+                 matrix(b), number(ldb), matrix(a), number(lda), at(beta, real), matrix(c), number(ldc)]
+        kind = ir.FunctionType(ir.VoidType(), [x.type for x in given])
+        builder.call(builder.inttoptr(routine, kind.as_pointer()), given)
+        return context.get_dummy_value()
+
+    return signature, generate
