@@ -90,7 +90,7 @@ import numpy as np
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))    # as on a full disk
 from orchestrator.method.coarse.kernels import spread
 F = np.zeros((3, 1))
-spread(np.ones((1, 3, 2)), np.array([0]), np.array([0, 1]), np.ones((1, 2)), F)
+spread(0, 1, np.ones((1, 3, 2)), np.array([0]), np.array([0, 1]), np.ones((1, 2)), F)
 sys.exit(not (F == 2).all())
 """
 

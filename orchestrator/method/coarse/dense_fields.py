@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.kernels import spread
 from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
@@ -37,7 +38,7 @@ class DenseFields(PairFields):
     def jump(self, y: np.ndarray) -> np.ndarray:
         """(3, Q) T y."""
         result = np.zeros((3, len(self.chosen)))
-        spread(self.T, self.chosen, self.pairs.bounds, self.both(y), result)
+        in_parts(spread, len(self.bodies), self.T, self.chosen, self.pairs.bounds, self.both(y), result, part=self.part)
         return result
 
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:

@@ -210,11 +210,15 @@ class Factors:
         """(bodies, size) solution for a right-hand side of that shape."""
         from orchestrator.method.coarse import fronts
 
-        at, x = self.of.layout, right[self.of.order].astype(self.own.dtype)
-        fronts.solve(at.panel, self.of.size, at.sizes, at.places, at.starts, at.rests, at.rest, self.own, self.beside, x)
-        result = np.empty_like(x)
-        result[self.of.order] = x
+        result = np.empty(right.shape)
+        fronts.solve(self.numbers, np.ascontiguousarray(right, float), result)
         return result
+
+    @property
+    def numbers(self) -> tuple:
+        """What ``fronts.solve`` wants."""
+        at = self.of.layout
+        return at.panel, self.of.order, at.sizes, at.places, at.starts, at.rests, at.rest, self.own, self.beside
 
 
 def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:

@@ -125,15 +125,14 @@ def eliminate(which, product, constants, blocks, panel, sizes, places, enters, e
     return -1
 
 
-@compiled
-def solve(panel, size, sizes, places, starts, rests, rest, own_parts, beside, x):
-    """Replace the right-hand side x (n, size), in the order of elimination, by the solution.
-
-    Parameters
-    ----------
-    starts : (F,) int, the first body of each front; rests : (F + 1,) int, where those that are left begin in ``rest``
-    others : as for ``eliminate``
-    """
+@numba.njit(nogil=True, fastmath=SUMS)
+def _solved(factors, right, result):
+    """See ``solve``."""
+    panel, order, sizes, places, starts, rests, rest, own_parts, beside = factors
+    size, x = right.shape[1], np.empty(right.shape, own_parts.dtype)
+    for i in range(len(order)):
+        for c in range(size):
+            x[i, c] = right[order[i], c]
     flat = x.reshape(-1)
     seen, z = np.empty(len(flat), x.dtype), np.empty(panel, x.dtype)
     for f in range(len(sizes)):
@@ -183,3 +182,97 @@ def solve(panel, size, sizes, places, starts, rests, rest, own_parts, beside, x)
                 for j in range(len(row)):
                     total += row[j] * own[q + j]
                 own[i] -= total
+    for i in range(len(order)):
+        for c in range(size):
+            result[order[i], c] = x[i, c]
+
+
+@compiled
+def solve(factors, right, result):
+    """Write the solution (bodies, size) for a right-hand side.
+
+    Parameters
+    ----------
+    factors : rows of a panel; (bodies,) int, the order of elimination; ``sizes`` and ``places`` as for ``eliminate``; (F,) int,
+        the first body of each front; (F + 1,) int, where the bodies that it leaves begin in the next; ``own_parts``, ``beside``
+    """
+    _solved(factors, right, result)
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _times(blocks, starts, columns, x, result):
+    """result (bodies, size) = a matrix of blocks (n, size, size), row after row, times x."""
+    size = blocks.shape[1]
+    for i in range(len(result)):
+        total = result[i]
+        total[:] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            block, part = blocks[k], x[columns[k]]
+            for c in range(size):
+                one, row = 0.0, block[c]
+                for d in range(size):
+                    one += row[d] * part[d]
+                total[c] += one
+
+
+@compiled
+def gmres(factors, blocks, starts, columns, right, most, accuracy, seen, x, more):
+    """Solve with a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, preconditioned from the right.
+
+    Parameters
+    ----------
+    factors : as for ``solve``, of a matrix like it
+    right : (bodies, size)
+    most : products that are allowed; accuracy : relative residual that is asked for
+    seen : products after which it can be told how many more it takes
+    x, more : (bodies, size) take the solution, and what the factors make of the residual that it leaves
+
+    Returns
+    -------
+    bool : whether it is solved
+    """
+    shape, length = right.shape, np.sqrt((right**2).sum())
+    x[:], more[:] = 0.0, 0.0
+    if length == 0.0:
+        return True
+    basis, directions = np.empty((most + 1, *shape)), np.empty((most, *shape))
+    R, turn, target = np.zeros((most + 1, most)), np.zeros((most, 2)), np.zeros(most + 1)
+    basis[0], target[0], count = right / length, 1.0, 0
+    for j in range(most):
+        _solved(factors, basis[j], directions[j])
+        new = basis[j + 1]
+        _times(blocks, starts, columns, directions[j], new)
+        for _ in range(2):  # what rounding leaves of a direction that is nearly known
+            for i in range(j + 1):
+                part = (basis[i] * new).sum()
+                new -= part * basis[i]
+                R[i, j] += part
+        height = np.sqrt((new**2).sum())
+        if not np.isfinite(height):
+            return False
+        for i in range(j):  # Givens's rotations make it triangular
+            a, b = R[i, j], R[i + 1, j]
+            R[i, j], R[i + 1, j] = turn[i, 0] * a + turn[i, 1] * b, turn[i, 0] * b - turn[i, 1] * a
+        far = np.hypot(R[j, j], height)
+        if far == 0.0:
+            return False
+        turn[j, 0], turn[j, 1] = R[j, j] / far, height / far
+        R[j, j], target[j], target[j + 1] = far, turn[j, 0] * target[j], -turn[j, 1] * target[j]
+        left = abs(target[j + 1])
+        if left <= accuracy:
+            count = j + 1
+            break
+        if height == 0.0 or (j + 1 >= seen and left ** (most / (j + 1)) > accuracy):
+            return False
+        new /= height
+    if count == 0:
+        return False
+    for i in range(count - 1, -1, -1):
+        share = target[i]
+        for j in range(i + 1, count):
+            share -= R[i, j] * target[j]
+        target[i] = share / R[i, i]
+        x += (length * target[i]) * directions[i]
+    _times(blocks, starts, columns, x, basis[0])
+    _solved(factors, right - basis[0], more)
+    return True

@@ -34,8 +34,8 @@ def carried_along(start, stop, body, y, fields, at, result):
 
 
 @compiled
-def spread(L, chosen, bounds, both, F):
-    """F (3, Q) += L y at some of the pairs.
+def spread(start, stop, L, chosen, bounds, both, F):
+    """F (3, Q) += L y at some of the pairs, those of the interfaces from start to stop.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def spread(L, chosen, bounds, both, F):
     bounds : (I + 1,) int, where those of each interface start
     both : (I, 24) fields of the two bodies
     """
-    for i in range(len(both)):
+    for i in range(start, stop):
         y = both[i]
         for q in range(bounds[i], bounds[i + 1]):
             row = L[chosen[q]]
@@ -55,10 +55,10 @@ def spread(L, chosen, bounds, both, F):
 
 
 @compiled
-def moved(phi, chosen, bounds, C, d):
+def moved(start, stop, phi, chosen, bounds, C, d):
     """d (3, Q) = (1₃ ⊗ φ) c at some of the pairs, for the combinations C (I, 3m) of the monomials; as for ``spread``."""
     m = phi.shape[1]
-    for i in range(len(C)):
+    for i in range(start, stop):
         for q in range(bounds[i], bounds[i + 1]):
             p = chosen[q]
             for c in range(3):
@@ -69,18 +69,18 @@ def moved(phi, chosen, bounds, C, d):
 
 
 @compiled
-def carried(phi, chosen, bounds, A, ends, force, weight, result):
-    """result (bodies, 12) += Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
+def carried(start, stop, phi, chosen, bounds, A, force, weight, result):
+    """result (I, 2, 12) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
     Parameters
     ----------
     phi : (P, m); A : (I, 3m, 24); weight : (P,) ω
-    ends : (I, 2) int, the two bodies
     others : as for ``spread``
     """
     m, half = phi.shape[1], A.shape[2] // 2
     moments = np.empty(3 * m)
-    for i in range(len(ends)):
+    for i in range(start, stop):
+        result[i] = 0.0
         if bounds[i] == bounds[i + 1]:
             continue
         moments[:] = 0.0
@@ -92,9 +92,18 @@ def carried(phi, chosen, bounds, A, ends, force, weight, result):
                     for j in range(m):
                         moments[c * m + j] += share * phi[p, j]
         for a in range(3 * m):
-            for f in range(half):
-                result[ends[i, 0], f] += A[i, a, f] * moments[a]
-                result[ends[i, 1], f] += A[i, a, half + f] * moments[a]
+            for side in range(2):
+                for f in range(half):
+                    result[i, side, f] += A[i, a, half * side + f] * moments[a]
+
+
+@compiled
+def gathered(ends, each, result):
+    """result (bodies, 12) += what each (I, 2, 12) interface brings its two bodies ``ends`` (I, 2)."""
+    for i in range(len(ends)):
+        for side in range(2):
+            for f in range(each.shape[2]):
+                result[ends[i, side], f] += each[i, side, f]
 
 
 @compiled

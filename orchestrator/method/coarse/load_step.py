@@ -13,7 +13,6 @@ Among ranks, what belongs to an interface is formed by the rank of its first sid
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,6 +93,7 @@ class LoadStep:
     Attributes
     ----------
     seen : (I,) largest size of the fields so far
+    F, stiff, sprung : (3, Q) forces, (bodies, 12) K₀ y and this rank's ΣTᵀε L y, with which ρ was formed last
     """
 
     def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
@@ -131,15 +131,24 @@ class LoadStep:
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, 12) ρ; the forces that it was formed with are kept for ``matrix``."""
-        bodies = self.bodies
         self._reach_for(y)
         self.F = self.fields.predicted(self.F0_near, y)
-        force = self.fields.pairs.force(self.F, self.before, self.number).force
+        self.stiff, self.sprung = self._linear(y)
+        return self._imbalance(self.fields.pairs.force(self.F, self.before, self.number).force)
+
+    def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
+        """(bodies, 12) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
+        bodies = self.bodies
+        sprung = 0.0 if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
+        return np.matmul(bodies.K0, y[:, :, None])[:, :, 0], sprung
+
+    def _imbalance(self, force: np.ndarray) -> np.ndarray:
+        bodies = self.bodies
         carried = self.fields.carried(force, bodies.weight, bodies.count)
         if bodies.springs is not None:
-            carried += self.resisted + (bodies.springs @ y.ravel()).reshape(y.shape)
+            carried += self.resisted + self.sprung
         carried, = bodies.team.sum(carried)
-        return self.resultant + (bodies.K0 @ y[:, :, None])[:, :, 0] - carried
+        return self.resultant + self.stiff - carried
 
     def matrix(self) -> np.ndarray | bool:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
@@ -151,26 +160,11 @@ class LoadStep:
             return False
         return bodies.pattern.less(bodies.affine, everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
 
-    def along(self, y: np.ndarray, dy: np.ndarray) -> Callable[[float], float]:
-        """θ → dy·ρ(y + θ dy), the work of the imbalance along a line from where ρ was formed last; θ from 0 to 1."""
-        bodies, near = self.bodies, self.fields
+    def along(self, y: np.ndarray, dy: np.ndarray) -> Line:
+        """The line y + θ dy from where ρ was formed last; θ from 0 to 1."""
         if self._reach_for(y + dy):
-            near, self.F = self.fields, self.fields.predicted(self.F0_near, y)
-        F, dF = self.F, near.predicted(np.zeros_like(self.F), dy)
-        against = near.jump(dy) * bodies.weight[near.chosen]
-        changes = (bodies.K0 @ dy[:, :, None])[:, :, 0]
-        start, slope = np.vdot(dy, self.resultant + (bodies.K0 @ y[:, :, None])[:, :, 0]), np.vdot(dy, changes)
-        springs = np.zeros(2)
-        if bodies.springs is not None:
-            springs[:] = np.vdot(dy, self.resisted) + dy.ravel() @ (bodies.springs @ y.ravel()), \
-                dy.ravel() @ (bodies.springs @ dy.ravel())
-
-        def work(theta: float) -> float:
-            force = near.pairs.force(F + theta * dF, self.before, self.number).force
-            carried, = bodies.team.sum(np.vdot(against, force) + springs[0] + theta * springs[1])
-            return float(start + theta * slope - carried)
-
-        return work
+            self.F = self.fields.predicted(self.F0_near, y)
+        return Line(self, dy)
 
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""
@@ -180,3 +174,40 @@ class LoadStep:
     def reach_next(self) -> np.ndarray:
         """(I,) the reach to begin this load step with at the next iteration."""
         return REACH * self.seen
+
+
+class Line:
+    """A line y + θ dy of one load step.
+
+    Parameters
+    ----------
+    at : the load step, where it formed ρ(y)
+    dy : (bodies, 12)
+    """
+
+    def __init__(self, at: LoadStep, dy: np.ndarray):
+        self.at, self.F, self.theta, bodies, near = at, at.F, None, at.bodies, at.fields
+        self.dF = near.predicted(np.zeros_like(at.F), dy)
+        self.against = near.jump(dy) * bodies.weight[near.chosen]
+        self.stiff, self.sprung = at._linear(dy)
+        self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
+        self.springs = (0.0, 0.0)
+        if bodies.springs is not None:
+            self.springs = np.vdot(dy, at.resisted + at.sprung), np.vdot(dy, self.sprung)
+
+    def __call__(self, theta: float) -> float:
+        """dy·ρ(y + θ dy), the work of the imbalance."""
+        at = self.at
+        at.F = self.F + theta * self.dF
+        self.force, self.theta = at.fields.pairs.force(at.F, at.before, at.number).force, theta
+        carried, = at.bodies.team.sum(np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1])
+        return float(self.start + theta * self.slope - carried)
+
+    def end(self, theta: float) -> np.ndarray:
+        """(bodies, 12) ρ(y + θ dy), which the load step then stands at."""
+        at = self.at
+        if self.theta != theta:
+            self(theta)
+        at.stiff = at.stiff + self.theta * self.stiff
+        at.sprung = at.sprung + self.theta * self.sprung
+        return at._imbalance(self.force)

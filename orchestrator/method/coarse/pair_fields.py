@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, moved, spread
+from orchestrator.method.coarse.kernels import carried, gathered, moved, spread
 from orchestrator.method.interface.pairs import Pairs
 
 MONOMIALS = 4
@@ -70,14 +70,14 @@ class PairFields:
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, 12)."""
         F = np.array(F0, order="C")
-        spread(self.all_L, self.chosen, self.pairs.bounds, self.both(y), F)
+        in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F, part=self.part)
         return F
 
     def jump(self, y: np.ndarray) -> np.ndarray:
         """(3, Q) T y, what the first body moves in the fields y (bodies, 12), less what the second one does."""
         result = np.empty((3, len(self.chosen)))
         combined = np.matmul(self.A, self.both(y)[:, :, None])[:, :, 0]
-        moved(self.phi, self.chosen, self.pairs.bounds, combined, result)
+        in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result, part=self.part)
         return result
 
     def both(self, y: np.ndarray) -> np.ndarray:
@@ -91,8 +91,10 @@ class PairFields:
         ----------
         weight : (P,) ω of all node pairs
         """
-        result = np.zeros((bodies, FIELDS))
-        carried(self.phi, self.chosen, self.pairs.bounds, self.A, self.bodies, np.ascontiguousarray(force), weight, result)
+        each, result = np.empty((len(self.A), 2, FIELDS)), np.zeros((bodies, FIELDS))
+        in_parts(carried, len(each), self.phi, self.chosen, self.pairs.bounds, self.A, np.ascontiguousarray(force), weight, each,
+                 part=self.part)
+        gathered(self.bodies, each, result)
         return result
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:

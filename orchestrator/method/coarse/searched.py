@@ -82,9 +82,10 @@ class SearchedNewton:
             shift *= SLOWER
             if not shift <= MOST:
                 return "no direction"
-        length = search(self.at.along(self.y, dy), work)
+        line = self.at.along(self.y, dy)
+        length = search(line, work)
         self.y = self.y + length * dy
-        self._rho = self.at.residual(self.y)
+        self._rho = line.end(length)
         self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
         self._whole = length == 1
         self._waited += 1
