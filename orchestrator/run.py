@@ -154,7 +154,7 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         soles = make_soles(scene, method.sole, method.skip.congruent, placement.touched)
     told.stage("assembling and factorising")
     check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method,
-                     any(s.remembers for s in scene.subdomains))
+                     any(s.remembers for s in scene.subdomains) or any(i.law.follows for i in scene.interfaces))
     with watch("start"):
         blackbox = with_layers(make_blackbox(codes, placement.codes, ahead), method.skip, workers, len(cases.chosen), savings)
     with blackbox:

@@ -70,6 +70,14 @@ CASES = {
                      {"on": {"plane": "z", "at": 1}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]}],
         "method": {"tolerance": {"error": 1e-6}},
     },
+    "parts that slide on": {
+        "parts": [_box("base", [4, 1, 0.5], [8, 2, 1], [0, 0, 0]), _box("block", [1, 1, 0.5], [3, 3, 2], [0.25, 0, 0.5])],
+        "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+        "interfaces": [{"law": "contact", "friction": 0.2, "pairing": "follow"}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "displacement": [[0.7, 0, -0.005], [1.6, 0.1, -0.005]]}],
+        "method": {"tolerance": {"error": 1e-6}},
+    },
     "contact on ten nodes": {
         "mesh": {"box": {"size": [2, 2, 1], "cells": [2, 2, 2]}}, "subdomains": {"grid": [2, 2, 1]},
         "materials": [{"young": 200e3, "poisson": 0.3}], "blackbox": {"element": "P2"},

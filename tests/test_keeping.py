@@ -51,6 +51,9 @@ CASES = {
         {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]}, {"on": {"plane": "z", "at": 2.0}, "traction": [[10, 1, 0], [0, 0, 3], [1, 2, 3]]}]},
     "contact, nodes that do not match": {**PRESSED, **APART, "boundary": [
         {**entry, "on": {"plane": "z", "at": at}} for entry, at in zip(PRESSED["boundary"], (0.0, 2.0))]},
+    "contact, sides that slide on": {**APART, "interfaces": [{"law": "contact", "friction": 0.3, "pairing": "follow"}], "boundary": [
+        {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
+        {"on": {"plane": "z", "at": 2.0}, "displacement": [[0.3, 0, -0.005], [0.8, 0.1, -0.005]]}]},
 }
 
 

@@ -98,6 +98,19 @@ def sole_ratio(data: Any) -> Iterator[Problem]:
                       "take 0.5; outside the range rounding spoils the result (allow_extreme: true permits it for studies)")
 
 
+def following(data: Any) -> Iterator[Problem]:
+    """Sides that are paired anew as they slide change what crosses them from one load step to the next."""
+    if not any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*"))):
+        return
+    if get(data, "method", "macro", "on") == "all":
+        yield Problem(("method", "macro", "on"), "all beside pairing: follow", "perfect: a macro problem across sides that slide "
+                      "on would have to be made anew with every pairing", "leave on out")
+    increment = get(data, "method", "increment")
+    if _is_number(increment) and increment > 1:
+        yield Problem(("method", "increment"), f"{increment:g} beside pairing: follow", "one load step after the other: where sides "
+                      "have slid to decides who meets next", "leave increment out")
+
+
 def load_steps(data: Any) -> Iterator[Problem]:
     """Histories exist, and all entries agree on the number of steps."""
     histories = get(data, "histories") or {}
@@ -320,7 +333,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
             yield from magnitudes(value, (*path, key))
 
 
-RULES = [magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, what_histories_multiply, prescribed_once,
+RULES = [following, magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, what_histories_multiply, prescribed_once,
          acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
 
 

@@ -84,6 +84,11 @@ class Entry(Part):
         return None
 
     @property
+    def follows(self) -> bool:
+        """Whether the sides are paired anew as they slide."""
+        return False
+
+    @property
     def fit(self) -> float:
         """How deep the sides may be inside each other before loading, a length."""
         return 0.0

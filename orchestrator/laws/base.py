@@ -97,6 +97,7 @@ class Law:
     joins : a body hangs on the interface whatever the load
     has_history : the answer depends on earlier load steps, so that none may be left out
     rigidity : stiffness per area of the softest springs by which it acts; infinite where sides touch without any
+    follows : the sides are paired anew as they slide, load step after load step
     homogeneous : λ times the load has λ times the solution, λ ≥ 0
     statuses : what its pairs can do
     measures : of its residuals
@@ -143,6 +144,7 @@ class Law:
     joins: bool = False
     rigidity: float = math.inf
     has_history: bool = True
+    follows: bool = False
     homogeneous: bool = False
     statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
     measures: ClassVar[tuple[Measure, ...]] = ()

@@ -36,6 +36,9 @@ class Parameters(Entry):
         "between: auto"))
     within: Positive | None = Field(None, description=(
         "search distance of gap: geometry, a length; none: twice the local element size"))
+    pairing: Literal["fixed", "follow"] = Field("fixed", description=(
+        "fixed: what lies opposite each other before loading stays paired, for sliding below an element; follow: paired anew "
+        "where the sides have slid to, load step after load step"))
 
     @property
     def apart(self) -> str:
@@ -48,6 +51,10 @@ class Parameters(Entry):
     @property
     def scaled(self) -> tuple[str, ...]:
         return ("gap",) if isinstance(self.gap, float | int) else ()
+
+    @property
+    def follows(self) -> bool:
+        return self.pairing == "follow"
 
     @property
     def fit(self) -> float:
@@ -72,10 +79,12 @@ class Contact(Law):
     ----------
     friction : Coulomb's coefficient
     gap : (n,) initial gap along the normal, negative where the parts are pressed into each other
+    follows : the sides are paired anew as they slide
     """
 
     friction: float
     gap: np.ndarray
+    follows: bool = False
 
     name = "contact"
     Parameters = Parameters
@@ -94,11 +103,11 @@ class Contact(Law):
 
     @property
     def has_history(self) -> bool:
-        return self.friction > 0
+        return self.friction > 0 or self.follows
 
     @property
     def homogeneous(self) -> bool:
-        return not self.gap.any()
+        return not self.gap.any() and not self.follows
 
     @property
     def distance(self) -> np.ndarray:
@@ -118,7 +127,7 @@ class Contact(Law):
             gap = np.zeros(count) if distance is None else distance
         else:
             gap = np.full(count, float(entry.gap or 0.0))
-        return cls(float(entry.friction or 0.0), gap)
+        return cls(float(entry.friction or 0.0), gap, entry.follows)
 
     def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
         """Beside a shorter normal both the gap and the coefficient are larger."""

@@ -14,7 +14,8 @@ import numpy as np
 from orchestrator.method.acceleration.choice import make_acceleration
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Iteration, Subscriber
-from orchestrator.method.iterated import Iterated
+from orchestrator.method.following import WORTH
+from orchestrator.method.iterated import Iterated, Paired
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.method.stopping.bound import Bound
@@ -49,10 +50,12 @@ class Batch:
                  estimate: EstimateOf | None):
         self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
         self.alone = true_error is None and estimate is None  # nobody but the linear stage and the criterion asks the codes
+        self.numbers, self.estimate = numbers, estimate
         self.acceleration = make_acceleration(d, method)
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
         self.ending = Ending(0)
         self.far = None if d.all_perfect else FarBodies(d, self.criterion.lengths, numbers)
+        self.anew = False
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
         self.measured = np.nan  # what the criterion has compared last
 
@@ -70,21 +73,24 @@ class Batch:
         """Go on after the last of these iterations as if nothing had happened."""
         last = latest[-1]
         notes = last.notes["batch"]
-        with self.watch("acceleration"):
-            self.acceleration.recall(latest)
-        if self.d.coarse is not None:
-            self.d.coarse.recall(last)
+        self._recall_place(last)
+        if not notes["anew"]:
+            with self.watch("acceleration"):
+                self.acceleration.recall(latest)
+            if self.d.coarse is not None:
+                self.d.coarse.recall(last)
         self.criterion.recall(last.notes["criterion"])
         self.ending.recall(last.notes["ending"])
         if self.far is not None:
             self.far.recall(last.notes["far"])
         self.begin(np.empty(0), last.iteration, notes["sweeps"])
         self.whole_at, self.left_out = notes["whole_at"], notes["left_out"]
-        self.s = self._next(last.arrays.get("trace/asked"))
+        self.s = last.arrays["trace/s"].copy() if notes["anew"] else self._next(last.arrays.get("trace/asked"))
 
     def recalled(self, memory: Memory) -> Iterated:
         """The end of a batch, from its last iteration."""
         notes = memory.notes
+        self._recall_place(memory)
         delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
         local, delivered = self.d.local(delivered), self.d.stage.ended(delivered)
         bound, _ = self.criterion.final(delivered, None)
@@ -94,7 +100,7 @@ class Batch:
         last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
         return Iterated(delivered, local, bound, notes["met"], notes["reason"], memory.iteration,
                         notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0])], notes["batch"]["left_out"],
-                        self._strayed)
+                        self._strayed, self._paired)
 
     def iterate(self, told: Subscriber, earlier: float = 0.0) -> Iterated:
         """Iterate to the end: eq. 6 is solved.
@@ -135,8 +141,9 @@ class Batch:
                                **_of_coarse(d))
             if self.true_error is not None:
                 event = replace(event, true_error=self.true_error(best, verdict.bound))
+            self.anew = self._slid_on(evaluated, verdict)
             reason = self.ending.reason(
-                self.iteration, verdict.met, event.residual, moved,
+                self.iteration, verdict.met and not self.anew, event.residual, moved,
                 verdict.laws is not None and verdict.laws.held_by_springs(criterion.value))
             if self.far is not None:
                 strayed = self.far(self.iteration, verdict.lengths.rigid, local, reason is not None)
@@ -144,8 +151,12 @@ class Batch:
                 for sentence in sentences(strayed):
                     told.warned(sentence)
             history.append(replace(event, state=event.state[:0]))  # the states themselves are large
-            told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met, reason)))
-            if reason is None:
+            told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason)))
+            if reason is None and self.anew:
+                with watch("local_stage"):
+                    self._pair_anew(evaluated.w)
+                d, criterion, acceleration, self.s = self.d, self.criterion, self.acceleration, evaluated.s.copy()
+            elif reason is None:
                 with watch("acceleration"):
                     self.s = self._next(evaluated.s, foreseen)
         with watch("linear_stage"):
@@ -154,8 +165,41 @@ class Batch:
             d.stage.forget()
             bound, spent = criterion.final(best, verdict.bound)
             self.sweeps += spent * share
-        return Iterated(best, local, bound, verdict.met, reason, self.iteration, self.sweeps, event, history,
-                        self.left_out, self._strayed)
+        return Iterated(best, local, bound, verdict.met and not self.anew, reason, self.iteration, self.sweeps, event, history,
+                        self.left_out, self._strayed, self._paired)
+
+    @property
+    def _paired(self) -> list[Paired]:
+        if self.d.following is None:
+            return []
+        return [Paired(self.d.local.pairs, {i.index: i.mortar for i in self.d.following.interfaces})]
+
+    def _slid_on(self, fields: Admissible, verdict: Verdict) -> bool:
+        """Whether sides that follow have slid so far since they were paired that they are to be paired anew."""
+        if self.d.following is None:
+            return False
+        moved = self.d.following.moved(self.d.local.pairs, fields)
+        return moved > self.criterion.value and verdict.measure <= max(self.criterion.value, WORTH * min(moved, 1.0))
+
+    def _pair_anew(self, place: np.ndarray) -> None:
+        """Pair the sides that follow where traces (1, D) have brought them; what was known of the pairs before is forgotten."""
+        self.d = self.d.paired(place)
+        notes, far, told = self.criterion.notes, self.far.notes, self.criterion.lengths.told
+        self.acceleration = make_acceleration(self.d, self.method)
+        self.criterion = make_criterion(self.d, self.method.tolerance, self.estimate and partial(self.estimate, self.d),
+                                        self.method.skip.bound)
+        self.criterion.recall(notes)
+        self.criterion.lengths.told, self.measured = told, np.nan
+        self.far = FarBodies(self.d, self.criterion.lengths, self.numbers)
+        self.far.recall(far)
+
+    def _recall_place(self, memory: Memory) -> None:
+        """Pair the sides that follow where they were paired."""
+        place = memory.arrays.get("trace/delivered.place" if memory.ended else "trace/place")
+        if place is not None and (memory.notes["batch"]["anew"] or not np.array_equal(place, self.d.following.place)):
+            if memory.notes["batch"]["anew"] and self.d.coarse is not None:
+                self.d.coarse.recall(memory)  # what it has spent goes on, what it has kept does not
+            self._pair_anew(place)
 
     @property
     def _strayed(self) -> list[FarBody]:
@@ -198,7 +242,7 @@ class Batch:
         whole = self.whole_at == self.iteration
         arrays, notes, back = self.acceleration.told(whole)
         notes = {"acceleration": notes, "criterion": self.criterion.notes, "ending": self.ending.notes, "reason": reason,
-                 "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at},
+                 "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at, "anew": self.anew},
                  "last": self.place[0] == self.place[1] - 1, "steps": self.place[2], "seconds": event.seconds}
         if self.d.coarse is not None:
             more, notes["coarse"] = self.d.coarse.told()
@@ -207,6 +251,9 @@ class Batch:
             notes["far"] = self.far.notes
         if self.criterion.done.any():
             arrays["trace/asked"] = evaluated.s
+        if self.d.following is not None:
+            kind = "trace/delivered.place" if ended else "trace/place"
+            arrays[kind] = evaluated.w if self.anew and not ended else self.d.following.place
         if ended:
             arrays |= {f"{kind}/delivered.{name}": array for (kind, name), array in zip(_DELIVERED, best.rows)}
             notes["met"] = met

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
+from orchestrator.method.following import Following
 from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.local.stage import LawStage
@@ -22,6 +24,7 @@ from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
 from orchestrator.method.linear.macro_basis import interface_bases
 from orchestrator.method.interface.pairing import make_pairs
+from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
@@ -33,6 +36,9 @@ from orchestrator.scene.model import Scene, Subdomain
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.soles.sole import Sole
 from orchestrator.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from orchestrator.method.iterated import Iterated
 
 
 @dataclass
@@ -49,6 +55,7 @@ class Decomposition:
     coarse : coarse contact problem, where some are not
     setup_sweeps : back-substitutions per subdomain and load step spent so far
     nonlinear : the subdomains that are; None where none is
+    following : the interfaces that are paired anew as they slide, where there are some
     """
 
     scene: Scene
@@ -65,6 +72,7 @@ class Decomposition:
     coarse: CoarseCorrection | None
     setup_sweeps: float
     nonlinear: Nonlinear | None = None
+    following: Following | None = None
 
     @property
     def all_perfect(self) -> bool:
@@ -109,6 +117,32 @@ class Decomposition:
         loading = self.nonlinear.reload()
         return replace(self, loading=loading, stage=self.stage.under(loading.boundary, loading.known))
 
+    def paired(self, place: np.ndarray) -> "Decomposition":
+        """The same with sides paired where traces (1, D) have brought them."""
+        pairs = replace(self.following.pair(place), targets=self.local.pairs.targets, numbers=self.local.pairs.numbers)
+        local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.previous), self.coarse
+        if coarse is not None:
+            coarse = coarse.paired(pairs)
+            coarse.start_from(local)
+        return replace(self, local=local, coarse=coarse)
+
+    def paired_as(self, other: "Decomposition") -> "Decomposition":
+        """The same with the pairs of another one, for fewer load steps, at the beginning of the next of which it ends."""
+        local, coarse = copy(self.local), copy(other.coarse)
+        local.pairs = replace(other.local.pairs, targets=self.local.pairs.targets, numbers=self.local.pairs.numbers)
+        if coarse is not None:
+            coarse.radius = None
+        return replace(self, local=local, coarse=coarse)
+
+    def by_pairing(self, iterated: Iterated) -> Iterator[tuple[slice, Pairs]]:
+        """Load steps in which the same pairs meet, and these; the scene has their operators meanwhile."""
+        if self.following is None:
+            yield slice(0, self.steps), self.local.pairs
+        for step, paired in enumerate(iterated.paired):
+            for i in self.following.interfaces:
+                i.mortar = paired.mortars[i.index]
+            yield slice(step, step + 1), paired.pairs
+
     def __repr__(self) -> str:
         macro = self.stage.macro
         return (f"Decomposition({len(self.scene.subdomains)} subdomains, {len(self.scene.interfaces)} interfaces, "
@@ -134,6 +168,8 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     InputError : the macro problem is singular
     """
     savings, share = savings or Savings(), method.skip.congruent
+    if any(i.moving is not None for i in scene.interfaces):  # they change, and the scene is its owner's
+        scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])
     part = part or Part.of_all(scene)
     if any(s.remembers for s in scene.subdomains):  # pseudo-loads are this run's, not the scene's
         scene = replace(scene, subdomains=[replace(s, loads=s.loads.copy()) if s.remembers else s for s in scene.subdomains])
@@ -172,14 +208,16 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
             bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
-        pairs = make_pairs(scene, space, direction.whole, stabilisation(scene, method))
+        springs = stabilisation(scene, method)
+        pairs = make_pairs(scene, space, direction.whole, springs)
         local = LawStage(direction, pairs.lawful)
         if method.coarse != "none" and not all(space.perfect):
             with watch("macro"):
                 coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
+    following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
-                         stage, local, modes, bound, coarse, sweeps, nonlinear)
+                         stage, local, modes, bound, coarse, sweeps, nonlinear, following)
 
 
 def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox) -> Macro | None:

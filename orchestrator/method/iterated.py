@@ -6,10 +6,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from orchestrator.method.events import Iteration
+from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.far_bodies import FarBody
+from orchestrator.scene.interfaces.mortar.operators import Mortar
+
+
+@dataclass(frozen=True)
+class Paired:
+    """How sides that slide on each other were paired in a load step.
+
+    Parameters
+    ----------
+    pairs : that are not perfect
+    mortars : operators by the interface's place in the scene
+    """
+
+    pairs: Pairs
+    mortars: dict[int, Mortar]
 
 
 @dataclass(frozen=True)
@@ -28,6 +44,7 @@ class Iterated:
     history : all events, without their states
     frozen : load steps that took no part in a linear stage because they were accurate enough, summed over the stages
     far : bodies beyond small displacements, see ``stopping.far_bodies``
+    paired : per load step, where sides are paired anew as they slide; else empty
     """
 
     fields: Admissible
@@ -41,6 +58,7 @@ class Iterated:
     history: list[Iteration] = field(default_factory=list)
     frozen: int = 0
     far: list[FarBody] = field(default_factory=list)
+    paired: list[Paired] = field(default_factory=list)
 
     @classmethod
     def joined(cls, batches: Sequence[Iterated]) -> Iterated:
@@ -53,4 +71,4 @@ class Iterated:
             Bound.joined([b.bound for b in batches]), decisive.converged, decisive.stop_reason,
             batches[-1].iterations, batches[-1].sweeps, decisive.last,
             [event for b in batches for event in b.history], sum(b.frozen for b in batches),
-            [body for b in batches for body in b.far])
+            [body for b in batches for body in b.far], [paired for b in batches for paired in b.paired])

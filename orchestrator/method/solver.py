@@ -45,16 +45,20 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     numbers : of the load steps, from 1, for people; None: 1, 2, …
     """
     numbers = range(1, d.steps + 1) if numbers is None else numbers
-    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, 1 if d.nonlinear else method.increment)
+    told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, 1 if d.nonlinear or d.following else method.increment)
     state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
     ended: list[Iterated] = []
     # a load step may unload: what its residuals are relative to is what the scene was told in all of them
     told_of_all = LengthScale(d).told if len(batches) > 1 and not d.all_perfect else 0.0
     begun: int | None = None  # iterations of earlier runs
     for number, steps in enumerate(batches):
+        previous = ended[-1].local.jump[-1] if ended else None
+        if d.following is not None and ended:
+            previous = d.following.begin(batch.d.local.pairs, ended[-1].fields, ended[-1].local)
+            d = d.paired_as(batch.d)
         view, listener = d, told
         if len(batches) > 1 or d.nonlinear is not None:
-            view = d.batch(steps, ended[-1].local.jump[-1] if ended else None)
+            view = d.batch(steps, previous)
             listener = _PartOfAll(told, state, steps)
         batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate)
         if told_of_all:
@@ -108,7 +112,7 @@ def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False
 
     Parameters
     ----------
-    one_by_one : whether load steps follow each other because matter is nonlinear
+    one_by_one : whether load steps follow each other because matter is nonlinear, or sides are paired anew as they slide
 
     Raises
     ------

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from orchestrator.scene.elasticity import lame
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import tet_volumes
+
+if TYPE_CHECKING:
+    from orchestrator.scene.interfaces.mortar.moving import Moving
 
 
 @dataclass(frozen=True)
@@ -155,6 +159,7 @@ class Interface:
     surfaces : what the operators are made of, until they are: boundary conditions have a say in it
     law_at_steps : the law at every load step, where its parameters differ between them, and ``law`` is the one that asks for
         most; else empty
+    moving : what they are made of anew where the sides have slid to, if they are
     """
 
     index: int
@@ -171,6 +176,7 @@ class Interface:
     mortar: Mortar | None = None
     surfaces: Surfaces | None = None
     law_at_steps: list[Law] = field(default_factory=list)
+    moving: Moving | None = None
 
     @property
     def matching(self) -> bool:

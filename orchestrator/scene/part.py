@@ -97,7 +97,7 @@ def _interface(i: Interface, nodes: np.ndarray, cells: np.ndarray, kept: dict[in
 def _hollow(i: Interface) -> Interface:
     none = np.empty(0, int)
     return replace(i, global_nodes=none, nodes=(none, none), triangles=i.triangles[:0], cells=i.cells[:0], free=i.free[:0],
-                   normals=None, mortar=None)
+                   normals=None, mortar=None, moving=None)
 
 
 def _entry(b: BoundaryEntry, scene: Scene, own: np.ndarray, nodes: np.ndarray) -> BoundaryEntry:

@@ -16,6 +16,7 @@ which ``problem`` solves. U is made orthonormal in k. It costs no back-substitut
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -92,20 +93,39 @@ class CoarseCorrection:
         dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
         K0[:, np.arange(FIELDS), np.arange(FIELDS)] += dropped  # fields a body lacks stay at rest
 
-        # (P, 3, 24): the fields of the first body, then of the second
-        L = pairs.masked(np.concatenate(pairs.responses(W, F)))
-        L = np.ascontiguousarray(L.transpose(2, 1, 0), dtype=np.float32)  # see ``PairFields``
-        ends = np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2)
+        self.K0 = self._of_all(K0)
         if pairs.nodes is None:
+            L, ends = self._seen(pairs)
             at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
         else:
-            everywhere, = space.extended(U)
-            T = np.concatenate([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
-            at_pairs = DenseFields(pairs, np.ascontiguousarray(T.transpose(2, 1, 0)), L, ends)
-        self.problem = CoarseProblem(self.team, self.bodies, self.own, at_pairs, self._of_all(K0),
-                                     [np.ascontiguousarray(W[:, part].T) for part in self.parts])
+            at_pairs = self._dense(pairs)
+        self.problem = self._problem(at_pairs)
         self.prescribed = self.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.own))[0]
         self.radius: float | None = None
+
+    def paired(self, pairs: Pairs) -> CoarseCorrection:
+        """The same for sides that have been paired anew: what the bodies answer stays."""
+        result = copy(self)
+        result.pairs, result.problem = pairs, self._problem(self._dense(pairs))
+        result.problem.newton_steps, result.problem.ends = self.problem.newton_steps, dict(self.problem.ends)
+        return result
+
+    def _seen(self, pairs: Pairs) -> tuple[np.ndarray, np.ndarray]:
+        """L (P, 3, 24), the fields of the first body, then of the second; and the bodies (I, 2) of each interface."""
+        L = pairs.masked(np.concatenate(pairs.responses(self.response.W, self.response.F)))
+        return (np.ascontiguousarray(L.transpose(2, 1, 0), dtype=np.float32),  # see ``PairFields``
+                np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2))
+
+    def _dense(self, pairs: Pairs) -> DenseFields:
+        """The fields at pairs of which the nodes of some do not match."""
+        everywhere, = self.stage.space.extended(self.response.U)
+        T = np.concatenate([pairs.transfer.first(everywhere), -pairs.transfer.second(everywhere)])
+        L, ends = self._seen(pairs)
+        return DenseFields(pairs, np.ascontiguousarray(T.transpose(2, 1, 0)), L, ends)
+
+    def _problem(self, at_pairs: PairFields | DenseFields) -> CoarseProblem:
+        return CoarseProblem(self.team, self.bodies, self.own, at_pairs, self.K0,
+                             [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts])
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""

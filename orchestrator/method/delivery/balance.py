@@ -18,6 +18,7 @@ import numpy as np
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.delivery.recovery import support_forces
+from orchestrator.method.iterated import Iterated
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Interface, Scene
@@ -41,7 +42,7 @@ class Balance:
 
 
 def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces: InterfaceFields | None,
-            length: np.ndarray | None) -> Balance:
+            length: np.ndarray | None, iterated: Iterated | None = None) -> Balance:
     """All bodies' balance.
 
     Parameters
@@ -50,6 +51,7 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
     f : (T, D) interface forces
     interfaces : fields of this rank's interfaces that are not perfect, if the scene has any
     length : (N,) what is left of their normals within the components that are free
+    iterated : with the pairs of every load step, where sides slide on
     """
     scene = d.scene
     joined = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
@@ -75,6 +77,8 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
         if s.loads.any():
             add(body[s.index], nodes[s.nodes], s.loads)
     for i, at, others, forces in () if interfaces is None else _carried(interfaces, length, own_interfaces(d)):
+        if i.moving is not None:
+            continue
         x1, x2 = nodes[at], nodes[others]
         if i.mortar is not None:  # a point's force is spread over its node and merged ones; a rigid link carries it beyond
             x1[np.searchsorted(i.corners, i.mortar.points)] = (i.mortar.first @ scene.side_points(i, 0).ravel()).reshape(-1, 3)
@@ -84,6 +88,11 @@ def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces
     for s in d.own:
         if s.foreign and s.fixed.any():  # what its supports carry stays inside it
             left[:, body[s.index]] = np.nan
+    for t, i, carried in () if d.following is None else _slid_on(d, iterated):
+        for side, (e, forces) in enumerate(zip(i.subdomains, carried)):
+            everywhere = np.zeros((scene.steps, *forces.shape))
+            everywhere[t] = forces
+            add(body[e], scene.side_points(i, side), everywhere)
     left, size = d.space.team.sum(left, size)
     left = np.where(np.isnan(left), 0.0, left)
     return Balance(_names(scene, body), left, size)
@@ -95,6 +104,18 @@ def _carried(interfaces: InterfaceFields, length: np.ndarray, chosen: Sequence[I
     forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
     for i, a, b in zip(chosen, interfaces.offsets[:-1], interfaces.offsets[1:]):
         yield i, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b]
+
+
+def _slid_on(d: Decomposition, iterated: Iterated) -> Iterator[tuple[slice, Interface, tuple[np.ndarray, np.ndarray]]]:
+    """Per load step and interface whose sides slide on, what its points do at the nodes of either side, (n, 3) each."""
+    mine = {i.index for i in own_interfaces(d)}
+    for t, pairs in d.by_pairing(iterated):
+        w, f = iterated.fields.extended
+        force = pairs.traces(w[t], f[t]).force[0]
+        for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
+            if i.moving is not None and i.index in mine:
+                q = force[:, a:b].T.ravel()
+                yield t, i, ((i.mortar.first.T @ q).reshape(-1, 3), -(i.mortar.second.T @ q).reshape(-1, 3))
 
 
 def _names(scene: Scene, body: np.ndarray) -> list[str]:

@@ -83,7 +83,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     else:
         own = delivered(d, iterated.bound, parts)
         criterion = LawCriterion(d, tolerance)
-        laws, lengths = criterion.laws(iterated.fields, iterated.local), criterion.lengths(iterated.fields.u)
+        laws, lengths = criterion.laws(d, iterated), criterion.lengths(iterated.fields.u)
         if d.nonlinear is not None:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)

@@ -151,7 +151,7 @@ def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside
 def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], interfaces: InterfaceFields | None,
               length: np.ndarray | None, lengths: Lengths | None, allowed: float) -> list[str]:
     """The body that is farthest from balance, if one is; on rank 0."""
-    found = balance(d, parts, iterated.fields.f, interfaces, length)
+    found = balance(d, parts, iterated.fields.f, interfaces, length, iterated)
     # where next to nothing acts, forces are what rounding leaves of k w and of K u, or what laws take for rest
     resting, noise = 0.0, np.abs(d.stage.direction.times(iterated.fields.w)).sum(axis=1)
     if lengths is not None:

@@ -33,7 +33,8 @@ class InterfaceFields:
     nodes, others : (N,) int, global node ids on side 1 and on side 2; they differ where the sides share no faces
     triangles : (M, 3) int, indices into the N nodes, oriented outward of side 1
     owner : (M,) int, the interface of each triangle
-    normal : (N, 3) unit normals from side 1 to side 2; area : (N,) each node's share of its interface
+    normal : (N, 3) unit normals from side 1 to side 2; area : (N,) each node's share of its interface; of the last load step
+        where sides are paired anew as they slide
     initial_gap : (N,) length, negative for a press fit; of one with a history, at the load step that asks for most
     gap : (T, N) length, distance of the sides along the normal
     slip : (T, N, 3) length, tangential displacement of side 2 relative to side 1 since the unloaded state
@@ -126,33 +127,35 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     offsets = np.cumsum([0] + [len(c) for c in corners])
     start = {i.index: a for i, a in zip(chosen, offsets)}
     place, corner = _places([i for i in pairs.interfaces if i.index in start], start)
-    both = [pair_normals(scene.points(i), i) for i in chosen]
-    normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
-    length = _joined([l[c] for (_, l), c in zip(both, corners)])
-    area = _joined([point_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
-    initial = _joined([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
-
-    jump, force = np.zeros((2, steps, len(normal), 3))
-    status = np.full((steps, len(normal)), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
-    at = pairs.traces(*iterated.fields.extended)
-    mine = pairs.mine
-    jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (at.jump, at.force))
     shown = corner[:, 1] < 0
-    jump[:, place[shown]], status[:, place[shown]] = jumps[:, shown], iterated.local.status[:, mine][:, shown]
-    force[:, place[shown]] = forces[:, shown]
-    for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
-        np.add.at(force, (slice(None), end), 0.5 * forces[:, ~shown])
-    opening, push = (np.einsum("tni,ni->tn", x, normal) for x in (jump, force))
-    size = np.where(area > 0, area, np.inf)
-    traction, pressure = (force - push[:, :, None] * normal) / size[:, None], -push / (length * size)
+    initial = _joined([np.broadcast_to(i.law.distance, len(i.free))[c] for i, c in zip(chosen, corners)])
     apart = np.concatenate([i.distances(steps)[:, c] for i, c in zip(chosen, corners)], axis=1) if chosen else np.zeros((steps, 0))
-    gap, slip = apart + length * opening, jump - opening[:, :, None] * normal
+
+    jump, force = np.zeros((2, steps, offsets[-1], 3))
+    status = np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
+    gap, slip, pressure, traction = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,)))
     resultant = np.zeros((steps, len(chosen), 3))
-    for index, (a, b) in enumerate(zip(offsets[:-1], offsets[1:])):
-        resultant[:, index] = force[:, a:b].sum(axis=1)
-        if chosen[index].mortar is not None:
-            _spread(chosen[index], scene.points(chosen[index]), status[:, a:b],
-                    *(x[:, a:b] for x in (gap, slip, pressure, traction)))
+    for t, here in d.by_pairing(iterated):
+        both = [pair_normals(scene.points(i), i) for i in chosen]
+        normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
+        length = _joined([l[c] for (_, l), c in zip(both, corners)])
+        area = _joined([point_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
+        at = here.traces(*(x[t] for x in iterated.fields.extended))
+        mine = here.mine
+        jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (at.jump, at.force))
+        jump[t, place[shown]], status[t, place[shown]] = jumps[:, shown], iterated.local.status[t][:, mine][:, shown]
+        force[t, place[shown]] = forces[:, shown]
+        for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
+            np.add.at(force, (t, end), 0.5 * forces[:, ~shown])
+        opening, push = (np.einsum("tni,ni->tn", x[t], normal) for x in (jump, force))
+        size = np.where(area > 0, area, np.inf)
+        traction[t], pressure[t] = (force[t] - push[:, :, None] * normal) / size[:, None], -push / (length * size)
+        gap[t], slip[t] = apart[t] + length * opening, jump[t] - opening[:, :, None] * normal
+        for index, (a, b) in enumerate(zip(offsets[:-1], offsets[1:])):
+            resultant[t, index] = force[t, a:b].sum(axis=1)
+            if chosen[index].mortar is not None:
+                _spread(chosen[index], scene.points(chosen[index]), status[t, a:b],
+                        *(x[t, a:b] for x in (gap, slip, pressure, traction)))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
         np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets,
@@ -202,7 +205,7 @@ def _spread(interface: Interface, points: np.ndarray, status: np.ndarray, *field
     mortar, corners = interface.mortar, interface.corners
     own = np.searchsorted(corners, mortar.points)
     rest = np.setdiff1d(np.arange(len(corners)), own)
-    if not len(rest):
+    if not len(rest) or interface.moving is not None:  # what slides on has its points everywhere
         return
     shares = sp.csr_array(mortar.first[::3, ::3].T @ sp.diags_array(mortar.area))[corners[rest]]
     from scipy.spatial import cKDTree  # only scenes of several parts need it

@@ -66,16 +66,23 @@ class General:
                 blocks.append((first, second, first))
                 own.append(one)
             else:
-                mortar = interface.mortar
-                blocks.append((_placed(mortar.first, one, size), _placed(mortar.second, two, size),
-                               _placed(_reads(mortar), one, size)))
-                own.append(one[mortar.dofs])
+                blocks.append(_of_mortar(interface.mortar, one, two, size))
+                own.append(one[interface.mortar.dofs])
         joined = [sp.csr_array(sp.vstack(same)) if blocks else sp.csr_array((0, size)) for same in zip(*blocks)] or \
             [sp.csr_array((0, size))] * 3
         bounds = np.cumsum([0] + [b[0].shape[0] for b in blocks])
         matched = np.array([i.mortar is None for i in interfaces], dtype=bool)
         matching = Matching.of([pair if m else (none, none) for pair, m in zip(sides, matched)], size)
         return cls(*joined, np.concatenate(own), (int(bounds[-1]),), size, size, bounds, list(sides), matched, matching)
+
+    def paired(self, mortars: dict[int, Mortar]) -> General:
+        """The same with other operators of some interfaces, of as many points, by their place in the scene."""
+        blocks = [[G[a:b] for a, b in zip(self.bounds[:-1], self.bounds[1:])] for G in (self.G1, self.G2, self.E)]
+        for index, mortar in mortars.items():
+            for place, block in zip(blocks, _of_mortar(mortar, *self.sides[index], self.total)):
+                place[index] = block
+        G1, G2, E = (sp.csr_array(sp.vstack(same)) for same in blocks)
+        return replace(self, G1=G1, G2=G2, E=E)
 
     # ---- fields --------------------------------------------------------------------------------
 
@@ -300,11 +307,17 @@ def _placed(G: sp.csr_array, dofs: np.ndarray, size: int) -> sp.csr_array:
     return sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size))
 
 
+def _of_mortar(mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+    """Rows of G₁, G₂ and E."""
+    return _placed(mortar.first, one, size), _placed(mortar.second, two, size), _placed(_reads(mortar), one, size)
+
+
 def _reads(mortar: Mortar) -> sp.csr_array:
-    """(3p, 3n₁) sparse: own⁻ᵀ hatsᵀ."""
+    """(3p, 3n₁) sparse: own⁻ᵀ hatsᵀ; empty rows where a point carries nothing now."""
     own = mortar.own
     if mortar.diagonal:
-        return sp.csr_array(sp.diags_array(1 / own.diagonal()) @ mortar.hats.T)
+        share = own.diagonal()
+        return sp.csr_array(sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0)) @ mortar.hats.T)
     inverse = np.linalg.inv(own[::3, ::3].toarray()).T  # the same for every component
     inverse[np.abs(inverse) < FADED * np.abs(inverse).max()] = 0.0
     return sp.csr_array(sp.kron(inverse, sp.eye_array(3), format="csr") @ mortar.hats.T)

@@ -83,7 +83,8 @@ def _mortar_points(interface: Interface) -> tuple[np.ndarray, ...]:
     """Of an interface whose nodes do not match: no trace dofs of pairs (p, 3) twice, nor free ones, normals and areas."""
     mortar = interface.mortar
     nowhere = np.zeros((len(mortar), 3), dtype=int)
-    return nowhere, nowhere, nowhere.astype(bool), mortar.normal, mortar.area
+    area = np.where(mortar.carrying, mortar.area, mortar.area.max(initial=0.0) or 1.0)  # pressures of what carries nothing are zero
+    return nowhere, nowhere, nowhere.astype(bool), mortar.normal, area
 
 
 def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[Interface], matching: Matching,
@@ -112,7 +113,7 @@ def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[
                 dofs.append((side[:, a:b].T, half, there, lawful))
         else:
             mortars.append(slice(int(a), int(b)))
-            rows[:, a:b] = start + np.arange(3 * (b - a)).reshape(-1, 3).T
+            rows[:, a:b] = np.where(i.mortar.carrying, start + np.arange(3 * (b - a)).reshape(-1, 3).T, -1)
             for side, own in enumerate(space.sides[i.index]):
                 at = own.reshape(-1, 3)
                 if lawful:  # mid-edge nodes are tied

@@ -53,6 +53,7 @@ class Pairs:
         tie_stiffness (q,)
     numbers : (T,) int, which load steps of the scene these are
     nodes : (k⁺)⁻¹ of all these interfaces, where the nodes of some do not match
+    slid : (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
     """
 
     interfaces: list[Interface]
@@ -69,6 +70,7 @@ class Pairs:
     tie_stiffness: np.ndarray
     numbers: np.ndarray
     nodes: NodeCompliance | None = None
+    slid: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -95,7 +97,8 @@ class Pairs:
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
-        return tuple(self.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
+        linear = self if self.slid is None else replace(self, slid=None)
+        return tuple(linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
     def force(self, F: np.ndarray, previous: np.ndarray, step: int, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law.
@@ -154,7 +157,7 @@ class Pairs:
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
         transfer = self.transfer.some(chosen) if self.nodes is None else None  # laws need none, and products are dear
         return replace(self, transfer=transfer, free=self.free[:, chosen], mine=self.mine[chosen], runs=runs,
-                       bounds=np.searchsorted(chosen, self.bounds), stabilisation=_at(self.stabilisation, chosen),
+                       bounds=np.searchsorted(chosen, self.bounds), stabilisation=_at(self.stabilisation, chosen), slid=_at(self.slid, chosen),
                        tied=self.tied[:0], targets=self.targets[:, :0], tie_stiffness=self.tie_stiffness[:0])
 
     @cached_property
@@ -165,7 +168,7 @@ class Pairs:
             return self
         first = np.arange(self.bounds[count])
         return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1], free=self.free[:, first],
-                       transfer=self.transfer.some(first), mine=self.mine[first], stabilisation=_at(self.stabilisation, first),
+                       transfer=self.transfer.some(first), mine=self.mine[first], stabilisation=_at(self.stabilisation, first), slid=_at(self.slid, first),
                        nodes=None if self.nodes is None else self.nodes.of_laws,
                        runs=[run for run in self.runs if not run.law.perfect])
 
@@ -196,4 +199,4 @@ def _nothing(derivative: bool) -> Answer:
 
 
 def _at(values: np.ndarray | None, chosen: np.ndarray) -> np.ndarray | None:
-    return None if values is None else values[chosen]
+    return None if values is None else values[..., chosen]

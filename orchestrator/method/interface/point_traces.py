@@ -113,8 +113,8 @@ class GeneralTraces:
 
     @cached_property
     def jump(self) -> np.ndarray:
-        """(T, 3, P) B w."""
-        return self.pairs.transfer.jump(self.w)
+        """(T, 3, P) B w, and what sides that slide on have slid before they were paired anew."""
+        return self._since(self.pairs.transfer.jump(self.w))
 
     @cached_property
     def force(self) -> np.ndarray:
@@ -125,8 +125,11 @@ class GeneralTraces:
         """(T, 3, P) F."""
         transfer = self.pairs.transfer
         left = self.f - transfer.opposed(self.force)
-        jump = transfer.jump(self.w - times(self.pairs.nodes.compliance, left))
+        jump = self._since(transfer.jump(self.w - times(self.pairs.nodes.compliance, left)))
         return self.force + self.pairs.masked(self.pairs.points.stiffness(jump))
+
+    def _since(self, jump: np.ndarray) -> np.ndarray:
+        return jump if self.pairs.slid is None else jump + self.pairs.slid
 
     def hats(self, force: np.ndarray, jump: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As for pairs; zero on traces of other interfaces."""
@@ -215,6 +218,8 @@ def search_stiffness(S: sp.csr_array, normal: np.ndarray, parts: Sequence[slice]
     np.add.at(blocks, (point[row[own]], component[row[own]], component[column[own]]), entries.data[own])
     along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
     across = (np.trace(blocks, axis1=1, axis2=2) - along) / 2
+    idle = along <= 0  # points that carry nothing: any stiffness does
+    along[idle], across[idle] = along.max() or 1.0, across.max() or 1.0
     points = Points(normal, 1 / np.sqrt(along), 1 / np.sqrt(across), np.ones(count))
     S, factor = sp.csr_array(S), np.ones(count)
     for part in parts:

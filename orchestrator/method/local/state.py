@@ -29,6 +29,11 @@ class LocalState:
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
 
+    def steps(self, chosen: slice) -> LocalState:
+        """Of some of the load steps, where interfaces are not perfect."""
+        return LocalState(self.s[chosen], tuple(x[chosen] for x in self.hats),
+                          *(x[chosen] for x in (self.force, self.lawful, self.jump, self.status)))
+
     @classmethod
     def joined(cls, batches: Sequence[LocalState]) -> LocalState:
         """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""

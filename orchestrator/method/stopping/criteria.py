@@ -35,6 +35,7 @@ from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.indicator import Measures, energy_residual
 from orchestrator.method.stopping.lengths import Lengths, LengthScale
 from orchestrator.method.stopping.law_residuals import LawResiduals, law_residuals
@@ -193,9 +194,14 @@ class LawCriterion:
         size = float(np.sqrt(np.sum(local.s**2 / k)))
         return residual * size / (max(size, float(np.sqrt(k.sum())) * lengths.of_rest) or 1.0)
 
-    def laws(self, fields: Admissible, local: LocalState) -> LawResiduals:
-        """How well the laws and equilibrium hold on the interfaces."""
-        return self._laws(fields, local, self.lengths(fields.u))
+    def laws(self, d: Decomposition, iterated: Iterated) -> LawResiduals:
+        """How well the laws and equilibrium hold on the interfaces in the end, in all load steps."""
+        lengths, local, previous, found = self.lengths(iterated.fields.u), iterated.local, self.d.local.previous, []
+        for t, pairs in d.by_pairing(iterated):
+            w, f = (x[t] for x in iterated.fields.extended)
+            found.append(law_residuals(pairs, w, f, local.steps(t), lengths, previous, d.space.team))
+            previous = np.where(pairs.free, local.jump[t][-1], previous)
+        return LawResiduals.worst(found)
 
     def _laws(self, fields: Admissible, local: LocalState, lengths: Lengths) -> LawResiduals:
         stage, team = self.d.local, self.d.space.team

@@ -16,6 +16,7 @@ the interfaces carry next to nothing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -41,6 +42,14 @@ class LawResiduals:
     residual: float
     imbalance: float
     measures: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def worst(cls, found: Sequence[LawResiduals]) -> LawResiduals:
+        """The largest of each measure."""
+        if len(found) == 1:
+            return found[0]
+        return cls(max(each.residual for each in found), max(each.imbalance for each in found),
+                   {name: max(each.measures[name] for each in found) for name in found[0].measures})
 
     @property
     def largest(self) -> float:

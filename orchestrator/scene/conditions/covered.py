@@ -23,7 +23,8 @@ def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[I
     keys = [np.empty(0, np.int64)]
     for i in interfaces:
         if i.surfaces is not None:
-            sides = zip(i.surfaces.nodes, i.surfaces.triangles)
+            met = (np.unique(own) for own in (i.surfaces.segments.slave, i.surfaces.segments.master))
+            sides = zip(i.surfaces.nodes, (t[own] for t, own in zip(i.surfaces.triangles, met)))
         else:
             nodes = [numbering.nodes[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes)]
             sides = zip(nodes, 2 * [i.triangles]) if not np.array_equal(*nodes) else ()

@@ -108,6 +108,10 @@ class Laws:
         """Whether the sides deform as one under an entry's law."""
         return index < 0 or LAWS[self.entries[index].law].as_one
 
+    def follows(self, index: int) -> bool:
+        """Whether an entry has sides paired anew as they slide."""
+        return index >= 0 and self.entries[index].follows
+
     def reach(self, index: int) -> float | None:
         """How far apart an entry has sides sought, if it says so."""
         return self.entries[index].reach if index >= 0 else None

@@ -30,7 +30,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     if any(i.surfaces is not None for i in found):
         from orchestrator.scene.interfaces.nonmatching import give_operators
 
-        give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))])
+        give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))], problems)
     for interface in found:
         if interface.mortar is not None:
             if not len(interface.mortar) and not (interface.free.any() or interface.mortar.free.any()):

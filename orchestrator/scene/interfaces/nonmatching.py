@@ -12,6 +12,7 @@ from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.initial_gap import initial_gap
 from orchestrator.scene.interfaces.mortar.assembly import corner_vectors, covered_around, make_mortar
+from orchestrator.scene.interfaces.mortar.moving import Moving, whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING
 from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
@@ -32,17 +33,17 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     """Interfaces of two bodies across faces that do not match; none where all that lie opposite each other do.
 
     Where some match and others do not, all count as not matching: a corner that happens to fit is no reason for another
-    interface.
+    interface. So they do where they are paired anew as they slide.
 
     Parameters
     ----------
     patches : of faces that match
     index : of the governing entry
     """
-    within, opposite = laws.reach(index), laws.opposite(index)
+    within, opposite, follows = laws.reach(index), laws.opposite(index), laws.follows(index)
     names = [(partition.names[b.subdomain], mesh.volumes[b.volume]) for b in pair]
     alone = list(_near(*pair, within))
-    if patches:
+    if patches and not follows:
         alone = [own[~np.isin(pack(body.triangles[own, :3], len(mesh.nodes)), _matched(patches, side, len(mesh.nodes)))]
                  for side, (body, own) in enumerate(zip(pair, alone))]
     if not may_face(*(body.normal[own] for body, own in zip(pair, alone)), opposite):
@@ -54,8 +55,14 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     if asked.slave is None and asked.as_one and mesh.foreign:
         asked = replace(asked, slave=_quadratic(mesh, pair))
     chosen = _for_all_pieces(mesh, pair, skins, partition, laws, index, matter, asked)
+    if follows and any(partition.body(b.subdomain) != partition.names[b.subdomain] for b in pair):
+        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, pieces of bodies that are "
+                     "cut further", "bodies in one piece each: a node has one piece to slide on",
+                     "leave split_above out, or write pairing: fixed")
+        return
     for patch in found:
-        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen)
+        more = tuple(whole_faces(skins(b), own) for b, own in zip(pair, patch.facets)) if follows else None
+        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen, more)
         turn = slice(None, None, -1 if slave else 1)
         yield _interface(surfaces, [skins(body) for body in pair[turn]], names[turn], numbering, laws, index, problems)
 
@@ -96,7 +103,8 @@ def _interface(surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str
     return interface
 
 
-def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering, bodies: list[str]) -> None:
+def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering, bodies: list[str],
+                   problems: Problems) -> None:
     """Makes the operators of all interfaces whose nodes do not match, once it is known what is prescribed.
 
     A slave's node carries one point at most. Where bodies are cut further, it has it in the piece of the interface in which
@@ -117,25 +125,37 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     leader = {pair: np.full(numbering.total, -1) for pair in group}
     vectors = {pair: np.zeros((numbering.total, 3)) for pair in group}
     for number, (i, pair) in enumerate(zip(waiting, group)):
-        for nodes in i.surfaces.nodes:
+        for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
             met[alike[frozenset(pair)], nodes] = True
         nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
         better = area > (1 + ALIKE) * covered[pair][nodes]
         covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
         vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
     crossing, taken = met.sum(axis=0) > 1, np.zeros(numbering.total, dtype=bool)
+    slides = np.full(numbering.total, -1)  # which interface has points on a node that follow the other side
     known = []
     for number, (i, pair) in enumerate(zip(waiting, group)):
         nodes = i.surfaces.nodes[0]
         joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
-        crossed = crossing[nodes] | (leader[pair][nodes] != number) | np.isin(nodes, np.concatenate([[-1], *joined]))
+        others = leader[pair][nodes] != number if not i.law.follows else np.zeros(len(nodes), dtype=bool)  # in one piece
+        crossed = crossing[nodes] | others | np.isin(nodes, np.concatenate([[-1], *joined]))
         free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
         known.append((bool((crossed | ~free[0].all(axis=1)).all()), crossed, free))
     # small pieces on which no node is left come last, and take nodes that have no point yet
     for number in sorted(range(len(waiting)), key=lambda number: known[number][0]):
         i, (rest, crossed, free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
-        i.free, i.mortar = free[0], make_mortar(i.surfaces, i.law.perfect, free, taken[nodes] if rest else crossed,
-                                                vectors[group[number]][nodes])
+        i.free, crossed = free[0], taken[nodes] if rest else crossed
+        if i.law.follows:
+            i.moving = Moving(i.surfaces, free, crossed)
+            i.mortar = i.moving.first()
+            if (slides[nodes] >= 0).any():
+                other = waiting[int(slides[nodes].max())]
+                problems.add(("interfaces", i.entry, "pairing"), f"follow: the same face of {bodies[i.subdomains[0]]} carries the points of "
+                             f"{i.name} and of {other.name}", "a face of its own for each body that slides",
+                             f"slave: {bodies[i.subdomains[1]]}, or pairing: fixed")
+            slides[nodes] = number
+        else:
+            i.mortar = make_mortar(i.surfaces, i.law.perfect, free, crossed, vectors[group[number]][nodes])
         taken[nodes[i.mortar.points]] = True
     for i in waiting:
         i.surfaces = None

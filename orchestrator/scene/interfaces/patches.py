@@ -62,6 +62,10 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
                                local.reshape(-1, triangles.shape[1]), cells[first:last],
                                np.ones((len(nodes), 3), dtype=bool)))
         laws.apply(entry, found[-1], known[0])
+        if laws.follows(entry):
+            problems.add(("interfaces", entry, "pairing"), f"follow between {names[0]} and {names[1]}, which share faces of one mesh",
+                         "bodies with meshes of their own: shared nodes are no faces to slide on",
+                         "mesh each by itself (parts:, or a STEP file with conforming: false), or write pairing: fixed")
     bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
     for interface, names in _opposite(mesh, faces, bodies, partition, numbering, laws, problems, matter if asked else None):
         interface.index = len(found)

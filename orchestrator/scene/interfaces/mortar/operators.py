@@ -79,6 +79,11 @@ class Mortar:
         return (3 * self.points[:, None] + np.arange(3)).ravel()
 
     @property
+    def carrying(self) -> np.ndarray:
+        """(p,) bool, points that carry something: not those of sides that slide on whose nodes the master does not reach now."""
+        return self.area > 0
+
+    @property
     def diagonal(self) -> bool:
         """Whether each point meets its own node alone, so that it can be eliminated by a division."""
         own = self.own.tocoo()

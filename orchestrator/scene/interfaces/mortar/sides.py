@@ -57,7 +57,7 @@ class Asked:
 
 
 def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter, asked: Asked,
-                    slave: int | None = None) -> tuple[int, Surfaces]:
+                    slave: int | None = None, more: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[int, Surfaces]:
     """Which of two bodies, 0 or 1, is the slave on a patch on which they lie on each other, and the surfaces, the slave's first.
 
     Parameters
@@ -65,9 +65,10 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     points : (n, 3) nodes of the mesh
     segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
     slave : where it has been chosen already, for several patches at once
+    more : facets of either body that belong to the surfaces although they need not overlap
     """
     segments = segments.nearest(_area(bodies[0].corners))
-    found = surfaces_of(points, bodies, segments)
+    found = surfaces_of(points, bodies, segments, more)
     if (slave_of([found], matter, asked) if slave is None else slave) == 0:
         return 0, found
     # the same facets, seen from the other side, as far apart as they are
@@ -76,12 +77,13 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
     far = MORE * np.abs(segments.distance).max() + SLANTED * np.sqrt(2 * _area(slave))
     back = find_segments(slave, master, far, far, asked.facing).nearest(_area(slave))
     everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
-    return 1, Surfaces.of(points, everywhere, turned.cells, back)
+    return 1, Surfaces.of(points, everywhere, turned.cells, back, None if more is None else tuple(map(np.arange, map(len, everywhere))))
 
 
-def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments) -> Surfaces:
+def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments,
+                more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
     """The facets that overlap, the first body's as the slave's; parameters as above."""
-    return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments)
+    return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments, more)
 
 
 def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orchestrator.scene.interfaces.mortar.segments import Segments
-from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import area_vectors
 
 
@@ -23,6 +21,7 @@ class Surfaces:
     triangles : (k₁, 3 or 6), (k₂, 3 or 6) int, indices into them, outward of the own body
     cells : (k₁,), (k₂,) int, global cells behind the facets
     segments : the overlaps, in these numbers of facets
+    resting : (k₁,) area of the slave's facets before they have been moved to where they are; None: it is what it is here
     """
 
     points: tuple[np.ndarray, np.ndarray]
@@ -30,18 +29,22 @@ class Surfaces:
     triangles: tuple[np.ndarray, np.ndarray]
     cells: tuple[np.ndarray, np.ndarray]
     segments: Segments
+    resting: np.ndarray | None = None
 
     @classmethod
     def of(cls, points: np.ndarray, triangles: tuple[np.ndarray, np.ndarray], cells: tuple[np.ndarray, np.ndarray],
-           segments: Segments) -> Surfaces:
-        """Of the facets that overlap some other, and no more.
+           segments: Segments, more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
+        """Of the facets that overlap some other, and no more but for those that are asked for.
 
         Parameters
         ----------
         points : (n, 3) all nodes; triangles : global ids of the nodes of the facets of either side; cells : behind them
         segments : in the numbers of these facets
+        more : facets of either side that are wanted whether they overlap some other or not
         """
         met = [np.unique(side) for side in (segments.slave, segments.master)]
+        if more is not None:
+            met = [np.union1d(*both) for both in zip(met, more)]
         place = [np.zeros(len(t), dtype=int) for t in triangles]
         for number, own in zip(place, met):
             number[own] = np.arange(len(own))
@@ -60,8 +63,16 @@ class Surfaces:
         return Surfaces(*(pair[::-1] for pair in (self.points, self.nodes, self.triangles, self.cells)), none)
 
     @property
+    def overlapping(self) -> tuple[np.ndarray, np.ndarray]:
+        """Global ids of the nodes of either side whose facets overlap the other side's."""
+        return tuple(np.unique(nodes[t[own]]) for nodes, t, own in zip(
+            self.nodes, self.triangles, (self.segments.slave, self.segments.master)))
+
+    @property
     def area(self) -> np.ndarray:
         """(k₁,) of the slave's facets."""
+        if self.resting is not None:
+            return self.resting
         return np.linalg.norm(area_vectors(self.points[0], self.triangles[0]), axis=1)
 
     @property
@@ -73,21 +84,7 @@ class Surfaces:
             own, opposite = (getattr(self.segments, name) for name in ("slave", "master")[:: 1 - 2 * side])
             order = np.lexsort((opposite, -self.segments.area, own))
             first = order[np.flatnonzero(np.r_[True, np.diff(own[order]) != 0])]
-            pair = (self.cells[side], self.cells[other][opposite[first]])
-            found.append(np.stack(pair[:: 1 - 2 * side], axis=1))
+            across = np.full(len(self.cells[side]), self.cells[other][opposite[first[0]]])  # some, where nothing is opposite
+            across[own[first]] = self.cells[other][opposite[first]]
+            found.append(np.stack((self.cells[side], across)[:: 1 - 2 * side], axis=1))
         return tuple(found)
-
-    def patches(self, points: np.ndarray) -> Iterator[Surfaces]:
-        """The parts whose slave facets hang together through edges, the lowest first.
-
-        Parameters
-        ----------
-        points : (n, 3) all nodes
-        """
-        count, label = edge_patches(self.triangles[0][:, :3])
-        if count == 1:
-            yield self
-            return
-        everywhere = tuple(n[t] for n, t in zip(self.nodes, self.triangles))
-        for number in range(count):
-            yield Surfaces.of(points, everywhere, self.cells, self.segments.some(label[self.segments.slave] == number))

@@ -1,0 +1,130 @@
+"""Sides that are paired anew as they slide: constant states pass over many elements, and what remembers keeps remembering."""
+
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+from mortar_case import POISSON, YOUNG
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.geometry import area_vectors
+
+FRICTION, PRESSURE = 0.3, 1000.0
+WHERE = (2.0, 5.0, 4.0)  # of the block, per load step: on, and back
+
+
+def sliding(path, block=(3, 1, 1), slab=(8, 2, 1), error=1e-10, **law):
+    """A block of length 2 on a slab of length 8 with elements of length 1; the block's top is moved along a path (T, 3)."""
+    return config_from({
+        "name": "sliding", "parts": [
+            {"name": "slab", "mesh": {"box": {"size": [8, 1, 1], "cells": list(slab)}}},
+            {"name": "block", "mesh": {"box": {"size": [2, 1, 1], "cells": list(block)}}, "move": {"translate": [0, 0, 1]}}],
+        "subdomains": "groups", "materials": [{"young": YOUNG, "poisson": POISSON}],
+        "interfaces": [{"between": ["slab", "block"], "law": "contact", "friction": FRICTION, "pairing": "follow", **law}],
+        "boundary": [{"on": "slab/zmin", "displacement": [0, 0, 0]}, {"on": "block/zmax", "displacement": path}],
+        "blackbox": IN_PROCESS, "method": {"tolerance": {"error": error}, "max_iterations": 300}})
+
+
+def in_constant_stress(scene):
+    """Loads and prescribed displacements of the block at its places, all of it under constant pressure and friction.
+
+    Returns the displacements, per subdomain (T, n, 3): u = H x, plane where they touch, and the block's own (1 + H) a.
+    """
+    exact = []
+    forth = np.sign(np.diff(WHERE, prepend=0.0))
+    for s in scene.subdomains:
+        x, cells = scene.mesh.nodes[s.nodes], s.connectivity
+        slopes = np.linalg.inv(x[cells[:, 1:]] - x[cells[:, :1]])
+        slopes = np.concatenate([-slopes.sum(axis=2)[:, :, None], slopes], axis=2)
+        volume = np.abs(np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])) / 6
+        side = next(k for k, e in enumerate(scene.interfaces[0].subdomains) if e == s.index)
+        facets = scene.interfaces[0].nodes[side][scene.interfaces[0].triangles_on(side)]
+        area, middle = np.linalg.norm(area_vectors(x, facets), axis=1), x[facets].mean(axis=1)[:, 0]
+        up, u = (1.0 if s.name == "slab" else -1.0), []
+        for t, (a, sign) in enumerate(zip(WHERE, forth)):
+            shear = sign * FRICTION * PRESSURE
+            stress = np.array([[300.0, 0, shear], [0, -200.0, 0], [shear, 0, -PRESSURE]])
+            strain = ((1 + POISSON) * stress - POISSON * np.trace(stress) * np.eye(3)) / YOUNG
+            H = np.diag(np.diag(strain))
+            H[0, 2] = 2 * strain[0, 2]
+            u.append(x @ H.T + (a * (np.eye(3) + H)[:, 0] if s.name == "block" else 0.0))
+            s.loads[t] = 0.0  # tractions all round, but for where the two touch
+            for k, corner in enumerate(cells.T):
+                np.add.at(s.loads[t], corner, volume[:, None] * (slopes[:, :, k] @ stress))
+            touching = (middle > a) & (middle < a + 2) if s.name == "slab" else middle > -1
+            np.add.at(s.loads[t], facets[touching], np.broadcast_to(
+                -up * area[touching, None, None] / 3 * stress[:, 2], (touching.sum(), 3, 3)))
+        exact.append(np.array(u))
+        s.prescribed[:] = np.where(s.fixed, exact[-1], 0.0)
+    return exact
+
+
+@pytest.mark.parametrize("slave", ["block", "slab"])
+def test_constant_pressure_slides_over_five_elements(slave):
+    """Pressure and friction stay what they are, on whatever elements the block is, and friction turns with the slip."""
+    made = sliding([[0, 0, 0]] * len(WHERE), slave=slave)
+    scene = build_scene(made)
+    exact = in_constant_stress(scene)
+    solved = solve(made, scene)
+    assert solved.converged, solved.stop_reason
+    assert scene.subdomains[scene.interfaces[0].subdomains[0]].name == slave
+    for part, theirs in zip(solved.parts, exact):
+        assert np.abs(part - theirs).max() < 1e-10
+    fields, sign = solved.interfaces, 1.0 if slave == "block" else -1.0
+    on = fields.status == 2
+    assert (on.sum(axis=1) == (8 if slave == "block" else 9)).all() and (fields.status[~on] == 0).all()
+    assert np.abs(fields.pressure[on] - PRESSURE).max() < 1e-8 * PRESSURE
+    assert np.abs(np.linalg.norm(fields.friction_traction[on], axis=1) - FRICTION * PRESSURE).max() < 1e-8 * PRESSURE
+    assert np.abs(fields.gap[on]).max() < 1e-10
+    for t, forth in enumerate((1, 1, -1)):
+        assert np.abs(fields.resultant[t, 0] - sign * 2 * PRESSURE * np.array([-forth * FRICTION, 0, 1])).max() < 1e-8 * PRESSURE
+    if slave == "block":  # the way there and back, in all
+        stretched = 1 + (300.0 + POISSON * (200.0 + PRESSURE)) / YOUNG
+        assert np.abs(fields.slip[-1] + [WHERE[0] + (WHERE[-1] - WHERE[0]) * stretched, 0, 0]).max() < 1e-9  # at first the slab is not stretched
+
+
+def test_little_slip_is_that_of_fixed_pairs():
+    """Stick, slip and reversal: the same statuses, forces apart by no more than the displacements in elements."""
+    path = [[0, 0, -0.004], [0.001, 0, -0.004], [0.006, 0, -0.004], [0.002, 0, -0.005]]
+    fixed, follow = (solve(sliding(path, block=(3, 2, 1), error=1e-7, slave="block", pairing=p)) for p in ("fixed", "follow"))
+    assert fixed.converged and follow.converged
+    assert {1, 2} <= set(follow.interfaces.status.ravel().tolist())
+    for t, counts in enumerate(zip(*(each.interfaces.counts[name] for each in (fixed, follow) for name in ("stick", "slip")))):
+        assert counts[:2] == counts[2:], t
+    strong = np.abs(fixed.interfaces.resultant).max()
+    assert 1e-9 * strong < np.abs(fixed.interfaces.resultant - follow.interfaces.resultant).max() < 0.01 * strong
+
+
+def test_slip_beyond_an_element_is_told_where_pairs_do_not_follow():
+    path = [[1.5, 0, -0.004]]
+    fixed, follow = (solve(sliding(path, error=1e-4, pairing=p)) for p in ("fixed", "follow"))
+    told = [[w for w in each.summary["warnings"] if "slid by more than an element" in w] for each in (fixed, follow)]
+    assert len(told[0]) == 1 and "slab | block" in told[0][0].replace("block | slab", "slab | block") and not told[1]
+    assert follow.interfaces.resultant[0, 0, 2] == pytest.approx(fixed.interfaces.resultant[0, 0, 2], rel=0.3)
+
+
+def test_a_block_that_slides_off_is_carried_no_more():
+    """Over the slab's end: what is beyond it carries nothing, and comes back into contact as it slides back."""
+    path = [[x, 0, -0.002] for x in (0.0, -1.0, 0.0)]
+    solved = solve(sliding(path, block=(4, 2, 1), error=1e-6))
+    assert solved.converged, solved.stop_reason
+    fields, end = solved.interfaces, solved.scene.mesh.nodes[solved.interfaces.nodes][:, 0] < 0.7
+    assert (fields.status[1][end] == 0).all() and (fields.status[2][end] != 0).any()
+    force = fields.resultant[:, 0, 2]
+    assert force[1] < 0.75 * force[0] and force[2] == pytest.approx(force[0], rel=0.05)
+
+
+@pytest.mark.parametrize("changes, told", [
+    ({"parts": None, "mesh": {"box": {"size": [1, 1, 2], "cells": [1, 1, 2]}}, "subdomains": {"grid": [1, 1, 2]},
+      "interfaces": [{"law": "contact", "pairing": "follow"}],
+      "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}]}, "share faces of one mesh"),
+    ({"subdomains": {"groups": True, "split_above": 60}}, "cut further"),
+    ({"interfaces": [{"law": "elastic", "stiffness_n": 1.0, "stiffness_t": 1.0, "pairing": "follow"}]}, "pairing"),
+    ({"method": {"macro": {"on": "all"}}}, "macro"),
+], ids=["shared", "cut", "law", "macro"])
+def test_where_pairs_cannot_follow(changes, told):
+    made = sliding([[0, 0, 0]]).model_dump(exclude_unset=True)
+    with pytest.raises(InputError, match=told):
+        build_scene(config_from({k: v for k, v in {**made, **changes}.items() if v is not None}))
