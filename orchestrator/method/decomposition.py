@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orchestrator.errors import InputError, Problem
 from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
@@ -181,6 +182,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     all_perfect = all(space.perfect) and not remembers
     with watch("load"):
         blackbox.load(models)
+    floor = _floor(blackbox, own, method, space.team)
     with watch("search_direction"):
         direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
         # stiffness on interfaces is needed for the error bound and for ties; reactions always need the supports'
@@ -206,7 +208,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         local = Exchange(direction, method.search_direction.kplus)
         with watch("bound"):
             external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
-            bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external)
+            bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external, floor)
     else:
         springs = stabilisation(scene, method)
         pairs = make_pairs(scene, space, direction.whole, springs)
@@ -218,6 +220,23 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
                          stage, local, modes, bound, coarse, sweeps, nonlinear, following)
+
+
+def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
+    """Relative energy error that the codes' own matrices leave.
+
+    Raises
+    ------
+    InputError : a tolerance below it
+    """
+    floor = max((blackbox.traits(code).floor for code in {s.code for s in own}), default=0.0)
+    floor, = team.max(floor)
+    wanted = method.tolerance.error
+    if isinstance(wanted, float) and floor >= wanted:
+        raise InputError(Problem(("method", "tolerance", "error"), f"{wanted:.1e} beside a matrix whose entries have too few digits for it",
+                                 f"an error above {floor:.1e}, which its rounding alone may cause",
+                                 f"write error: {2 * floor:.0e}, or the matrix with more digits (17 are all of a double's)"))
+    return float(floor)
 
 
 def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox) -> Macro | None:

@@ -79,6 +79,7 @@ class ErrorBound:
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
     external : (T, B) external nodal forces on the boundary dofs
+    floor : relative energy error of the subdomains' own matrices, where their digits are few
 
     Notes
     -----
@@ -86,10 +87,10 @@ class ErrorBound:
     """
 
     def __init__(self, stage: LinearStage, loading: Loading, stiffness: sp.csr_array,
-                 modes: list[np.ndarray], external: np.ndarray):
+                 modes: list[np.ndarray], external: np.ndarray, floor: float = 0.0):
         self.stage, self.space, self.loading = stage, stage.space, loading
         self.team, transfer = self.space.team, self.space.transfer
-        self.stiffness, self.external = stiffness, external
+        self.stiffness, self.external, self.floor = stiffness, external, floor
         self.weight = stiffness.diagonal()
         self.continuity = Continuity(self.space, self.weight)
         trace_weight, = self.space.extended(self.space.gathered(self.weight[None]))
@@ -173,7 +174,7 @@ class ErrorBound:
             return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps)
         gap = self._largest(squares)
         errors = self._each(squares, size - gap)
-        return Bound(_relative(gap, size), _relative(a, size), energy, moved, delta, sweeps, errors)
+        return Bound(_relative(gap, size) + self.floor, _relative(a, size), energy, moved, delta, sweeps, errors)
 
     def _balancing_forces(self, fields: Admissible, u: np.ndarray) -> np.ndarray:
         """(T, D) δf = −ω A f + ½ k B w₂.

@@ -26,7 +26,7 @@ class AlgebraWorker(Worker):
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
-        self.models: dict[int, tuple[Model, np.ndarray, np.ndarray]] = {}
+        self.models: dict[int, tuple] = {}  # the model, its free dofs, their factor, and which nodes follow which
 
     def load(self, index: int, model: Model) -> None:
         begin = time.thread_time()
@@ -38,17 +38,18 @@ class AlgebraWorker(Worker):
             factor = la.cholesky(M, lower=True)
         except la.LinAlgError as error:
             raise BlackBoxError("factorising failed: its stiffness and its soles together are not positive", model.name) from error
-        self.models[index] = model, free, factor
+        self.models[index] = model, free, factor, _followed(model, len(part.joints.points))
         self.count([0.0, time.thread_time() - begin, 0.0])
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         begin, answers = time.thread_time(), {}
         for index, forces in jobs:
-            model, free, factor = self.models[index]
+            model, free, factor, (inner, leader) = self.models[index]
             wanted = model.trace if op == messages.TRACES else slice(None)
             full, u = np.zeros((2, len(forces), model.fixed.size))
             full[:, wanted] = forces
             u[:, free] = la.cho_solve((factor, True), full[:, free].T).T
+            u.reshape(len(u), -1, 3)[:, inner] = u.reshape(len(u), -1, 3)[:, leader]
             answers[index] = u[:, wanted]
         self.count([0.0, 0.0, time.thread_time() - begin])
         return answers
@@ -84,3 +85,12 @@ class AlgebraWorker(Worker):
         points = model.nodes[own][: len(part.joints.points)]
         if len(points) < len(part.joints.points) or np.abs(points - part.joints.points).max() > PLACED * part.joints.size:
             raise BlackBoxError("its joint nodes are not where its file has them", model.name)
+
+
+def _followed(model: Model, joints: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes of the layer behind the joints, and the joint node that each moves with: without stiffness, they have no motion of
+    their own."""
+    from scipy.spatial import cKDTree
+
+    body = len(model.origin.nodes)
+    return np.arange(joints, body), cKDTree(model.nodes[:joints]).query(model.nodes[joints:body])[1]

@@ -59,7 +59,7 @@ class DeckCode(ForeignCode):
         if len(b) not in (1, len(self.settings.factors)):
             raise InputError(Problem((*path, "loads"), f"{len(b)} files of loads for {len(self.settings.factors)} load steps",
                                      "one file for all load steps, or one for each"))
-        return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.rounding)
+        return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
     def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:
         """Raises InputError where forces on the joints do not move them as the stored matrix says."""

@@ -39,13 +39,13 @@ class Condensed:
     joints : where it meets others
     stiffness : (3n, 3n) S, symmetric; rows of held components are zero
     loads : (cases, 3n) b, one for all load steps or one for each
-    rounding : relative error of S's entries, as far as is known
+    error : (3n, 3n) symmetric, a sample of what S may be off by where digits are missing; None: they are not
     """
 
     joints: Joints
     stiffness: np.ndarray
     loads: np.ndarray
-    rounding: float = 0.0
+    error: np.ndarray | None = None
 
     @property
     def free(self) -> np.ndarray:
@@ -54,21 +54,25 @@ class Condensed:
 
     @cached_property
     def floor(self) -> float:
-        """What the rounding of S does to a result, relative, in energy: ‖S^-½ E S^-½‖ on what is no rigid motion, for
-        errors E of random signs."""
-        if not self.rounding:
+        """What missing digits do to a result, relative, in energy: S u = f and (S + E)(u + δ) = f give ‖δ‖_S ≤ ‖S^-½ E S^-½‖
+        ‖u‖_S on what is no rigid motion, to first order, and a part that others hold as well does no worse."""
+        if self.error is None:
             return 0.0
-        own = self.stiffness[np.ix_(self.free, self.free)]
-        values, vectors = np.linalg.eigh(own)
-        kept = values > max(10 * self.rounding, NEGATIVE) * values[-1]
-        error = np.triu(own * np.random.default_rng(1).uniform(-1, 1, own.shape)) * self.rounding
-        error = error + error.T - np.diag(error.diagonal())
-        scaled = vectors[:, kept] / np.sqrt(values[kept])
-        return float(np.linalg.norm(scaled.T @ error @ scaled, 2))
+        rigid = motions_about(self.joints.points, self.joints.centre, self.joints.size).reshape(-1, 6) @ self.joints.left
+        strained = la.null_space(rigid[self.free].T) if rigid.shape[1] else np.eye(len(self.free))
+        values, vectors = np.linalg.eigh(strained.T @ self.stiffness[np.ix_(self.free, self.free)] @ strained)
+        scaled = strained @ vectors / np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
+        return float(np.linalg.norm(scaled.T @ self.error[np.ix_(self.free, self.free)] @ scaled, 2))
 
 
-def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPath, name: str) -> tuple[np.ndarray, np.ndarray]:
+def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPath, name: str,
+             rounding: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """S (j, j) and b (cases, j) of a stiffness (n, n) and loads (cases, n) on the dofs ``joint`` (j,).
+
+    Parameters
+    ----------
+    rounding : relative error of K's entries; where there is one, a sample E of random signs comes third, brought to the
+        joints as the stiffness is: Tᵀ E T, T = [1; −K_ii⁻¹ K_ij]
 
     Raises
     ------
@@ -77,8 +81,10 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     inside = np.setdiff1d(np.arange(K.shape[0]), joint)
     K = sp.csr_array(K)
     S, b = K[joint][:, joint].toarray(), loads[:, joint].copy()
+    sample = _sample(K, rounding) if rounding else None
     if not len(inside):
-        return S, b
+        return S, b, None if sample is None else sample[joint][:, joint].toarray()
+    carried = np.zeros((K.shape[0], len(joint))) if rounding else None
     across, inner = sp.csr_array(K[joint][:, inside]), sp.csc_array(K[inside][:, inside])
     if not (inner.diagonal() > 0).all():
         raise InputError(Problem(path, f"'{name}': dofs inside without stiffness", "a stiffness of all dofs that are not joints",
@@ -90,6 +96,8 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
             columns = towards[:, start : start + TOGETHER].toarray()
             moved = factor.solve(columns)
             S[:, start : start + TOGETHER] -= across @ moved
+            if carried is not None:
+                carried[inside, start : start + TOGETHER] = -moved
             sound &= bool(np.abs(inner @ moved - columns).max() <= BALANCED * np.abs(K.data).max())
         b -= (across @ factor.solve(np.ascontiguousarray(loads[:, inside].T))).T
         sound &= bool(np.isfinite(S).all())
@@ -99,17 +107,28 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
         raise InputError(Problem(path, f"'{name}': with its joints held, something inside can still move", "parts that hang "
                                  "together, and whose joints hold all of them", "look for pieces that nothing connects, and for "
                                  "joints on one line"))
-    return (S + S.T) / 2, b
+    if carried is None:
+        return (S + S.T) / 2, b, None
+    carried[joint, np.arange(len(joint))] = 1.0
+    return (S + S.T) / 2, b, carried.T @ (sample @ carried)
 
 
-def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name: str, rounding: float = 0.0) -> Condensed:
+def _sample(K: sp.csr_array, rounding: float) -> sp.csr_array:
+    """Symmetric errors of K's entries, as large as they may be, of random sign and size."""
+    upper = sp.triu(K, format="coo")
+    error = sp.coo_array((rounding * upper.data * np.random.default_rng(1).uniform(-1, 1, upper.nnz), (upper.row, upper.col)), K.shape)
+    return sp.csr_array(error + error.T - sp.diags_array(error.diagonal()))
+
+
+def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name: str,
+           error: np.ndarray | None = None) -> Condensed:
     """The part, if it can be one.
 
     Parameters
     ----------
     S : (3n, 3n) as it has come; loads : (cases, 3n)
     path : of what it was read from; name : of the part
-    rounding : relative error of S's entries, where it is known from elsewhere
+    error : (3n, 3n) a sample of what S may be off by, where that is known from elsewhere
 
     Raises
     ------
@@ -132,12 +151,15 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     if joints.left.shape[1] < 6 and free_motions > joints.left.shape[1]:
         raise _wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing", "supports in the matrix or deck, "
                      "or none said", "write held: false, or put the supports in")
-    rounding = max(rounding, share if share > DIGITS else 0.0)
+    rounding = share if share > DIGITS else 0.0
+    if error is None and rounding:
+        error = _sample(sp.csr_array(S), rounding).toarray()
+    off = np.abs(S).max(initial=0.0) * rounding if error is None else np.abs(error).max(initial=0.0)
     values = np.linalg.eigvalsh(S[np.ix_(free, free)])
-    if values[0] < -max(NEGATIVE, 100 * rounding) * values[-1]:
+    if values[0] < -max(NEGATIVE * values[-1], 10 * off * np.sqrt(len(free))):  # of a random matrix, twice √n times its entries
         raise _wrong(path, f"'{name}': a stiffness that gives way: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}",
                      "a stiffness ≥ 0", "look for a wrong sign, or for loads that make the part buckle")
-    return Condensed(joints, S, b, rounding)
+    return Condensed(joints, S, b, error)
 
 
 def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, int]:

@@ -42,8 +42,8 @@ class MatrixCode(ForeignCode):
         order = np.argsort(ids)
         at = order[np.searchsorted(ids[order], joints.ids)]
         dofs = (3 * at[:, None] + np.arange(3)).ravel()
-        S, b = condense(K, loads, dofs, path, name)
-        return judged(joints, S, b, (*path, "stiffness"), name, _rounding(Path(part.stiffness)))
+        S, b, error = condense(K, loads, dofs, path, name, _rounding(Path(part.stiffness)))
+        return judged(joints, S, b, (*path, "stiffness"), name, error)
 
 
 def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
