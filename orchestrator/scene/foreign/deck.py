@@ -6,6 +6,7 @@ Nothing else of the deck is looked at but where it is supported, its first modul
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,14 @@ OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER
 
 def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     """The deck's joints, the nodes of all of them in ascending order of their numbers."""
+    try:
+        return _joints(part, path, name)
+    except InputError as error:  # readers of cards know no more than the line
+        raise InputError([p if p.path[:1] == path[:1] else replace(p, path=(*path, "calculix"), cure="mend that line of the deck")
+                          for p in error.problems]) from error
+
+
+def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     deck = Deck(Path(part.calculix), (*path, "calculix"))
     for i, file in enumerate(part.loads or []):
         _of_loads(Path(file), (*path, "loads", i))

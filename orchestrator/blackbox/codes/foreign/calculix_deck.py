@@ -58,7 +58,7 @@ class DeckCode(ForeignCode):
         self._probe(runs, M, k, b[0])
         if len(b) not in (1, len(self.settings.factors)):
             raise InputError(Problem((*path, "loads"), f"{len(b)} files of loads for {len(self.settings.factors)} load steps",
-                                     "one file for all load steps, or one for each"))
+                                     "one file for all load steps, or one for each", "let history multiply a single one"))
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
     def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:

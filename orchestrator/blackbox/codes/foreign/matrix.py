@@ -54,10 +54,10 @@ def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
                                  "begin it with %%MatrixMarket matrix coordinate real symmetric")) from error
     K = sp.csr_array(K)
     if K.dtype.kind not in "fiu":
-        raise InputError(Problem(path, f"{file}: entries of type {K.dtype}", "real numbers"))
+        raise InputError(Problem(path, f"{file}: entries of type {K.dtype}", "real numbers", "write the matrix of a static analysis"))
     K = K.astype(float)
     if not np.isfinite(K.data).all():
-        raise InputError(Problem(path, f"{file}: entries of '{name}' that are not finite", "numbers"))
+        raise InputError(Problem(path, f"{file}: entries of '{name}' that are not finite", "numbers", "write the file again"))
     return K
 
 
@@ -68,12 +68,12 @@ def _loads(part: MatrixPart, size: int, steps: int, path: KeyPath, name: str) ->
         at = (*path, "loads", i) if len(part.loads) > 1 else (*path, "loads")
         found = _matrix(file, at, name).toarray()
         if found.shape[0] != size:
-            raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has"))
+            raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has", "write forces on just the matrix's dofs"))
         columns.append(found)
     loads = np.hstack(columns).T
     if len(loads) not in (1, steps):
         raise InputError(Problem((*path, "loads"), f"{len(loads)} columns of loads for {steps} load steps",
-                                 "one column for all load steps, or one for each"))
+                                 "one column for all load steps, or one for each", "let history multiply a single column"))
     return loads
 
 

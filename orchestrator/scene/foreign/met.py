@@ -1,0 +1,52 @@
+"""Which joints of parts whose mesh is not ours meet nothing, and why that may be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orchestrator.config.parts import INSIDE
+from orchestrator.errors import Problems
+from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.partition.numbering import SplitNumbering
+
+# Units of length that models are mixed up in: m and mm, m and cm, inches and mm, feet and m, inches and m.
+UNITS = (1000.0, 100.0, 25.4, 1 / 0.3048, 1 / 0.0254, 10.0)
+ROOM = 0.01  # of the other parts' extent: joints within their box but for this may lie on them
+
+
+def report_joints(mesh: Mesh, interfaces: list[Interface], numbering: SplitNumbering, problems: Problems) -> None:
+    """Adds a problem for each such part that meets no other, and a warning for each single joint that does not."""
+    met = np.zeros(len(mesh.nodes), dtype=bool)
+    for i in interfaces:
+        for e, nodes in zip(i.subdomains, i.nodes):
+            met[numbering.nodes[numbering.offsets[e] + nodes]] = True
+    own = np.concatenate([np.arange(s.nodes.start, s.nodes.stop) for s in mesh.foreign])
+    others = np.delete(mesh.nodes, own, axis=0)
+    for stand in mesh.foreign:
+        name = mesh.volumes[stand.volume]
+        joints = {s[len(name + INSIDE):]: t for s, t in mesh.surfaces.items() if s.startswith(name + INSIDE)}
+        lost = [joint for joint, triangles in joints.items() if not met[np.unique(triangles)].any()]
+        if len(lost) < len(joints):
+            problems.warnings += [f"joint {joint} of {name!r} meets no other part" for joint in lost]
+            continue
+        points = mesh.nodes[stand.first : stand.first + stand.joints]
+        problems.add(("interfaces",), f"{name!r} meets no other part: its joints reach from {format_point(points.min(axis=0))} to "
+                     f"{format_point(points.max(axis=0))}" + _beside(points, others),
+                     "joints that lie on faces of other parts, and an entry of interfaces between them",
+                     "move the other parts to it (parts: move), make units of length the same, or name it under interfaces")
+
+
+def _beside(points: np.ndarray, others: np.ndarray) -> str:
+    """Words for the extent of the other parts, and for units that may be mixed up."""
+    if not len(others):
+        return ""
+    text = f", all other parts from {format_point(others.min(axis=0))} to {format_point(others.max(axis=0))}"
+    low, high = others.min(axis=0), others.max(axis=0)
+    room = ROOM * np.linalg.norm(high - low)
+
+    def fits(factor: float) -> bool:
+        return bool(((factor * points >= low - room) & (factor * points <= high + room)).all())
+
+    unit = None if fits(1.0) else next((u for u in UNITS if fits(u) or fits(1 / u)), None)
+    return text + (f"; with a factor of {unit:.4g}, as between units of length, they would fit" if unit else "")

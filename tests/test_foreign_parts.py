@@ -1,0 +1,231 @@
+"""Parts whose mesh is another program's: stiffness matrices and CalculiX decks, beside parts of our own."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from foreign_case import HEAT, SIZE, restart_displacements, stiffness, tets, write_deck, write_matrix
+from in_process import IN_PROCESS
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.registry import FOREIGN
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+
+CALCULIX = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
+BLOCK = {"name": "block", "mesh": {"box": {"size": list(SIZE), "cells": [2, 1, 1]}}, "move": {"translate": [2, 0, 0]}}
+
+
+def data(part, error=1e-9, **changes) -> dict:
+    """The part, and a block of ours on its joint, pulled."""
+    return {"name": "joined", "parts": [part, BLOCK], "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+            "blackbox": IN_PROCESS, "boundary": [{"on": "block/xmax", "traction": [10, 0, 5]}],
+            "interfaces": [{"between": ["hull", "block"], "law": "perfect"}], "method": {"tolerance": {"error": error}}, **changes}
+
+
+def matrix(folder, **keys) -> dict:
+    """The part of ``write_matrix``."""
+    files = {"stiffness": "K.mtx", "nodes": "nodes.csv", "facets": "facets.csv", "loads": "f.mtx"}
+    own = {key: str(folder / file) for key, file in files.items()} | {"held": True} | keys
+    return {"name": "hull", "matrix": {k: v for k, v in own.items() if v is not None}, "material": {"young": 200e3, "poisson": 0.3}}
+
+
+def deck(folder, **keys) -> dict:
+    """The part of ``write_deck``."""
+    own = {"calculix": str(folder / "part.inp"), "loads": str(folder / "loads.inp"), "joints": "FLANGE"} | keys
+    return {"name": "hull", "deck": {k: v for k, v in own.items() if v is not None}}
+
+
+def block_of(solution) -> tuple:
+    """Its subdomain and displacements."""
+    own = next(s for s in solution.scene.subdomains if s.name == "block")
+    return own, solution.parts[own.index]
+
+
+def test_a_matrix_is_a_part(tmp_path):
+    """Against one system of both by hand; nine digits are told, and the bound covers what they cost."""
+    K, x, f = write_matrix(tmp_path)
+    fine = solve(config_from(data(matrix(tmp_path), 1e-10)))
+    block, u = block_of(fine)
+    y = fine.scene.mesh.nodes[block.nodes]
+    n, far = len(x), np.flatnonzero(y[:, 0] > 2)
+    place = np.r_[[np.flatnonzero(np.linalg.norm(x - p, axis=1) < 1e-9)[0] if p[0] == 2 else -1 for p in y]]
+    place[far] = n + np.arange(len(far))
+    P = sp.csr_array((np.ones(3 * len(y)), (np.arange(3 * len(y)), (3 * place[:, None] + np.arange(3)).ravel())),
+                     shape=(3 * len(y), 3 * (n + len(far))))
+    whole = sp.block_diag([K, sp.csr_array((3 * len(far),) * 2)]) + P.T @ stiffness(y, block.connectivity) @ P
+    exact = P @ spla.spsolve(sp.csc_matrix(whole), np.r_[f, np.zeros(3 * len(far))] + P.T @ block.loads[0].ravel())
+    size = np.abs(exact).max()
+    assert np.abs(u.ravel() - exact).max() <= 1e-10 * size
+    assert fine.converged and fine.scene.interfaces[0].matching
+
+    write_matrix(tmp_path, digits=9)
+    with pytest.raises(InputError, match="too few digits"):
+        solve(config_from(data(matrix(tmp_path), 1e-9)))
+    rough = solve(config_from(data(matrix(tmp_path), 1e-6)))
+    own, v = block_of(rough)
+    off = (v.ravel() - exact)[None]
+    energy = [float(w.ravel() @ (P @ (whole @ spla.lsqr(P, w.ravel())[0]))) for w in (off, exact[None])]
+    assert 1e-9 <= np.sqrt(energy[0] / energy[1]) <= rough.error_bound <= 1e-6
+
+
+def test_condensed_by_whoever_made_it(tmp_path):
+    """The Schur complement with the joint's nodes alone, flat and without faces, is the same part."""
+    K, x, f = write_matrix(tmp_path)
+    whole = solve(config_from(data(matrix(tmp_path))))
+    on = np.flatnonzero(x[:, 0] == 2)
+    joint = (3 * on[:, None] + np.arange(3)).ravel()
+    rest, K = np.setdiff1d(np.arange(3 * len(x)), joint), K.toarray()
+    across = np.linalg.solve(K[np.ix_(rest, rest)], np.c_[K[np.ix_(rest, joint)], f[rest]])
+    np.savetxt(tmp_path / "nodes.csv", np.c_[1 + on, x[on]], "%.17g")
+    import scipy.io
+
+    scipy.io.mmwrite(tmp_path / "K.mtx", K[np.ix_(joint, joint)] - K[np.ix_(joint, rest)] @ across[:, :-1], precision=17)
+    scipy.io.mmwrite(tmp_path / "f.mtx", (f[joint] - K[np.ix_(joint, rest)] @ across[:, -1])[:, None], precision=17)
+    alone = solve(config_from(data(matrix(tmp_path, facets=None, outward=[1, 0, 0]))))
+    assert np.abs(block_of(alone)[1] - block_of(whole)[1]).max() <= 1e-9 * np.abs(block_of(whole)[1]).max()
+
+
+def _turned(K, table):
+    """Rows of the table in another order than the matrix's."""
+    return K, table[np.random.default_rng(0).permutation(len(table))]
+
+
+def _few(K, table):
+    """Four digits."""
+    return sp.csr_array((np.array([float(f"{v:.2e}") for v in K.data]), K.indices, K.indptr), K.shape), table
+
+
+WRONG_MATRICES = {
+    "unsymmetric": (dict(change=lambda K, t: (K + 0.01 * sp.triu(K), t)), {}, "not symmetric"),
+    "order of nodes": (dict(change=_turned, clamp=False), {"held": False}, "another order"),
+    "units of nodes": (dict(change=lambda K, t: (K, t * [1, 1000, 1000, 1000])), {}, "between units of length"),
+    "hidden supports": ({}, {"held": False}, "supports that hold it are inside"),
+    "no supports": (dict(clamp=False), {"held": True}, "rigid motions cost nothing"),
+    "lost digits": (dict(change=_few, clamp=False), {"held": False}, "rigid motions cost force"),
+    "a node twice": (dict(change=lambda K, t: (K, np.vstack([t, t[:1]]))), {}, "a second time"),
+    "a place twice": (dict(change=lambda K, t: (K, np.vstack([t, t[:1] + [100, 0, 0, 0]]))), {}, "at one place"),
+    "a node missing": (dict(change=lambda K, t: (K, t[:-1])), {}, r"in the table of nodes|rows and columns"),
+    "another size": (dict(change=lambda K, t: (K[:-3][:, :-3], t)), {}, "rows and columns"),
+    "a wrong sign": (dict(change=lambda K, t: (-K, t)), {}, "gives way|without stiffness"),
+    "not finite": (dict(change=lambda K, t: (K * np.nan, t)), {}, "not finite"),
+    "no faces": ({}, {"facets": None}, "neither facets nor outward"),
+    "not flat": ({}, {"facets": None, "outward": [0, 0, 1]}, "off a plane"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG_MATRICES)
+def test_wrong_matrices(tmp_path, kind):
+    written, keys, message = WRONG_MATRICES[kind]
+    write_matrix(tmp_path, **written)
+    refused(data(matrix(tmp_path, **keys)), message)
+
+
+def refused(wrong: dict, message: str) -> None:
+    """By its message, before anything is iterated; and from where in the YAML."""
+    config = config_from({**wrong, "boundary": [{"on": "block/xmax", "displacement": [0, 0, 0]}]})
+    with pytest.raises(InputError, match=message) as caught:
+        build_scene(config)
+        FOREIGN[config.codes[-1].code](config.codes[-1]).condensed()
+    assert all(p.path[:1] in (("parts",), ("interfaces",)) and p.expected and p.cure for p in caught.value.problems)
+
+
+@CALCULIX
+@pytest.mark.parametrize("kind, cells", [("C3D8", (2, 1, 1)), ("C3D20R", (2, 2, 2)), ("C3D10", (2, 2, 1))])
+def test_a_deck_is_a_part(tmp_path, kind, cells):
+    """Orthotropic, turned and heated; against one CalculiX run of both, joined by *EQUATION with the same operators."""
+    write_deck(tmp_path, kind, cells, HEAT, heat=True)
+    solution = solve(config_from(data(deck(tmp_path), 1e-10)))
+    block, u = block_of(solution)
+    exact = in_one_run(tmp_path, solution, block)
+    assert solution.converged and solution.scene.interfaces[0].matching == (kind == "C3D8")
+    assert np.abs(u[0] - exact).max() <= 1e-9 * np.abs(exact).max()
+
+
+def in_one_run(folder, solution, block) -> np.ndarray:
+    """(n, 3) displacements of the block in a deck that includes the part's."""
+    scene = solution.scene
+    interface, first = scene.interfaces[0], 10_000
+    slave = [scene.subdomains[e].name for e in interface.subdomains].index("hull")
+    joint = np.flatnonzero(np.array([line.count("NSET=FLANGE") for line in (folder / "part.inp").read_text().splitlines()]))[0]
+    lines = (folder / "part.inp").read_text().splitlines()[joint + 1 :]
+    ids = np.sort([int(line.rstrip(",")) for line in lines[: next(i for i, line in enumerate(lines) if line.startswith("*"))]])
+    number = [(ids if side == slave else first + np.arange(len(block.nodes)))[np.asarray(nodes)] for side, nodes in enumerate(interface.nodes)]
+    one, two = ((interface.mortar.first, interface.mortar.second) if interface.mortar else (sp.eye_array(3 * len(number[0])),) * 2)
+    text = "*INCLUDE,INPUT=part.inp\n*NODE\n" + "".join(
+        f"{first + i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(scene.mesh.nodes[block.nodes].tolist()))
+    text += "*ELEMENT,TYPE=C3D4,ELSET=TETS\n" + "".join(
+        f"{5000 + i}," + ",".join(str(first + n) for n in c) + "\n" for i, c in enumerate(block.connectivity))
+    text += "*MATERIAL,NAME=STEEL\n*ELASTIC\n200e3,.3\n*SOLID SECTION,ELSET=TETS,MATERIAL=STEEL\n"
+    one, two = sp.csr_array(one), sp.csr_array(two)
+    for row in range(one.shape[0]):
+        terms = [(number[side][d // 3], d % 3 + 1, sign * v) for side, (G, sign) in enumerate(((one, 1.0), (two, -1.0)))
+                 for d, v in zip(G[[row]].indices, G[[row]].data) if abs(v) > 1e-14]
+        terms.sort(key=lambda term: abs(term[2] - 1.0) > 1e-9)  # the slave's own dof is the dependent one
+        text += f"*EQUATION\n{len(terms)}\n" + "".join(f"{n},{c},{v:.13e}\n" for n, c, v in terms)
+    loaded = np.argwhere(block.loads[0] != 0)
+    text += "*STEP\n*RESTART,WRITE\n*STATIC\n*INCLUDE,INPUT=loads.inp\n*CLOAD\n"
+    text += "".join(f"{first + i},{c + 1},{block.loads[0, i, c]:.12e}\n" for i, c in loaded) + "*END STEP\n"
+    (folder / "one.inp").write_text(text)
+    done = subprocess.run(["ccx", "-i", "one"], cwd=folder, capture_output=True, text=True)
+    assert not done.returncode and "*ERROR" not in done.stdout, done.stdout[-1000:]
+    return restart_displacements(folder / "one.rout", "WOOD")[first - 1 + np.arange(len(block.nodes))]
+
+
+@CALCULIX
+def test_a_deck_rubs(tmp_path):
+    """Four load steps with reversal, on a slab of another mesh: as the same block in our own mesh."""
+    x, t = tets((2, 2, 2), (0.5, 0.5, 1), (1, 1, 1))
+    text = "*NODE\n" + "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(x.tolist(), 1)) + "*ELEMENT,TYPE=C3D4,ELSET=EALL\n"
+    text += "".join(",".join(map(str, row)) + "\n" for row in np.c_[np.arange(len(t)), t] + 1)
+    text += "*NSET,NSET=SOLE\n" + "".join(f"{i},\n" for i in 1 + np.flatnonzero(x[:, 2] == 1))
+    (tmp_path / "part.inp").write_text(text + "*MATERIAL,NAME=M\n*ELASTIC\n1e5,.3\n*SOLID SECTION,ELSET=EALL,MATERIAL=M\n")
+    pulls = [[0.0, 0.0, -50.0], [8.0, 0.0, -50.0], [11.0, 0.0, -50.0], [-5.0, 8.0, -50.0]]
+    common = data(BLOCK, interfaces=[{"between": ["base", "block"], "law": "contact", "friction": 0.3}], method={"tolerance": {"error": 1e-6}})
+    base = {"name": "base", "mesh": {"box": {"size": [2, 2, 1], "cells": [3, 3, 1]}}}
+    ours = {"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0.5, 0.5, 1]},
+            "material": {"young": 100e3, "poisson": 0.3}}
+    held = {"on": "base/zmin", "displacement": [0, 0, 0]}
+    mine = solve(config_from({**common, "parts": [base, ours], "boundary": [held, {"on": "block/zmax", "traction": pulls}]}))
+    forces = next(s for s in mine.scene.subdomains if s.name == "block").loads
+    order = next(s for s in mine.scene.subdomains if s.name == "block").nodes
+    number = [1 + int(np.argmin(np.linalg.norm(x - p, axis=1))) for p in mine.scene.mesh.nodes[order]]
+    files = [tmp_path / f"loads{step}.inp" for step in range(4)]
+    for file, own in zip(files, forces):
+        file.write_text("*CLOAD\n" + "".join(f"{number[i]},{c + 1},{own[i, c]:.12e}\n" for i, c in np.argwhere(own != 0)))
+    theirs = {"name": "block", "deck": {"calculix": str(tmp_path / "part.inp"), "loads": [str(f) for f in files], "joints": "SOLE"}}
+    other = solve(config_from({**common, "parts": [base, theirs], "boundary": [held]}))
+    assert other.converged and other.summary["status_counts"] == mine.summary["status_counts"]
+    assert sum(mine.summary["status_counts"]["slip"]) > 0 < sum(mine.summary["status_counts"]["stick"])
+    assert np.abs(other.reactions[0] - mine.reactions[0]).max() <= 1e-3 * 50
+
+
+WRONG_DECKS = {
+    "dependent": (dict(more="*EQUATION\n2\n12,1,1.,9,1,-1.\n", kind="C3D8"), {"joints": "FLANGE"}, "depend on others"),
+    "transform": (dict(more="*TRANSFORM,NSET=FLANGE,TYPE=R\n0.,1.,0.,-1.,0.,0.\n"), {}, r"\*TRANSFORM"),
+    "nlgeom": (dict(loads="*STEP,NLGEOM\n*CLOAD\nFLANGE,3,-5.\n"), {}, "NLGEOM"),
+    "a step": (dict(more="*STEP\n*STATIC\n*END STEP\n"), {}, r"\*STEP"),
+    "a step in loads": (dict(loads="*STATIC\n*CLOAD\nFLANGE,3,-5.\n"), {}, r"\*STATIC"),
+    "plasticity": (dict(matter=HEAT + "*PLASTIC\n200.,0.\n"), {}, "nonlinear"),
+    "no such set": ({}, {"joints": "RIM"}, "no node set RIM"),
+    "no face": (dict(more="*NSET,NSET=ONE\n1,2\n"), {"joints": "ONE"}, "no face of an element"),
+    "half a face": (dict(more="*NSET,NSET=MORE\nFLANGE,5\n"), {"joints": "MORE"}, "on no face"),
+    "no matter": (dict(matter=""), {}, "CalculiX says"),
+    "no such node": (dict(more="*NSET,NSET=FAR\nFLANGE,999\n"), {"joints": "FAR"}, "node 999"),
+    "not linear": (dict(matter=HEAT.replace("*SOLID", "*MATERIAL,NAME=SOFT\n*ELASTIC\n200e3,.3,20.\n50e3,.3,200.\n*EXPANSION\n1e-5\n*SOLID").replace(
+        "MATERIAL=WOOD,ORIENTATION=TURNED", "MATERIAL=SOFT"), heat=True), {}, "do not move them as its stiffness says"),
+    "held by nothing": ({"clamp": ""}, {"held": True}, "rigid motions cost nothing"),
+    "not said to be held": ({}, {"held": False}, "supports that hold it are inside"),
+}
+
+
+@CALCULIX
+@pytest.mark.parametrize("kind", WRONG_DECKS)
+def test_wrong_decks(tmp_path, kind):
+    written, keys, message = WRONG_DECKS[kind]
+    write_deck(tmp_path, **written)
+    refused(data(deck(tmp_path, **keys)), message)
