@@ -99,7 +99,8 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     split = np.zeros((count, len(numbering.nodes), 3))
     surface_loads(mesh, boundary, partition.subdomain, numbering, split)
     body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads],
-               [factors(entry, config) for entry in config.loads], [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
+               [factors(entry, config) for entry in config.loads],
+               [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
                split, problems)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
@@ -122,8 +123,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         probes = find_probes(mesh, faces, partition.subdomain, bodies, interfaces, config.output.probes, problems)
     problems.raise_if_any()
     problems.warnings += mesh.remarks
-    problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces or bolts names it"
-                          for name in config.histories if name not in {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}]
+    used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}
+    used |= {part.foreign.history for part in config.parts or [] if part.foreign is not None}
+    problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces, bolts or parts names it"
+                          for name in config.histories if name not in used]
     subdomains = _subdomains(partition, numbering, cell_material, held_by, split_fixed, split_prescribed, split)
     for s in subdomains:
         s.foreign = bool(len(mesh.foreign)) and bool(mesh.is_foreign(s.cells[:1])[0])
