@@ -120,7 +120,7 @@ def found(name: str, team: Team = ALONE) -> dict[str, np.ndarray] | None:
 if __name__ == "__main__":
     ranks = join()
     with ranks.together():
-        for case in CASES:
+        for case in sys.argv[2:]:
             answer = found(case, ranks)
             if answer is not None:
                 np.savez(f"{sys.argv[1]}/{case}.npz", ranks=ranks.size, **answer)

@@ -73,10 +73,11 @@ def alone(case: str) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 def test_ranks_find_what_one_process_finds(ranks, tmp_path):
-    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path))
+    names = {2: list(CASES)[::2], 3: list(CASES)[1::2], 4: CASES}[ranks]  # each case by two numbers of ranks
+    run = start(ranks, str(HERE / "ranks_case.py"), str(tmp_path), *names)
     _, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, errors
-    for case in CASES:
+    for case in names:
         together = dict(np.load(tmp_path / f"{case}.npz"))
         assert together.pop("ranks") == ranks
         for name, expected in alone(case).items():

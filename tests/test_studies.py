@@ -480,8 +480,7 @@ def test_time_vs_error_in_small(tmp_path, saved_figures):
     from orchestrator.studies.performance import time_vs_error
     from orchestrator.studies.performance.error_cases import MODELS
 
-    small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "L-shaped bracket": ((4,), (), (2, 4, 8)),
-             "blocks in frictional contact": ((2, 4), (), (8,))}
+    small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "blocks in frictional contact": ((2, 4), (), (8,))}
     models = {name: replace(MODELS[name], sizes={"P1": one, "P2": two}, exact=exact)
               for name, (one, two, exact) in small.items()}
     study = Study("time_vs_error", "small", tmp_path)
@@ -489,8 +488,7 @@ def test_time_vs_error_in_small(tmp_path, saved_figures):
     study.close()
     rows = [row for row in rows_of(tmp_path / "table.csv") if row["energy_error"]]
     error = {(r["case"], r["element"], r["k"], r["method"], r["tolerance"]): float(r["energy_error"]) for r in rows}
-    for case, element, k in (("beam in bending", "P1", "4"), ("beam in bending", "P2", "1"),
-                             ("L-shaped bracket", "P1", "4")):
+    for case, element, k in (("beam in bending", "P1", "4"), ("beam in bending", "P2", "1")):
         whole = error[case, element, k, time_vs_error.DIRECT, ""]
         # what the mesh leaves is the same however it is solved; the stages' own error adds up in squares
         assert error[case, element, k, time_vs_error.FIXED, "1e-06"] == pytest.approx(whole, rel=1e-5)
@@ -501,10 +499,10 @@ def test_time_vs_error_in_small(tmp_path, saved_figures):
     contact = [error["blocks in frictional contact", "P1", k, time_vs_error.FIXED, "1e-06"] for k in "24"]
     assert 0.4 < contact[1] / contact[0] < 0.7
     assert any("contact is not linear" in r["stop_reason"] for r in rows_of(tmp_path / "table.csv"))
-    assert all(row["met"] == "yes" for row in rows_of(tmp_path / "targets.csv")[:3])
+    assert all(row["met"] == "yes" for row in rows_of(tmp_path / "targets.csv")[:2])
     assert is_drawn(tmp_path / "time_vs_error.png", saved_figures[-1])
     measured = [(float(row["seconds"]), float(row["energy_error"])) for row in rows]
-    assert len(measured) > 20 and not missing_points(saved_figures[-1], measured)
+    assert len(measured) > 15 and not missing_points(saved_figures[-1], measured)
 
 
 def test_true_errors_of_an_exact_solution():
