@@ -19,7 +19,7 @@ from orchestrator.scene.mesh.structured import bricks
 
 PATIENCE = 10  # seconds that any of them may take
 
-FOREIGN = {"rotation": "motion:", "symmetry": "in an entry of boundary", "temperature": "no part", "gravity": "density:",
+FOREIGN = {"rotation": "motion:", "symmetry": "in an entry of boundary", "temperature": "expansion:", "gravity": "density:",
            "contact": "law between parts", "dynamics": "load steps", "nlgeom": "small",
            "plane_stress": "slab"}
 

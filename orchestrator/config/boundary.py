@@ -76,16 +76,33 @@ class Spin(Part):
     about: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
 
 
+class TemperatureField(Part):
+    """A temperature that varies: linearly in space, or as a file says node by node."""
+
+    value: float = Field(0.0, description="at the point `at`")
+    at: Vector | None = Field(None, description="a point; comes with `gradient`")
+    gradient: Vector | None = Field(None, description="change per length along x, y and z")
+    file: Name | None = Field(None, description=(
+        "text file relative to the YAML file, in place of the others: rows x y z T, a row for every node, or a column of "
+        "temperatures for each load step"))
+
+
+Temperature = either(TemperatureField, float, lambda value: isinstance(value, (dict, TemperatureField)),
+                     "a number, or {at: [0, 0, 10], gradient: [0, 0, 2.5]}, or {file: warm.csv}")
+
+
 class BodyForce(Part):
-    """Exactly one of body_force, gravity and spin, on the volumes it names; several add up."""
+    """Exactly one of body_force, gravity, spin and temperature, on the volumes it names; several add up."""
 
     on: Names = Field(
         ["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")
     body_force: Traction | None = Field(None, description="force per volume")
     gravity: Vector | None = Field(None, description="acceleration, times the materials' density")
     spin: Spin | None = Field(None, description="{axis, rate, about}: centrifugal force by the materials' density")
+    temperature: Temperature | None = Field(None, description=(
+        "temperature above the one without stress, by the materials' expansion: a number, {value, at, gradient} or {file}"))
     history: Name | None = Field(None, description=(
-        "name of the factors per load step, of the force; none: the same at every step"))
+        "name of the factors per load step, of the force or the temperature; none: the same at every step"))
 
 
 Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping]

@@ -31,7 +31,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
     ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant"),
-    ("loads", "*"): ("body_force", "gravity", "spin"),
+    ("loads", "*"): ("body_force", "gravity", "spin", "temperature"),
 }
 ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",), "interfaces": (), "bolts": ()}
 
@@ -88,6 +88,17 @@ def places(data: Any) -> Iterator[Problem]:
         if _is_vectors(corners) and len(corners) == 2 and any(low > high for low, high in zip(*corners)):
             yield Problem((*path, "box"), _show(corners), "the lower corner first, then the upper one",
                           "swap the coordinates that decrease")
+
+
+def temperatures(data: Any) -> Iterator[Problem]:
+    """A temperature that varies comes from a file, or linearly from a point."""
+    for path, field in find(data, ("loads", "*", "temperature")):
+        if not isinstance(field, dict):
+            continue
+        given = [key for key in ("value", "at", "gradient", "file") if field.get(key) is not None]
+        if given != ["file"] and set(given) not in ({"at", "gradient"}, {"value", "at", "gradient"}):
+            yield Problem(path, " and ".join(given) or "nothing", "a file alone, or at and gradient together, with a value or without",
+                          "write a number where it is the same everywhere, {at: [x, y, z], gradient: [a, b, c]} or {file: warm.csv}")
 
 
 def sole_ratio(data: Any) -> Iterator[Problem]:
@@ -333,8 +344,8 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
             yield from magnitudes(value, (*path, key))
 
 
-RULES = [following, magnitudes, exactly_one, belongs_to, places, sole_ratio, load_steps, what_histories_multiply, prescribed_once,
-         acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
+RULES = [following, magnitudes, exactly_one, belongs_to, places, temperatures, sole_ratio, load_steps, what_histories_multiply,
+         prescribed_once, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

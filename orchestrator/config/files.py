@@ -23,7 +23,18 @@ def with_meshes(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
     if isinstance(parts := get(data, "parts"), list):
         data = {**data, "parts": [_part(part, ("parts", i), folder, problems) if isinstance(part, dict) else part
                                   for i, part in enumerate(parts)]}
+    if isinstance(loads := get(data, "loads"), list):
+        data = {**data, "loads": [_warmth(load, ("loads", i, "temperature", "file"), folder, problems)
+                                  for i, load in enumerate(loads)]}
     return data, problems
+
+
+def _warmth(load: Any, path: KeyPath, folder: Path, problems: list[Problem]) -> Any:
+    """An entry of ``loads`` with the file of its temperatures looked up."""
+    warmth = get(load, "temperature")
+    if not isinstance(warmth, dict) or warmth.get("file") is None:
+        return load
+    return {**load, "temperature": {**warmth, "file": _found(warmth["file"], path, folder, problems)}}
 
 
 def _part(part: dict[str, Any], path: KeyPath, folder: Path, problems: list[Problem]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ _WORDS: dict[str, tuple[str, ...]] = {
         ("symmetry", "symmetric", "symmetry_plane", "roller", "slider"),
     "not supported; periodic and cyclic bodies are modelled whole, or cut along planes of symmetry":
         ("antisymmetry", "periodic", "cyclic", "cyclic_symmetry"),
-    "not supported; temperature plays no part: what it causes goes in as loads: body_force, or boundary: traction":
+    "write expansion: in materials and loads: [{on: plate, temperature: 80}]; how heat spreads plays no part":
         ("temperature", "thermal", "thermal_expansion", "expansion", "alpha", "heat", "conductivity", "initial_temperature"),
     "write loads: [{gravity: [0, 0, -9810]}], with density: 7.85e-9 in materials (steel in t, mm, s)":
         ("weight", "rho", "acceleration", "mass", "gravity", "density"),

@@ -96,5 +96,7 @@ class Material(Part):
         "Poisson's ratio, between -1 and 0.5, both excluded: displacement elements lock at 0.5; "
         "take 0.49 at most for rubber-like matter"))
     density: Positive | None = Field(None, description="mass per volume, for gravity and spin; none: no weight is asked for")
+    expansion: float | None = Field(None, description=(
+        "thermal strain per temperature, for temperatures under loads; none: nothing is heated"))
     on: Names = Field(
         ["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")

@@ -30,6 +30,7 @@ from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.errors import InputError, Problem
 from orchestrator.method.part import Part
 from orchestrator.savings import Savings
 from orchestrator.scene.soles.difficulty import difficulty
@@ -183,6 +184,11 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     with watch("load"):
         blackbox.load(models)
     floor = _floor(blackbox, own, method, space.team)
+    for s in own:
+        if s.heated and blackbox.traits(s.code).own_matter:
+            raise InputError(Problem(("loads",), f"a temperature on {s.name}, whose code has matter of its own",
+                                     "temperatures on bodies of the YAML's young, poisson and expansion",
+                                     "heat it in that model, or name other volumes under on:"))
     with watch("search_direction"):
         direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
         # stiffness on interfaces is needed for the error bound and for ties; reactions always need the supports'

@@ -9,6 +9,7 @@ from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.covered import loads_on_pairs
+from orchestrator.scene.conditions.heat import eigenstrain, thermal_loads
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
@@ -102,6 +103,11 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
                [factors(entry, config) for entry in config.loads],
                [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
                split, problems)
+    times = [factors(entry, config) for entry in config.loads]
+    thermal = eigenstrain(mesh, config.loads, times, [m.expansion for m in config.matter], cell_material, problems) \
+        if any(entry.temperature is not None for entry in config.loads) else None
+    if thermal is not None:
+        thermal_loads(mesh, thermal, materials, cell_material, numbering, split)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
@@ -131,9 +137,11 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     for s in subdomains:
         s.foreign = bool(len(mesh.foreign)) and bool(mesh.is_foreign(s.cells[:1])[0])
     assign_codes(mesh, subdomains, config.codes)
+    for s in subdomains if thermal is not None else ():
+        s.heated = bool(thermal[:, s.cells].any())
     _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, probes=probes)
+                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, thermal, probes)
 
 
 def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:

@@ -109,6 +109,7 @@ class Subdomain:
     code : index of the entry of the YAML's ``blackbox`` that solves it
     contact_area : (n_E,) float, area of its interfaces that are not perfect, all of them together
     body : name of the body that it is a piece of; its own where bodies are not cut further
+    heated : whether its loads have thermal strain of the YAML's matter among them
     foreign : its cells stand for a part whose mesh is not ours
     remembers : whether its matter is nonlinear and remembers load steps
     """
@@ -126,6 +127,7 @@ class Subdomain:
     code: int = 0
     contact_area: np.ndarray = field(default_factory=lambda: np.zeros(0))
     body: str = ""
+    heated: bool = False
     foreign: bool = False
     remembers: bool = False
 
@@ -213,10 +215,11 @@ class Interface:
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity: Young's modulus (force/length²), Poisson's ratio."""
+    """Isotropic linear elasticity: Young's modulus (force/length²), Poisson's ratio, thermal strain per temperature."""
 
     young: float
     poisson: float
+    expansion: float = 0.0
 
     @property
     def lame(self) -> tuple[float, float]:
@@ -305,6 +308,7 @@ class Scene:
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
+    thermal : (steps, m, 4) α ΔT at the corners of every cell, of a whole scene; None where nothing is heated
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
     """
@@ -324,6 +328,7 @@ class Scene:
     warnings: list[str] = field(default_factory=list)
     near: list[tuple[int, int]] = field(default_factory=list)
     bolts: list[PlacedBolt] = field(default_factory=list)
+    thermal: np.ndarray | None = None
     overview: Overview | None = None
     number: np.ndarray | None = None
     probes: list = field(default_factory=list)

@@ -11,35 +11,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from orchestrator.scene.mesh.geometry import shape_gradients as shape_gradients
 from orchestrator.scene.mesh.quadratic import quadratic_slopes
 
 CENTRE = np.full(4, 0.25)  # barycentric coordinates
 # rows and columns of the six components in the 3×3 tensor
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
-
-
-def shape_gradients(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients of the four linear shape functions, and volumes.
-
-    Parameters
-    ----------
-    nodes : (n, 3) float; cells : (m, 4 or 10) int, edges straight
-
-    Returns
-    -------
-    gradients : (m, 4, 3), 1/length; volumes : (m,), positive for positively oriented tets
-    """
-    corners = nodes.T.take(cells[:, :4].T, axis=1)
-    a, b, c = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
-    gradients = np.empty((4, 3, len(cells)))
-    for one, (p, q) in zip(gradients[1:], ((b, c), (c, a), (a, b))):
-        for x in range(3):
-            y, z = (x + 1) % 3, (x + 2) % 3
-            np.subtract(p[y] * q[z], p[z] * q[y], out=one[x])
-    six_volumes = (a * gradients[1]).sum(axis=0)
-    gradients[1:] /= six_volumes
-    np.negative(gradients[1:].sum(axis=0), out=gradients[0])
-    return gradients.transpose(2, 0, 1), six_volumes / 6.0
 
 
 def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, at: np.ndarray = CENTRE) -> np.ndarray:

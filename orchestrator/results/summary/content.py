@@ -10,6 +10,7 @@ from orchestrator.config import Config
 from orchestrator.method.acceleration.choice import algorithm
 from orchestrator.method.delivery.bolts import bolt_forces
 from orchestrator.method.delivery.deliver import Delivered
+from orchestrator.method.delivery.energy import stored_energy
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
@@ -59,7 +60,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
         **nonlinear, **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
-        "energy": [math.nan] * scene.steps if nonlinear else 0.5 * iterated.bound.energy, "reactions": delivered.reactions, **contact,
+        "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered), "reactions": delivered.reactions, **contact,
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.far],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.far)
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),

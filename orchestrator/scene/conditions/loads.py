@@ -53,6 +53,8 @@ def body_loads(mesh: Mesh, entries: list[Any], vectors: list[list[list[float]] |
     density : per material, None where it has none; cell_material : (m,) int
     """
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
+        if entry.temperature is not None:  # see ``heat``
+            continue
         cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, entry.on, ("loads", i, "on"), problems)))
         if mesh.foreign:  # what loads them they bring along
             foreign = mesh.is_foreign(cells)

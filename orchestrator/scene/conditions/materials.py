@@ -17,7 +17,7 @@ def assign_materials(mesh: Mesh, entries: list[Any], problems: Problems) -> tupl
     chosen = np.full(len(mesh.volumes), -1)
     for i, entry in enumerate(entries):
         chosen[volumes_named(mesh, entry.on, ("materials", i, "on"), problems)] = i
-    materials = [Material(float(e.young), float(e.poisson)) for e in entries]
+    materials = [Material(float(e.young), float(e.poisson), float(e.expansion or 0.0)) for e in entries]
     own = {name for e in entries if getattr(e, "on", None) is not None for name in patterns_of(e.on)}
     for stand in mesh.foreign:
         if stand.matter is not None and mesh.volumes[stand.volume] not in own:  # what it tells of itself, unless it is named

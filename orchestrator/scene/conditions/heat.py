@@ -1,0 +1,128 @@
+"""Thermal strain: what temperatures make of matter that expands, as nodal forces and as strain without stress.
+
+With ε₀ = α ΔT 1, linear on every tet from its corners, σ = C (ε − ε₀) and the forces are
+
+    f = ∫ Bᵀ C ε₀ = ∫ (3λ + 2μ) α ΔT ∇φ
+
+exact for four-node tets (constant gradients) and for ten-node ones (linear ones: a rule of four points). They are in balance
+by themselves on every tet.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.config.boundary import BodyForce
+from orchestrator.errors import KeyPath, Problems
+from orchestrator.scene.conditions.materials import volumes_named
+from orchestrator.scene.elasticity import lame
+from orchestrator.scene.mesh.geometry import shape_gradients, tet_volumes
+from orchestrator.scene.mesh.quadratic import quadratic_slopes
+from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.model import Material, Mesh
+from orchestrator.scene.partition.numbering import SplitNumbering
+
+# A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more.
+SAME_PLACE = 1e-5
+_INNER = (5 - np.sqrt(5)) / 20
+# Points, in barycentric coordinates, of the rule that is exact for quadratics.
+FOUR = np.full((4, 4), _INNER) + (1 - 4 * _INNER) * np.eye(4)
+
+
+def eigenstrain(mesh: Mesh, entries: list[BodyForce], factors: list[list[float]], expansion: list[float | None],
+                cell_material: np.ndarray, problems: Problems) -> np.ndarray | None:
+    """(steps, m, 4) α ΔT at the corners of every tet; None where nothing is heated.
+
+    Parameters
+    ----------
+    entries : of ``loads``; factors : per entry (steps,)
+    expansion : per material, None where it has none; cell_material : (m,) int
+    """
+    result = None
+    for i, entry in enumerate(entries):
+        if entry.temperature is None:
+            continue
+        cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, entry.on, ("loads", i, "on"), problems)))
+        stiff = sorted({int(m) for m in cell_material[cells] if m >= 0 and expansion[m] is None})
+        if stiff:
+            problems.add(("loads", i, "temperature"), f"matter without expansion: materials[{stiff[0]}]",
+                         "an expansion of all the matter it acts on", "add expansion: to the material, strain per temperature "
+                         "(steel: 1.2e-5 per kelvin)")
+            continue
+        corners = mesh.cells[cells, :4]
+        nodes = np.unique(corners)
+        warmth = _at_nodes(mesh, nodes, entry.temperature, np.asarray(factors[i], dtype=float), ("loads", i, "temperature"), problems)
+        if warmth is None or not len(cells):
+            continue
+        if result is None:
+            result = np.zeros((len(factors[i]), len(mesh.cells), 4))
+        alpha = np.array([expansion[m] for m in cell_material[cells]], dtype=float)
+        result[:, cells] += alpha[:, None] * warmth[:, np.searchsorted(nodes, corners)]
+    return result
+
+
+def _at_nodes(mesh: Mesh, nodes: np.ndarray, given: Any, times: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray | None:
+    """(steps, k) temperatures of nodes (k,); None with a problem."""
+    if isinstance(given, float | int):
+        return np.outer(times, np.full(len(nodes), float(given)))
+    points = mesh.nodes[nodes]
+    if given.file is None:
+        return np.outer(times, given.value + (points - np.array(given.at, dtype=float)) @ np.array(given.gradient, dtype=float))
+    return _of_file(Path(given.file), points, float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))), times, (*path, "file"), problems)
+
+
+def _of_file(path: Path, points: np.ndarray, size: float, times: np.ndarray, key: KeyPath, problems: Problems) -> np.ndarray | None:
+    """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load step."""
+    expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
+    try:
+        text = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
+        rows = np.loadtxt(text.splitlines(), ndmin=2)
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        problems.add(key, f"{path}: {error}", expected, "write such a file, for instance with numpy.savetxt")
+        return None
+    if rows.shape[1] not in (4, 3 + len(times)) or not np.isfinite(rows).all():
+        problems.add(key, f"{path}: {rows.shape[1]} columns in {len(rows)} rows" + ("" if np.isfinite(rows).all() else ", not all of them numbers"),
+                     expected, "write such a file, for instance with numpy.savetxt")
+        return None
+    from scipy.spatial import cKDTree  # temperatures from files alone need it
+
+    distance, nearest = cKDTree(rows[:, :3]).query(points)
+    far = distance > SAME_PLACE * size
+    if far.any():
+        worst = int(distance.argmax())
+        problems.add(key, f"{path}: no row for {far.sum()} of {len(points)} nodes; the one at {format_point(points[worst])} is "
+                     f"{distance[worst]:.3g} from the nearest row", f"a row for every node of the volumes, within {SAME_PLACE * size:.2g}",
+                     "write the nodes' own coordinates, in the mesh's unit of length, after scale and move")
+        return None
+    return times[:, None] * rows[nearest, 3:].T
+
+
+def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: list[Material], cell_material: np.ndarray,
+                  numbering: SplitNumbering, loads: np.ndarray) -> None:
+    """Adds the forces of thermal strain (steps, m, 4) to ``loads`` (steps, N, 3) on split nodes."""
+    cells = np.flatnonzero(strain.any(axis=(0, 2)))
+    gradients, volume = shape_gradients(mesh.nodes, mesh.cells[cells])
+    first, second = np.array([lame(m.young, m.poisson) for m in materials])[cell_material[cells]].T
+    stiff = (3 * first + 2 * second) * volume
+    at = numbering.corners[cells]
+    for step, own in enumerate(strain[:, cells]):
+        if mesh.cells.shape[1] == 4:
+            forces = (stiff * own.mean(axis=1))[:, None, None] * gradients
+        else:
+            forces = sum(np.einsum("k,ab,kbx->kax", stiff / 4 * (own @ p), quadratic_slopes(p), gradients) for p in FOUR)
+        for c in range(3):
+            loads[step, :, c] += np.bincount(at.ravel(), weights=forces[:, :, c].ravel(), minlength=loads.shape[1])
+
+
+def strained_energy(mesh: Mesh, strain: np.ndarray, lames: np.ndarray) -> np.ndarray:
+    """(steps,) ½ ∫ ε₀ : C ε₀, what matter would store if nothing moved.
+
+    Parameters
+    ----------
+    strain : (steps, m, 4); lames : (m, 2) λ and μ of each cell
+    """
+    square = np.einsum("tma,ab,tmb->tm", strain, (1 + np.eye(4)) / 20, strain)  # mean over the tet
+    return square @ (1.5 * (3 * lames[:, 0] + 2 * lames[:, 1]) * np.abs(tet_volumes(mesh.nodes, mesh.cells)))
