@@ -46,7 +46,7 @@ class DiscretisationEstimate:
             return d.space.team.share(None)
         if d.all_perfect:  # with contact, the steps left out are smaller than those they follow from
             parts = [self.cases.all_steps(u) for u in parts]
-        return d.space.team.share(self.estimator(parts).relative)
+        return d.space.team.share(self.estimator(parts, None if d.all_perfect else d.local.pairs.numbers).relative)
 
     def of_delivered(self, continuous: list[np.ndarray]) -> Estimate:
         """Of delivered displacements, per subdomain, on rank 0."""

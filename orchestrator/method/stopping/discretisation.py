@@ -80,6 +80,7 @@ class Estimator:
         self.gradients, self.volumes = shape_gradients(nodes, self.cells)
         lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[self.order]
         self.lame = lame[material]
+        self.thermal = None if scene.thermal is None else scene.thermal[:, self.order]
 
         bonded = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
         one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
@@ -96,35 +97,49 @@ class Estimator:
         self.weight = self._sum(np.ones((1, len(self.cells))))
         self.product = _mean_products(self.cells.shape[1])
 
-    def __call__(self, sides: Sequence[np.ndarray]) -> Estimate:
+    def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
         """Estimate the error of displacements.
 
         Parameters
         ----------
         sides : per subdomain (T, n_E, 3), continuous over perfect interfaces
+        numbers : (T,) which load steps of the scene these are; none: all
         """
         displacement = np.concatenate(sides, axis=1)
+        numbers = range(len(displacement)) if numbers is None else numbers
         squares, energies = np.empty((2, len(displacement), len(self.cells)))
-        for t, u in enumerate(displacement):
-            squares[t, self.order], energies[t] = self._squares(self._stress(u))
+        for t, (u, number) in enumerate(zip(displacement, numbers)):
+            squares[t, self.order], energies[t] = self._squares(self._stress(u, number))
+            if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
+                energies[t] = self._squares(self._stress(u))[1]
         errors, energy = squares.sum(axis=1), energies.sum(axis=1)
         size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
     def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
         """(T, K, 6) stresses σ* at the nodes ``node`` (K,) of the mesh, one for each matter and side there."""
-        return np.array([[self._mean(component) for component in self._stress(u)]
-                         for u in np.concatenate(sides, axis=1)]).transpose(0, 2, 1)
+        return np.array([[self._mean(component) for component in self._stress(u, t)]
+                         for t, u in enumerate(np.concatenate(sides, axis=1))]).transpose(0, 2, 1)
 
     def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
         """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
         return np.array([self._squares(self._stress(u))[1].sum() for u in np.concatenate(sides, axis=1)])
 
-    def _stress(self, displacement: np.ndarray) -> np.ndarray:
-        """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all."""
+    def _stress(self, displacement: np.ndarray, number: int | None = None) -> np.ndarray:
+        """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all.
+
+        Parameters
+        ----------
+        number : load step of the scene, whose thermal strain is without stress; None: all strain has stress
+        """
         ten = self.cells.shape[1] == 10
-        corners = np.stack([stress(strain(self.gradients, self.cells, displacement, at), self.lame).T
-                            for at in (np.eye(4) if ten else [CENTRE])], axis=1)
+        def elastic(at: np.ndarray) -> np.ndarray:
+            epsilon = strain(self.gradients, self.cells, displacement, at)
+            if self.thermal is not None and number is not None:
+                epsilon[:, :3] -= (self.thermal[number] @ at)[:, None]
+            return epsilon
+
+        corners = np.stack([stress(elastic(at), self.lame).T for at in (np.eye(4) if ten else [CENTRE])], axis=1)
         return np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1) if ten else corners
 
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

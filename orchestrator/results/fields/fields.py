@@ -41,6 +41,7 @@ class Fields:
     joined : (N,) int, per node of ``numbering`` a label, equal where perfect interfaces make nodes one; None where
         nothing opens
     believed : (m,) bool, where stresses are those of the matter that was computed; None: everywhere
+    thermal : (steps, m, 4) thermal strain at the cells' corners; None where nothing is heated
     """
 
     nodes: np.ndarray
@@ -55,6 +56,7 @@ class Fields:
     parts: tuple[str, ...] = ()
     joined: np.ndarray | None = None
     believed: np.ndarray | None = None
+    thermal: np.ndarray | None = None
 
     @classmethod
     def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
@@ -62,7 +64,7 @@ class Fields:
         """Fields of a solved scene: ``displacement`` and the parameters after it as for the class."""
         joined = None if sides is None else _joined(scene)
         return cls(scene.mesh.nodes, scene.mesh.cells, scene.cell_subdomain, scene.lame, displacement, sides, *others,
-                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined, believed=believed)
+                   part=scene.mesh.volume, parts=tuple(scene.mesh.volumes), joined=joined, believed=believed, thermal=scene.thermal)
 
     @property
     def steps(self) -> int:
@@ -110,7 +112,8 @@ class Fields:
                       self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen],
                       part=None if part is None else part[chosen], parts=self.parts,
                       joined=None if self.joined is None else self.joined[nodes],
-                      believed=None if believed is None else believed[chosen])
+                      believed=None if believed is None else believed[chosen],
+                      thermal=None if self.thermal is None else self.thermal[:, chosen])
 
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
@@ -136,7 +139,13 @@ class Fields:
     def stress(self, step: int) -> np.ndarray:
         """(m, 6) mean stress of the cells at one load step."""
         epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step])
-        return recovery.stress(epsilon, self.lame)
+        return recovery.stress(self._elastic(epsilon, step, recovery.CENTRE), self.lame)
+
+    def _elastic(self, epsilon: np.ndarray, step: int, at: np.ndarray) -> np.ndarray:
+        """Strains (m, 6) at barycentric coordinates (4,) without what matter expands by itself."""
+        if self.thermal is not None:
+            epsilon[:, :3] -= (self.thermal[step] @ at)[:, None]
+        return epsilon
 
     def von_mises(self, step: int) -> np.ndarray:
         """(m,) von Mises stress of the mean stress at one load step."""
@@ -146,7 +155,8 @@ class Fields:
         """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a ten-node tet is there."""
         if self.cells.shape[1] == 4:
             return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
-        strains = (recovery.strain(self._geometry[0], self.cells, self.displacement[step], at) for at in np.eye(4))
+        strains = (self._elastic(recovery.strain(self._geometry[0], self.cells, self.displacement[step], at), step, at)
+                   for at in np.eye(4))
         return np.stack([recovery.stress(epsilon, self.lame) for epsilon in strains], axis=1)
 
     def nodal_von_mises(self, step: int) -> np.ndarray:

@@ -27,7 +27,7 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "fields.npz"
 _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
-_IF_THERE = ("discretisation_error", "part", "joined", "believed")
+_IF_THERE = ("discretisation_error", "part", "joined", "believed", "thermal")
 _SIDES = "displacement_sides_"  # + index of the subdomain
 _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
 _INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)}
