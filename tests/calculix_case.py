@@ -46,13 +46,13 @@ def connectivity(scene: Scene) -> np.ndarray:
     return told
 
 
-def deck(scene: Scene, pulls: list[list[float | None]], heat: str = "") -> str:
+def deck(scene: Scene, pulls: list[list[float | None]] = (), heat: np.ndarray | None = None) -> str:
     """The input file.
 
     Parameters
     ----------
     pulls : per bolt, per load step, its force; None: it keeps its length
-    heat : lines after the last material
+    heat : (steps, n) temperatures, in place of all forces; None: cold
     """
     nodes, kind = scene.mesh.nodes, "C3D10" if scene.mesh.cells.shape[1] == 10 else "C3D4"
     reference = [len(nodes) + 1 + b for b in range(len(scene.bolts))]
@@ -62,14 +62,14 @@ def deck(scene: Scene, pulls: list[list[float | None]], heat: str = "") -> str:
         own = np.flatnonzero(scene.cell_material == index)
         lines += [f"*ELEMENT,TYPE={kind},ELSET=M{index}", *(",".join(map(str, [e + 1, *told[e]])) for e in own),
                   f"*MATERIAL,NAME=M{index}", "*ELASTIC", f"{material.young:.15g},{material.poisson:.15g}",
-                  *([f"*EXPANSION,ZERO=0.\n{material.expansion:.15g}"] if heat else []),
+                  *([f"*EXPANSION,ZERO=0.\n{material.expansion:.15g}"] if heat is not None else []),
                   f"*SOLID SECTION,ELSET=M{index},MATERIAL=M{index}"]
     for node, bolt in zip(reference, scene.bolts):
         lines += [f"*NODE,NSET=REFERENCE\n{node},{bolt.point[0]:.15g},{bolt.point[1]:.15g},{bolt.point[2]:.15g}"]
     for node, bolt in zip(reference, scene.bolts):
         lines += [f"*SURFACE,NAME=CUT{node},TYPE=ELEMENT", *(f"{c + 1},S{f + 1}" for c, f in section(scene, bolt)),
                   f"*PRE-TENSION SECTION,SURFACE=CUT{node},NODE={node}", ",".join(f"{x:.15g}" for x in bolt.axis)]
-    lines += [heat] if heat else []
+    lines += ["*INITIAL CONDITIONS,TYPE=TEMPERATURE\nALL,0."] if heat is not None else []
     for step in range(scene.steps):
         lines += ["*STEP\n*STATIC\n*BOUNDARY,OP=NEW"]
         lines += [f"{n + 1},{c + 1},{c + 1},{scene.prescribed[step, n, c]:.15g}" for n, c in np.argwhere(scene.fixed)]
@@ -79,12 +79,14 @@ def deck(scene: Scene, pulls: list[list[float | None]], heat: str = "") -> str:
                 lines += [("*BOUNDARY,FIXED" if step else "*BOUNDARY") + f"\n{node},1,1"]
             else:
                 forces += [f"{node},1,{row[step]:.15g}"]
-        forces += [f"{n + 1},{c + 1},{scene.loads[step, n, c]:.15g}" for n, c in np.argwhere(scene.loads[step])] if not heat else []
-        lines += ["*CLOAD,OP=NEW", *forces, "*NODE PRINT,NSET=ALL\nU\n*END STEP"]
+        forces += [f"{n + 1},{c + 1},{scene.loads[step, n, c]:.15g}" for n, c in np.argwhere(scene.loads[step])] if heat is None else []
+        lines += ["*CLOAD,OP=NEW", *forces]
+        lines += [] if heat is None else ["*TEMPERATURE,OP=NEW", *(f"{n},{t:.15g}" for n, t in enumerate(heat[step], 1))]
+        lines += ["*NODE PRINT,NSET=ALL\nU\n*END STEP"]
     return "\n".join(lines) + "\n"
 
 
-def displacements(scene: Scene, folder: Path, pulls: list[list[float | None]], heat: str = "") -> np.ndarray:
+def displacements(scene: Scene, folder: Path, pulls: list[list[float | None]] = (), heat: np.ndarray | None = None) -> np.ndarray:
     """(T, n, 3) as CalculiX has them; at a section those of side 2."""
     (folder / "job.inp").write_text(deck(scene, pulls, heat))
     done = subprocess.run(["ccx", "-i", "job"], cwd=folder, capture_output=True, text=True, timeout=120,

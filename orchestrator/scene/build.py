@@ -141,7 +141,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         s.heated = bool(thermal[:, s.cells].any())
     _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, thermal, probes)
+                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, thermal, probes=probes)
 
 
 def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:

@@ -1,0 +1,171 @@
+"""Matter that expands: against CalculiX and Lamé, expansion without stress, what is stored; and what is wrong with it."""
+
+import numpy as np
+import pytest
+from calculix_case import displacements
+from in_process import IN_PROCESS
+from ring_case import ring
+
+from orchestrator.config import config_from, load_config
+from orchestrator.errors import InputError
+from orchestrator.results.solution import Solution
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+
+STEEL = {"young": 200e3, "poisson": 0.3, "expansion": 1.2e-5}
+LINEAR = {"at": [0, 0, 0], "value": 10.0, "gradient": [30.0, -20.0, 50.0]}
+
+
+def bar(element: str = "P1", loads: list | None = None, **changes) -> dict:
+    return {"name": "bar", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 3]}}, "subdomains": {"slices": {"axis": "z", "count": 2}},
+            "materials": [STEEL], "boundary": [{"on": "zmin", "displacement": [0, 0, 0]}, {"on": "zmax", "displacement": [0, 0, None]}],
+            "loads": [{"temperature": LINEAR, "history": "to and fro"}] if loads is None else loads,
+            "histories": {"to and fro": [1.0, -2.0]}, "blackbox": {**IN_PROCESS, "element": element},
+            "method": {"tolerance": {"error": 1e-9}}, **changes}
+
+
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_field_of_temperature_does_what_it_does_in_calculix(element, tmp_path):
+    solution = solve(config_from(bar(element)), reference=element == "P1")
+    warmth = LINEAR["value"] + solution.scene.mesh.nodes @ LINEAR["gradient"]
+    exact = displacements(solution.scene, tmp_path, heat=np.outer([1, -2], warmth))
+    assert solution.converged and np.abs(exact - solution.displacement).max() < 1e-6 * np.abs(exact).max()
+    assert np.abs(solution.scene.loads.sum(axis=1)).max() < 1e-10 * np.abs(solution.scene.loads).max()
+    assert solution.energy[1] == pytest.approx(4 * solution.energy[0], rel=1e-8)
+    if element == "P1":
+        assert solution.summary["true_error"] < solution.error_bound < 1e-9
+
+
+@pytest.mark.parametrize("law", [{"law": "perfect"}, {"law": "contact", "friction": 0.2}], ids=["bonded", "contact"])
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_what_is_free_to_expand_does_so_without_stress(law, element, tmp_path):
+    """Two blocks on three planes of symmetry, under a weight that keeps them together; what is read back tells the same."""
+    held = [*({"on": side, "symmetry": True} for side in ("xmin", "ymin", "zmin")), {"on": "zmax", "pressure": 10.0}]
+    solution = solve(config_from(bar(element, [{"temperature": 100.0}], boundary=held, interfaces=[law], histories={},
+                                     mesh={"box": {"size": [1, 1, 2], "cells": [2, 2, 2]}})))
+    x = solution.scene.mesh.nodes
+    pressed = 10.0 / STEEL["young"]
+    assert np.abs(solution.displacement[0] - x * (1.2e-3 + pressed * np.array([0.3, 0.3, -1.0]))).max() < 1e-8
+    for stress in (solution.fields.stress(0), solution.fields.nodal.stress(0)):
+        assert np.abs(stress - [0, 0, -10.0, 0, 0, 0]).max() < 1e-3
+    assert solution.energy[0] == pytest.approx(0.5 * 10.0 * pressed * 2, rel=1e-4)
+    assert solution.summary["discretisation_error"] < 1e-5
+    again = Solution.read(solution.write(tmp_path / "read"))
+    assert np.array_equal(again.fields.stress(0), solution.fields.stress(0))
+
+
+def test_a_bar_between_walls_presses_as_hard_as_theory_says():
+    """ν = 0: σ = −E α ΔT, of the energy E (α ΔT)² V / 2; twice as much where two entries add up."""
+    walls = [{"on": side, "symmetry": True} for side in ("xmin", "ymin", "zmin", "zmax")]
+    loads = [{"temperature": 60.0}, {"temperature": 40.0, "on": "box"}]
+    solution = solve(config_from(bar(loads=loads, boundary=walls, materials=[{**STEEL, "poisson": 0.0}], histories={})))
+    assert solution.fields.stress(0)[:, 2] == pytest.approx(-240.0, rel=1e-8)
+    assert solution.energy[0] == pytest.approx(0.5 * 240.0 * 1.2e-3 * 2, rel=1e-8)
+    assert solution.reactions[3, 0] == pytest.approx([0, 0, -240.0], abs=1e-6)
+
+
+def test_temperatures_come_from_a_file_in_any_order(tmp_path):
+    plain = build_scene(config_from(bar()))
+    x = plain.mesh.nodes
+    warmth = LINEAR["value"] + x @ LINEAR["gradient"]
+    rows = np.random.default_rng(2).permutation(np.c_[x, warmth, -2 * warmth])
+    np.savetxt(tmp_path / "warm.csv", rows, delimiter=", ", header="x y z T1 T2", fmt="%.9g")
+    found = build_scene(config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}, "history": "to"}], histories={"to": [1, 1]})))
+    assert np.allclose(found.loads, plain.loads, atol=1e-7 * np.abs(plain.loads).max())
+
+
+def test_a_thick_cylinder_under_pressure_and_heat_is_what_lame_says(tmp_path):
+    """Plane strain, P2. Pressure p inside; then T = T₀ ln(b/r)/ln(b/a) alone: within half a per cent."""
+    a, b, p, young, nu, alpha, hot = 1.0, 2.0, 50.0, 200e3, 0.3, 1.2e-5, 100.0
+    x = ring(tmp_path / "ring.msh", a, b, 0.15, (5, 12, 1))
+    r = np.hypot(x[:, 0], x[:, 1])
+    np.savetxt(tmp_path / "warm.csv", np.c_[x, hot * np.log(b / r) / np.log(b / a)], fmt="%.12g")
+    solution = solve(config_from({
+        "name": "cylinder", "mesh": {"file": str(tmp_path / "ring.msh")}, "subdomains": {"metis": 2}, "materials": [
+            {"young": young, "poisson": nu, "expansion": alpha}],
+        "boundary": [*({"on": side, "symmetry": True} for side in ("start", "end", "low", "high")), {"on": "inner", "pressure": p, "history": "first"}],
+        "loads": [{"temperature": {"file": str(tmp_path / "warm.csv")}, "history": "second"}],
+        "histories": {"first": [1, 0], "second": [0, 1]}, "blackbox": {**IN_PROCESS, "element": "P2"}}))
+    nodes = solution.scene.mesh.nodes[: len(x)]
+    r = np.hypot(nodes[:, 0], nodes[:, 1])
+    radial = np.einsum("tni,ni->tn", solution.displacement[:, : len(x), :2], nodes[:, :2] / r[:, None])
+    c = p * a**2 / (b**2 - a**2)
+    pressed = (1 + nu) / young * c * ((1 - 2 * nu) * r + b**2 / r)
+    mean = lambda s: (hot / np.log(b / a)) * (s**2 / 2 * np.log(b / s) + s**2 / 4 - a**2 / 2 * np.log(b / a) - a**2 / 4)  # ∫ T r dr
+    heated = (1 + nu) / (1 - nu) * alpha * (mean(r) / r + ((1 - 2 * nu) * r + a**2 / r) * mean(b) / (b**2 - a**2))
+    for found, exact in zip(radial, (pressed, heated)):
+        assert np.abs(found - exact).max() < 5e-3 * np.abs(exact).max()
+    nodal = solution.fields.nodal
+    at = nodal.points
+    inside = np.flatnonzero((np.hypot(at[:, 0], at[:, 1]) < a * 1.001) & (at[:, 1] < 1e-9))
+    hoop = [nodal.stress(t)[inside, 1].mean() for t in (0, 1)]  # σ_yy where the ring crosses the plane y = 0
+    exact = [c * (1 + b**2 / a**2), young * alpha / (1 - nu) * (mean(b) * 2 / (b**2 - a**2) - hot)]
+    assert hoop == pytest.approx(exact, rel=2e-2)  # nodal stresses at an edge, whose elements are a fifth of the wall
+
+
+def test_a_curved_beam_bends_as_golovin_says(tmp_path):
+    """A moment on the end of a quarter ring, P2: the hoop stress across the start, within half a per cent of its largest."""
+    a, b, moment = 2.0, 3.0, 10.0
+    ring(tmp_path / "ring.msh", a, b, 0.2, (6, 16, 1))
+    solution = solve(config_from({
+        "name": "curved", "mesh": {"file": str(tmp_path / "ring.msh")}, "subdomains": {"metis": 2},
+        "materials": [{"young": 200e3, "poisson": 0.0}],
+        "boundary": [*({"on": side, "symmetry": True} for side in ("start", "low", "high")),
+                     {"on": "end", "resultant": {"moment": [0, 0, -moment]}}, {"on": {"box": [[2.4, 0, 0], [2.7, 0, 0.2]]}, "displacement": [0, None, None]}],
+        "blackbox": {**IN_PROCESS, "element": "P2"}}))
+    moment /= 0.2  # per thickness
+    n = (b**2 - a**2) ** 2 - 4 * a**2 * b**2 * np.log(b / a) ** 2
+    exact = lambda r: -4 * moment / n * (-(a**2 * b**2 / r**2) * np.log(b / a) + b**2 * np.log(r / b) + a**2 * np.log(a / r) + b**2 - a**2)
+    nodal = solution.fields.nodal
+    x, sigma = nodal.points, nodal.stress(0)
+    r, angle = np.hypot(x[:, 0], x[:, 1]), np.arctan2(x[:, 1], x[:, 0])
+    c, s = np.cos(angle), np.sin(angle)
+    hoop = sigma[:, 0] * s**2 + sigma[:, 1] * c**2 - 2 * sigma[:, 3] * s * c
+    away = (angle > 0.5) & (angle < 0.8)
+    size = np.abs(exact(np.array([a, b]))).max()
+    inside = away & (r > a * 1.001) & (r < b * 0.999)
+    assert np.abs(hoop - exact(r))[inside].max() < 5e-3 * size
+
+
+WRONG = {
+    "no expansion": ({"materials": [{"young": 1.0, "poisson": 0.3}]}, ("loads", 0, "temperature"), "materials[0]"),
+    "two kinds": ({"loads": [{"temperature": 1.0, "gravity": [0, 0, 1.0]}]}, ("loads", 0, "gravity"), "together"),
+    "no such volume": ({"loads": [{"temperature": 1.0, "on": "bx"}]}, ("loads", 0, "on"), "'bx'"),
+    "no place": ({"loads": [{"temperature": {"gradient": [0, 0, 1.0]}}]}, ("loads", 0, "temperature"), "at and gradient together"),
+    "nothing": ({"loads": [{"temperature": {}}]}, ("loads", 0, "temperature"), "nothing"),
+    "a word": ({"loads": [{"temperature": "warm"}]}, ("loads", 0, "temperature"), "a number, or"),
+    "a file and a value": ({"loads": [{"temperature": {"file": "a", "value": 1.0}}]}, ("loads", 0, "temperature"), "a file alone"),
+    "no history": ({"loads": [{"temperature": 1.0, "history": "none"}]}, ("loads", 0, "history"), "'none'"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_wrong_with_a_temperature_is_told_with_its_place(what):
+    changes, path, words = WRONG[what]
+    with pytest.raises(InputError) as caught:
+        build_scene(config_from(bar(**changes)))
+    assert caught.value.problems[0].path == path and words in str(caught.value.problems[0]) and caught.value.problems[0].cure
+
+
+@pytest.mark.parametrize("content, words", [
+    ("0 0 0", "3 columns"), ("0 0 0 warm", "could not convert"), ("0 0 0 1", "no row for"), ("0 0 0 nan", "not all of them numbers"),
+    (None, "no file")])
+def test_what_is_wrong_with_a_file_of_temperatures_is_told_with_its_line(content, words, tmp_path):
+    if content is not None:
+        (tmp_path / "warm.csv").write_text(content)
+    (tmp_path / "bar.yaml").write_text("""name: bar
+mesh: {box: {size: [1, 1, 2], cells: [2, 2, 3]}}
+subdomains: {slices: {axis: z, count: 2}}
+materials: [{young: 200e3, poisson: 0.3, expansion: 1.0e-5}]
+boundary: [{on: zmin, displacement: [0, 0, 0]}]
+loads:
+  - temperature: {file: warm.csv}
+""")
+    with pytest.raises(InputError) as caught:
+        loaded = load_config(tmp_path / "bar.yaml")
+        try:
+            build_scene(loaded.config)
+        except InputError as error:
+            raise InputError(loaded.source.located(error.problems)) from None
+    problem = caught.value.problems[0]
+    assert problem.line == 7 and words in str(problem) and problem.expected and problem.cure
