@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,6 +24,7 @@ from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
 from orchestrator.method.linear.macro_basis import interface_bases
+from orchestrator.method.linear.meanwhile import Meanwhile
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.stabilisation import stabilisation
@@ -181,48 +182,57 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     traces = [m.trace for m in models]
     remembers = any(s.remembers for s in own)
     all_perfect = all(space.perfect) and not remembers
-    with watch("load"):
-        blackbox.load(models)
-    floor = _floor(blackbox, own, method, space.team)
-    for s in own:
-        if s.heated and blackbox.traits(s.code).own_matter:
-            raise InputError(Problem(("loads",), f"a temperature on {s.name}, whose code has matter of its own",
-                                     "temperatures on bodies of the YAML's young, poisson and expansion",
-                                     "heat it in that model, or name other volumes under on:"))
     with watch("search_direction"):
         direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
         # stiffness on interfaces is needed for the error bound and for ties; reactions always need the supports'
         whole = all_perfect or space.ties is not None
         rims = assemble_rims(scene, own, sides if whole else [[] for _ in sides], blackbox, workers, share,
                              savings)
+    # the codes factorise meanwhile: until ``loaded``, nothing is asked of them
+    factorised = Meanwhile(lambda: blackbox.load(models))
+
+    def loaded() -> None:
+        with watch("load"):
+            factorised.result()
+
+    with watch("search_direction"):
         stiffness = boundary_stiffness(space, traces, rims) if whole else None
         if space.ties is not None:
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
-    with watch("linear_stage"):
-        load = partial(apply_loads, scene, direction, models, traces, rims, blackbox, part.carried)
-        loading = load()
-        nonlinear = Nonlinear(blackbox, space, own, traces, [m.fixed.size for m in models], load) if remembers else None
-    sweeps = loading.sweeps
-    with watch("macro"):
-        guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
-        macro = _macro(scene, space, direction, method, guarded)
-        stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
-        sweeps += (macro.sweeps if macro else 0) / scene.steps
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
     bound = coarse = None
     if all_perfect:
         local = Exchange(direction, method.search_direction.kplus)
         with watch("bound"):
             external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
-            bound = ErrorBound(stage, loading, stiffness, [m[t] for m, t in zip(modes, traces)], external, floor)
+            bound = ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
         springs = stabilisation(scene, method)
         pairs = make_pairs(scene, space, direction.whole, springs)
         local = LawStage(direction, pairs.lawful)
+    guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
+    macro = _macro(scene, space, direction, method, guarded, watch, loaded)
+    loaded()
+    floor = _floor(blackbox, own, method, space.team)
+    for s in own:
+        if s.heated and blackbox.traits(s.code).own_matter:
+            raise InputError(Problem(("loads",), f"a temperature on {s.name}, whose code has matter of its own",
+                                     "temperatures on bodies of the YAML's young, poisson and expansion",
+                                     "heat it in that model, or name other volumes under on:"))
+    with watch("linear_stage"):
+        load = partial(apply_loads, scene, direction, models, traces, rims, blackbox, part.carried)
+        loading = load()
+        nonlinear = Nonlinear(blackbox, space, own, traces, [m.fixed.size for m in models], load) if remembers else None
+    sweeps = loading.sweeps
+    with watch("macro"):
+        if macro is not None:
+            sweeps += macro.solve(guarded) / scene.steps
+        stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
         if method.coarse != "none" and not all(space.perfect):
-            with watch("macro"):
-                coarse = CoarseCorrection(scene, stage, pairs)
+            coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
+    if bound is not None:
+        bound = bound.of(stage, loading, floor)
     following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
                          stage, local, modes, bound, coarse, sweeps, nonlinear, following)
@@ -245,18 +255,27 @@ def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
     return float(floor)
 
 
-def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox) -> Macro | None:
-    """The linear macro problem, on perfect interfaces or on all."""
+def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox, watch: Stopwatch,
+           loaded: Callable[[], None]) -> Macro | None:
+    """The linear macro problem, on perfect interfaces or on all; still to be solved.
+
+    Parameters
+    ----------
+    loaded : waits until the black box answers
+    """
     wanted = [i.law.perfect or method.macro.on == "all" for i in scene.interfaces]
     if method.macro.strategy == "none" or not any(wanted):
         return None
-    kind = method.macro.basis
-    bases = interface_bases(scene, space, "affine" if kind in ("auto", "modes") else kind, wanted, method.skip.congruent)
-    spent = 0.0
+    kind, spent = method.macro.basis, 0.0
+    with watch("macro"):
+        bases = interface_bases(scene, space, "affine" if kind in ("auto", "modes") else kind, wanted, method.skip.congruent)
+        if kind in ("auto", "modes"):
+            chosen = difficulty(scene).incompressible_or_slender if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
     if kind in ("auto", "modes"):
-        chosen = difficulty(scene).incompressible_or_slender if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
-        modes, spent = soft_modes(direction, blackbox, chosen)
-        bases = enriched(space, direction.whole, bases, modes)
-    macro = Macro(space, direction, bases, method.macro.strategy, blackbox)
-    macro.sweeps += spent
-    return macro
+        if chosen.any():
+            loaded()
+        with watch("macro"):
+            modes, spent = soft_modes(direction, blackbox, chosen)
+            bases = enriched(space, direction.whole, bases, modes)
+    with watch("macro"):
+        return Macro(space, direction, bases, method.macro.strategy, spent)

@@ -39,7 +39,7 @@ class Macro:
     direction : search direction k⁻
     bases : per interface (d, m) macro basis
     strategy : "equilibrium" or "continuity"
-    blackbox : solves V = M⁻¹NᵀG, all subdomains at once
+    spent : back-substitutions per subdomain that the bases have cost
 
     Attributes
     ----------
@@ -49,16 +49,11 @@ class Macro:
     number : (size,) int, ascending, which of the macro unknowns of all ranks these are; shared : (size,) bool, those
         that another rank sees too
     blocks : V, subdomain by subdomain
-    sweeps : back-substitutions per subdomain spent on V (the mean)
-
-    Raises
-    ------
-    InputError : the macro matrix is not positive definite: the structure is not held
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
-                 strategy: str, blackbox: BlackBox):
-        self.space, self.strategy = space, strategy
+                 strategy: str, spent: float = 0.0):
+        self.space, self.strategy, self.spent = space, strategy, spent
         self.number, self.shared = _numbers(space, bases)
         C = moved(space, bases)
         if strategy == "equilibrium":
@@ -71,18 +66,32 @@ class Macro:
         self.C = C
         self.size = self.G.shape[1]
 
-        sees, forces = force_blocks(sp.csr_array(space.scatter @ self.G), space.boundary)
+        self._forces = force_blocks(sp.csr_array(space.scatter @ self.G), space.boundary)
+
+    def solve(self, blackbox: BlackBox) -> float:
+        """Form V = M⁻¹NᵀG, all subdomains at once, and factorise the macro matrix; it can be asked from then on.
+
+        Returns
+        -------
+        back-substitutions per subdomain (the mean) that it has cost, those of the bases included
+
+        Raises
+        ------
+        InputError : the macro matrix is not positive definite: the structure is not held
+        BlackBoxError : from the code
+        """
+        space, (sees, forces) = self.space, self._forces
+        del self._forces
         answers = blackbox.traces({e: block for e, block in enumerate(forces) if len(block)})
         self.blocks = joined(sees, space.boundary, forces, answers)
         solved, count = space.team.sum(sum(len(s) for s in sees), len(sees))
-        self.sweeps = float(solved / count) if count else 0.0
-
         lower = assembled(self.blocks, self.size)
-        if strategy == "equilibrium":
-            own = sp.csr_array(C.T @ self.G)
+        if self.strategy == "equilibrium":
+            own = sp.csr_array(self.C.T @ self.G)
             lower = sp.tril((own + own.T) / 2, format="csr") - lower
         self.coupled = 2 * lower.nnz - self.size
         self._solve = self._solver(lower)
+        return self.spent + (float(solved / count) if count else 0.0)
 
     @cached_property
     def sizes(self) -> sp.csr_array:

@@ -26,6 +26,7 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.loading import Loading
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.balancing import Balancing
@@ -74,23 +75,21 @@ class ErrorBound:
 
     Parameters
     ----------
-    stage : linear stage
-    loading : loads
+    direction : search direction; what it then is asked of, a linear stage and loads, is told by ``of``
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
     external : (T, B) external nodal forces on the boundary dofs
-    floor : relative energy error of the subdomains' own matrices, where their digits are few
 
     Notes
     -----
     Among ranks, sums per subdomain and per interface are formed where these are.
     """
 
-    def __init__(self, stage: LinearStage, loading: Loading, stiffness: sp.csr_array,
-                 modes: list[np.ndarray], external: np.ndarray, floor: float = 0.0):
-        self.stage, self.space, self.loading = stage, stage.space, loading
+    def __init__(self, direction: SearchDirection, stiffness: sp.csr_array, modes: list[np.ndarray],
+                 external: np.ndarray):
+        self.space = direction.space
         self.team, transfer = self.space.team, self.space.transfer
-        self.stiffness, self.external, self.floor = stiffness, external, floor
+        self.stiffness, self.external, self.floor = stiffness, external, 0.0
         self.weight = stiffness.diagonal()
         self.continuity = Continuity(self.space, self.weight)
         trace_weight, = self.space.extended(self.space.gathered(self.weight[None]))
@@ -100,13 +99,24 @@ class ErrorBound:
             self.share[:, np.repeat(~transfer.matched, np.diff(transfer.bounds))] = [[0.0], [1.0]]
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
         self.softness = np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY))
-        first, second = transfer.at_points(stage.direction.whole)
+        first, second = transfer.at_points(direction.whole)
         softness = sp.diags_array(self.softness)
         self.modes = RigidModes(self.space, modes)
         self.soles = softness @ ((first + second) / 2) @ softness
         self.reposition = Repositioning(self.space, self.modes, self.soles)
         self.balance = Balancing(self.space, self.modes)
         self.weights: np.ndarray | None = None
+
+    def of(self, stage: LinearStage, loading: Loading, floor: float) -> ErrorBound:
+        """The same for a linear stage and the loads of all load steps.
+
+        Parameters
+        ----------
+        floor : relative energy error of the subdomains' own matrices, where their digits are few
+        """
+        whole = self.batch(slice(None), stage, loading)
+        whole.floor = floor
+        return whole
 
     def batch(self, steps: slice | np.ndarray, stage: LinearStage, loading: Loading) -> ErrorBound:
         """The same for some of the load steps, whose linear stage and loading are given."""
