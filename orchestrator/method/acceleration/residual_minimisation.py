@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from orchestrator.method.interface.rows import dots
+from orchestrator.method.interface.rows import add, dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.parallel.team import ALONE, Team
@@ -108,7 +108,7 @@ class ResidualMinimisation:
             along = along - sum((c * m for c, m in zip(second, met)), np.zeros(len(dr)))
             for (_, p), c in zip(self.directions, steps):
                 for a, b in zip(dp, p):
-                    a -= b * c[:, None]
+                    add(a, -c, b)
             norm, size = np.sqrt(np.maximum(norm, 0.0)), np.sqrt(size)
             good = (norm > DEPENDENT * size) & (scale > 0)
             inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
@@ -127,7 +127,7 @@ class ResidualMinimisation:
     def _without(self, dr: np.ndarray, products: list[np.ndarray], steps: np.ndarray) -> None:
         """Take the directions kept out of dr, by its products with them (T,), and note these in the steps."""
         for (q, _), c in zip(self.directions, products):
-            dr -= q * c[:, None]
+            add(dr, -c, q)
         steps += np.reshape(products, steps.shape)
 
     def _step(self, dr: np.ndarray, dp: list[np.ndarray]) -> None:

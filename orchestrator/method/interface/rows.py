@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.blas import daxpy
 
 
 def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
@@ -20,6 +21,17 @@ def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
 def dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(T,) products of the rows of (T, n) with each other."""
     return np.einsum("ti,ti->t", a, b)
+
+
+def add(rows: np.ndarray, factors: np.ndarray, others: np.ndarray) -> None:
+    """rows (T, n) += factors (T,) times others (T, n), where they are: nothing of their size is written in between."""
+    if not rows.size:
+        return
+    if not rows.flags.c_contiguous:  # of others BLAS would change a copy
+        rows += factors[:, None] * others
+        return
+    for row, factor, other in zip(rows, factors, others):
+        daxpy(other, row, a=factor)
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:

@@ -37,6 +37,7 @@ class Admissible:
     alpha : (T, size) macro multiplier
     w, f : (T, D) traces of displacement and interface forces
     space : numbering
+    robin : (T, D) s − G α, where it is known already
     """
 
     s: np.ndarray
@@ -45,6 +46,7 @@ class Admissible:
     w: np.ndarray
     f: np.ndarray
     space: TraceSpace
+    robin: np.ndarray | None = None
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
@@ -149,13 +151,19 @@ class LinearStage:
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
-        w = self.trace(u)
-        return Admissible(s, u, alpha, w, self.robin_force(s, alpha) - self.direction.times(w), self.space)
+        w, robin = self.trace(u), self.robin_force(s, alpha)
+        return Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space, robin)
 
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""
         w = self.space.trace(u)
         return w if self.known is None else w + self.known
+
+    def robin_of(self, fields: Admissible) -> np.ndarray:
+        """(T, D) s − G α of fields, formed once."""
+        if fields.robin is None:
+            fields.robin = self.robin_force(fields.s, fields.alpha)
+        return fields.robin
 
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
         """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""

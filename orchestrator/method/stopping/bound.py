@@ -166,7 +166,7 @@ class ErrorBound:
         delta = self.continuity(u, self.stage.known)
 
         forces = self.space.loads(fields.f)
-        robin = self.space.loads(self.stage.robin_force(fields.s, fields.alpha))
+        robin = self.space.loads(self.stage.robin_of(fields))
         a2 = dots(delta, times(self.stiffness, delta))
         energy = self.loading.energy_of(robin, fields.u, forces)
         a2, energy = self.team.sum(a2, energy + 2 * dots(delta, self.external + forces) + a2)

@@ -212,7 +212,7 @@ class LawCriterion:
         space, d = self.d.space, self.d
         delta = self.continuity(fields.u, d.stage.known)
         energy, = space.team.sum(d.loading.energy_of(
-            space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, space.loads(fields.f)))
+            space.loads(d.stage.robin_of(fields)), fields.u, space.loads(fields.f)))
         modes = sum(m.shape[1] for m in d.modes)
         return Bound(math.nan, math.nan, energy, np.zeros((len(fields.u), modes)), delta)
 

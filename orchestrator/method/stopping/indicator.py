@@ -65,7 +65,7 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
                  _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
                  _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
     else:  # laws are compiled anyway
-        robin = stage.robin_force(fields.s, fields.alpha)
+        robin = stage.robin_of(fields)
         parts = np.sum(in_parts(all_squares, space.size, k, w, f, fields.s, residual, robin, apart, unbalanced, *local.hats),
                        axis=0).tolist()
     parts.append(np.array(list(counted.values())))
@@ -107,7 +107,7 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
     """
     direction, w, f = stage.direction, fields.w, fields.f
     exact = exact_norms(direction, exact)
-    kw = stage.robin_force(fields.s, fields.alpha) - f  # known: no product with k
+    kw = stage.robin_of(fields) - f  # known: no product with k
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats
     else:
@@ -149,7 +149,7 @@ def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, e
     energy : (T,) ‖u‖²_K; the diagonal of k stands in for it in the inverse norm
     """
     w_hat, f_hat, kw_hat = local.hats
-    w, kw, f = fields.w - w_hat, stage.robin_force(fields.s, fields.alpha) - fields.f - kw_hat, fields.f - f_hat
+    w, kw, f = fields.w - w_hat, stage.robin_of(fields) - fields.f - kw_hat, fields.f - f_hat
     gap, = stage.space.team.sum(dots(w, kw) + (f * f) @ (1 / stage.direction.diagonal))
     size = energy.max(initial=0.0)
     return float(np.sqrt(gap.max(initial=0.0) / size)) if size > 0 else 0.0 if not gap.any() else np.inf

@@ -86,7 +86,7 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
         piece = joined[piece]
     order = np.argsort(piece, kind="stable")
     ranges = np.searchsorted(piece[order], np.arange(count + 1))
-    own = [np.unique(mesh.cells[order[a:b]]) for a, b in zip(ranges[:-1], ranges[1:])]
+    own = [_nodes_of(mesh, order[a:b] if count > 1 else slice(None)) for a, b in zip(ranges[:-1], ranges[1:])]
     hint = _touching(mesh, own) if count > 1 else None
     for i, nodes in enumerate(own):
         points = mesh.nodes[nodes]
@@ -105,6 +105,16 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
             cure += "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
         problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
+
+
+def _nodes_of(mesh: Mesh, cells: np.ndarray | slice) -> np.ndarray:
+    """(n,) ascending, the nodes of some cells."""
+    chosen = mesh.cells[cells]
+    if chosen.size < len(mesh.nodes):  # of many pieces: marks on all nodes would grow with their square
+        return np.unique(chosen)
+    marked = np.zeros(len(mesh.nodes), dtype=bool)
+    marked[chosen] = True
+    return np.flatnonzero(marked)
 
 
 def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+PART = 1 << 14  # tets whose corners stay in a core's own cache: of a million at once it takes three times as long
+
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(k, 3) vector products; four times as fast as numpy's, which is made for any axis and dimension."""
@@ -21,8 +23,11 @@ def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the first three turn to."""
-    p, q, r, s = (nodes[cells[:, i]] for i in range(4))
-    return np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
+    volumes = np.empty(len(cells))
+    for first in range(0, len(cells), PART):
+        p, q, r, s = (nodes.take(corner, axis=0) for corner in cells[first : first + PART, :4].T)
+        volumes[first : first + PART] = np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
+    return volumes
 
 
 def skew(vectors: np.ndarray) -> np.ndarray:
