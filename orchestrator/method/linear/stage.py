@@ -13,7 +13,7 @@ so that affine combinations of its results are its results for the combined stat
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -46,7 +46,7 @@ class Admissible:
     w: np.ndarray
     f: np.ndarray
     space: TraceSpace
-    robin: np.ndarray | None = None
+    robin: np.ndarray | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
@@ -152,7 +152,9 @@ class LinearStage:
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
         """Traces and forces that belong to (s, u, α): eq. 2 in the search direction of eq. 11, which makes eq. 14."""
         w, robin = self.trace(u), self.robin_force(s, alpha)
-        return Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space, robin)
+        fields = Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space)
+        fields.robin = robin
+        return fields
 
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""
