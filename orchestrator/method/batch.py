@@ -159,8 +159,9 @@ class Batch:
             elif reason is None:
                 with watch("acceleration"):
                     self.s = self._next(evaluated.s, foreseen)
-        with watch("linear_stage"):
-            best = d.stage.ended(best)
+        if d.nonlinear is not None:
+            with watch("linear_stage"):
+                best = d.stage.ended(best)
         with watch("bound"):
             d.stage.forget()
             bound, spent = criterion.final(best, verdict.bound)
