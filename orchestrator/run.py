@@ -8,6 +8,8 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from orchestrator.blackbox.layers.stack import with_layers
+from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.blackbox.own_loads import add_own_loads
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.start import Ahead, make_blackbox
@@ -261,10 +263,20 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
                                  start=record.start, watch=watch, team=team, ahead=ahead)
                 progress.close()
-                record.finish(solution, config.output.fields, artist, team)
+                record.finish(solution, config.output.fields, artist, team, _beside(config, solution) if config.output.fields else [])
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED
+
+
+def _beside(config: Config, solution: Solution) -> list[OwnFields]:
+    """Fields of the parts whose mesh is not ours, each on its own."""
+    found, scene = [], solution.scene
+    for stand in scene.mesh.foreign:
+        own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)
+        code, = find_codes(config.codes, [own.code]).values()
+        found.append(code.own_fields(solution.parts[own.index][:, : stand.joints]))
+    return found
 
 
 def follow(team: Team) -> int:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from types import TracebackType
 
+from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.config import Config
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.files import write_fields
@@ -57,7 +59,8 @@ class Record:
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
         self.subscribers = [self._history, self._checkpoint, self._remains]
 
-    def finish(self, solution: Solution, fields: bool, artist: Artist | None, team: Team = ALONE) -> None:
+    def finish(self, solution: Solution, fields: bool, artist: Artist | None, team: Team = ALONE,
+               beside: Sequence[OwnFields] = ()) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
@@ -69,6 +72,7 @@ class Record:
         fields : whether they are wanted
         artist : who draws the figures; None: nobody
         team : the ranks, which write fields together; the others ``write_piece``
+        beside : fields of parts with a mesh of their own
 
         Raises
         ------
@@ -76,7 +80,7 @@ class Record:
         """
         try:
             self._history.complete()
-            write_results(self._folder, solution, self._watch, fields, artist, team)
+            write_results(self._folder, solution, self._watch, fields, artist, team, beside)
         except BaseException as error:
             self._remains.unwritten(error, solution)
             raise
@@ -95,7 +99,7 @@ class Record:
 
 
 def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, fields: bool,
-                  artist: Artist | None, team: Team = ALONE) -> None:
+                  artist: Artist | None, team: Team = ALONE, beside: Sequence[OwnFields] = ()) -> None:
     """Fields and summary of a finished run; figures are begun.
 
     Parameters
@@ -103,7 +107,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     solution : in its summary, the time that all this takes is noted
     fields : whether they are wanted
     artist : who draws the figures; None: nobody
-    team : as for ``Record.finish``
+    team, beside : as for ``Record.finish``
 
     Raises
     ------
@@ -114,7 +118,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
             note_time(solution.summary, watch)
             artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
-            write_fields(folder, solution.fields, team)
+            write_fields(folder, solution.fields, team, beside)
         if solution.answers is not None:
             solution.answers.write(folder)
     note_time(solution.summary, watch)

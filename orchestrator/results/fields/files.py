@@ -8,9 +8,11 @@ stresses at nodes are of one body each; what happens on the interfaces is in fil
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
+from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.method.stopping.stress import von_mises
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.fields import Fields
@@ -23,7 +25,7 @@ from orchestrator.results.folder import ResultsFolder
 PVD_NAME = "fields/fields.pvd"
 
 
-def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE) -> None:
+def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE, beside: Sequence[OwnFields] = ()) -> None:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
     Several ranks write a piece of every step each, step_0001_0.vtu …, that step_0001.pvtu puts together; the others
@@ -32,6 +34,7 @@ def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE) -> N
     Parameters
     ----------
     team : the ranks; this is rank 0
+    beside : of parts with a mesh of their own, which have files of theirs in the same collection
 
     Raises
     ------
@@ -39,17 +42,35 @@ def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE) -> N
     """
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
-    grid = fields.apart
+    grid, shown = fields.apart, None
+    if beside:  # of what stands for these parts nothing is shown
+        hidden = [i for i, name in enumerate(fields.parts) if name in {part.name for part in beside}]
+        shown = np.flatnonzero(~np.isin(fields.part, hidden))
     if team.size > 1:
-        names = _in_pieces(folder, grid, fields.nodal, team)
+        names = _in_pieces(folder, grid, fields.nodal, team, shown)
     else:
         names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
+        some = grid if shown is None else grid.some(shown)
+        at = slice(None) if shown is None else np.unique(grid.cells[shown])
         for step, name in enumerate(names):
-            _write_step(folder, f"fields/{name}", grid, step, fields.nodal.everywhere(fields.nodal.stress(step)))
-    write_pvd(folder, PVD_NAME, names)
+            _write_step(folder, f"fields/{name}", some, step, fields.nodal.everywhere(fields.nodal.stress(step))[at])
+    write_pvd(folder, PVD_NAME, names, [_write_beside(folder, part) for part in beside])
     if fields.interfaces is not None:
         write_interfaces(folder, fields.nodes, fields.interfaces,
                          [fields.interface_displacement(side) for side in (0, 1)])
+
+
+def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
+    """Files of a part with a mesh of its own, one per load step; their names."""
+    import meshio  # not before there is something to write
+
+    plain = "".join(c if c.isalnum() or c in "-_." else "_" for c in part.name)
+    names = [f"{plain}_{step + 1:04d}.vtu" for step in range(len(part.displacement))]
+    for name, u, force in zip(names, part.displacement, part.force):
+        with folder.replacing(f"fields/{name}") as temporary:
+            meshio.vtu.write(temporary, meshio.Mesh(part.points, part.blocks, point_data={"displacement": u, "joint_force": force}),
+                             binary=True, compression=None)
+    return names
 
 
 def write_piece(team: Team) -> None:
@@ -59,10 +80,17 @@ def write_piece(team: Team) -> None:
     team.gather(None)
 
 
-def _in_pieces(folder: ResultsFolder, fields: Fields, nodal: Nodal, team: Team) -> list[str]:
-    """Have every rank write its piece; names of the files that put them together."""
-    ends = np.linspace(0, len(fields.cells), team.size + 1).astype(int)
+def _in_pieces(folder: ResultsFolder, fields: Fields, nodal: Nodal, team: Team, shown: np.ndarray | None = None) -> list[str]:
+    """Have every rank write its piece; names of the files that put them together.
+
+    Parameters
+    ----------
+    shown : (k,) int, which of the cells; None: all
+    """
     order = np.argsort(fields.subdomain, kind="stable")
+    if shown is not None:
+        order = order[np.isin(order, shown)]
+    ends = np.linspace(0, len(order), team.size + 1).astype(int)
     stress = np.array([nodal.everywhere(nodal.stress(step)) for step in range(fields.steps)])
 
     def piece(rank: int) -> tuple[Fields, np.ndarray]:

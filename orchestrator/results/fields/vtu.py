@@ -61,13 +61,18 @@ def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_da
     folder.write(name, "\n".join(rows))
 
 
-def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str]) -> None:
+def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str], parts: Sequence[Sequence[str]] = ()) -> None:
     """Writes a ParaView collection of one file per load step beside it, time = step from 1.
+
+    Parameters
+    ----------
+    parts : of further parts, one file per load step each
 
     Raises
     ------
     InputError : disk full or folder not writable
     """
-    rows = [f'    <DataSet timestep="{step}" group="" part="0" file="{file}"/>' for step, file in enumerate(steps, 1)]
+    rows = [f'    <DataSet timestep="{step}" group="" part="{part}" file="{file}"/>'
+            for part, files in enumerate([steps, *parts]) for step, file in enumerate(files, 1)]
     folder.write(name, "\n".join(['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>",
                                   *rows, "  </Collection>", "</VTKFile>", ""]))

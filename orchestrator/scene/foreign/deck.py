@@ -25,6 +25,8 @@ _EDGES = {10: {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
                (2, 6): 18, (3, 7): 19},
           15: {(0, 1): 6, (1, 2): 7, (0, 2): 8, (3, 4): 9, (4, 5): 10, (3, 5): 11, (0, 3): 12, (1, 4): 13, (2, 5): 14}}
 _CORNERS = {4: _TET, 10: _TET, 8: _HEX, 20: _HEX, 6: _WEDGE, 15: _WEDGE}
+# meshio's names, by number of nodes
+SHAPES = {4: "tetra", 10: "tetra10", 6: "wedge", 15: "wedge15", 8: "hexahedron", 20: "hexahedron20"}
 # Cards of matter and conditions whose answers are not proportional to forces.
 NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
              "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
@@ -163,6 +165,13 @@ class Deck:
             if len(table) % size:
                 rows[0].fail(f"{len(table)} numbers for elements of type {kind}", f"a number and {digits} nodes for each")
             yield table.reshape(-1, size)[:, 1:].astype(int)
+
+    def blocks(self) -> list[tuple[str, np.ndarray]]:
+        """Solid elements by meshio's names, nodes as places in ``ids``; nodes of both programs come in the same order."""
+        found: dict[int, list[np.ndarray]] = {}
+        for table in self._elements():
+            found.setdefault(table.shape[1], []).append(np.searchsorted(self.ids, table))
+        return [(SHAPES[size], np.concatenate(tables)) for size, tables in sorted(found.items())]
 
     def supports(self, ids: np.ndarray, points: np.ndarray, loads: list[Path]) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) bool, components of joint nodes that are held, and the rigid motions (6, r) that all supports leave."""

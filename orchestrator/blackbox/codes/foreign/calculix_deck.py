@@ -13,6 +13,7 @@ import numpy as np
 from orchestrator.blackbox.codes.foreign.code import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
 from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Refused
+from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.foreign.read import read_joints
 
@@ -50,8 +51,7 @@ class DeckCode(ForeignCode):
         S = np.zeros((len(dofs), len(dofs)))
         S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name)[0]
         part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
-        k = np.zeros(len(dofs))
-        k[free] = np.diag(S)[free].mean()
+        k = springs_of(S, free)
         M = S + np.diag(k)
         b = np.array([M @ runs.static(k, load) for load in part.loads or []]) if part.loads else np.zeros((1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
@@ -60,6 +60,26 @@ class DeckCode(ForeignCode):
             raise InputError(Problem((*path, "loads"), f"{len(b)} files of loads for {len(self.settings.factors)} load steps",
                                      "one file for all load steps, or one for each", "let history multiply a single one"))
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
+
+    def own_fields(self, u: np.ndarray) -> OwnFields:
+        """As ``ForeignCode`` says, on the deck's own mesh: S u − b act on its joints, and springs k on them are held by k u.
+
+        What loads inside do and what the joints do are superposed: a run for each file of loads, and one for each load step.
+        """
+        part, joints, steps = self.condensed(), self.condensed().joints, len(u)
+        on_joints = super().own_fields(u)
+        k = springs_of(part.stiffness, part.free)
+        with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
+            own = [runs.everywhere(k, load) for load in self.settings.part.loads or []]
+            found = np.stack([runs.everywhere(k, None, (on_joints.force[t].ravel() + k * u[t].ravel()) * (k > 0))
+                              for t in range(steps)])
+            for t, factor in enumerate(self.settings.factors if own else ()):
+                found[t] += factor * own[t if len(own) > 1 else 0]
+            # the springs have been in both
+            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.blocks()
+        displacement, force = found[:, ids - 1], np.zeros((steps, len(ids), 3))
+        force[:, np.searchsorted(ids, joints.ids)] = on_joints.force
+        return OwnFields(self.settings.name, points, blocks, displacement, force)
 
     def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:
         """Raises InputError where forces on the joints do not move them as the stored matrix says."""
@@ -75,3 +95,10 @@ class DeckCode(ForeignCode):
                                      f"as its stiffness says: {left:.1e} of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose "
                                      "stiffness does not depend on its loads", "look for contact, gaps, *TRANSFORM on joints, and moduli that "
                                      "depend on temperature: with its loads the deck is another than without"))
+
+
+def springs_of(S: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(3n,) grounded springs on a part's joints: as stiff as it is, on average; none where it is held."""
+    k = np.zeros(len(S))
+    k[free] = np.diag(S)[free].mean()
+    return k

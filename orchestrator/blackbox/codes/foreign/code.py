@@ -13,6 +13,7 @@ from orchestrator.config.foreign_parts import ForeignPart
 
 if TYPE_CHECKING:
     from orchestrator.blackbox.codes.foreign.condensed import Condensed
+    from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
     from orchestrator.blackbox.pool.worker import Worker
 
 
@@ -55,6 +56,12 @@ class ForeignCode(Code):
         from orchestrator.blackbox.codes.foreign.condensed import of_steps
 
         return of_steps(self.condensed().loads, self.settings.factors)
+
+    def own_fields(self, u: Any) -> OwnFields:
+        """What it ends with, given the displacements (steps, n, 3) of its joints."""
+        from orchestrator.blackbox.codes.foreign.own_fields import on_joints
+
+        return on_joints(self.settings.name, self.condensed(), u, self.loads(len(u)))
 
     def floor(self) -> float:
         """As ``Code`` says."""

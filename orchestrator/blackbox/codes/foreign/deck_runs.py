@@ -72,17 +72,22 @@ class DeckRuns:
 
     def static(self, k: np.ndarray, loads: str | None, forces: np.ndarray | None = None) -> np.ndarray:
         """(3n,) displacements of the joints under a file of loads and forces (3n,) on the joints, springs k (3n,) on them."""
+        u = self.everywhere(k, loads, forces)
+        if len(u) < self.joints.ids.max():
+            raise Refused("a restart file without all nodes")
+        found = np.where(k > 0, u[self.joints.ids - 1].ravel(), 0.0)
+        if not np.isfinite(found).all():
+            raise Refused("displacements that are not finite: something inside can move by itself")
+        return found
+
+    def everywhere(self, k: np.ndarray, loads: str | None, forces: np.ndarray | None = None) -> np.ndarray:
+        """(nodes, 3) the same of all nodes, by number from 1."""
         text = self._included() + self.springs(k) + "*STEP\n*RESTART,WRITE\n*STATIC\n"
         if loads is not None:
             text += f"*INCLUDE,INPUT={Path(loads).name}\n"
         text += "*CLOAD\n" + self._forces(np.zeros(len(k)) if forces is None else forces)
         self._run(text + "*END STEP\n")
-        u = self._displacements()
-        dofs = (3 * (self.joints.ids[:, None] - 1) + np.arange(3)).ravel()
-        found = np.where(k > 0, u[dofs], 0.0)
-        if not np.isfinite(found).all():
-            raise Refused("displacements that are not finite: something inside can move by itself")
-        return found
+        return self._displacements()
 
     def springs(self, k: np.ndarray) -> str:
         """Grounded springs, an element for each dof with k > 0."""
@@ -118,7 +123,7 @@ class DeckRuns:
             raise Refused(f"CalculiX says: {said or self.code.meaning(done.returncode)}")
 
     def _displacements(self) -> np.ndarray:
-        """(3 nodes,) of all nodes by number: the second record after the materials' names in the restart file."""
+        """(nodes, 3) of all nodes by number: the second record after the materials' names in the restart file."""
         try:
             data = (self.folder / JOB).with_suffix(".rout").read_bytes()
         except OSError as error:
@@ -134,6 +139,4 @@ class DeckRuns:
         if len(names) != 1 or names[0] + 2 >= len(records) or records[names[0] + 2][1] % 32:
             raise Refused(f"a restart file that cannot be read ({len(self.materials)} materials, found {len(names)} times)")
         start, length = records[names[0] + 2]
-        if length // 32 < self.joints.ids.max():
-            raise Refused("a restart file without all nodes")
-        return np.frombuffer(data, np.float64, length // 8, start).reshape(-1, 4)[:, 1:].ravel()
+        return np.frombuffer(data, np.float64, length // 8, start).reshape(-1, 4)[:, 1:]
