@@ -104,7 +104,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
                [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
                split, problems)
     times = [factors(entry, config) for entry in config.loads]
-    thermal = eigenstrain(mesh, config.loads, times, [m.expansion for m in config.matter], cell_material, problems) \
+    thermal = eigenstrain(mesh, config.loads, times, [*(m.expansion for m in config.matter), *(None for _ in mesh.foreign)], cell_material, problems) \
         if any(entry.temperature is not None for entry in config.loads) else None
     if thermal is not None:
         thermal_loads(mesh, thermal, materials, cell_material, numbering, split)

@@ -36,16 +36,18 @@ def view(fields: Fields) -> View:
 
 def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[View]:
     """Pictures of several load steps: one camera, one exaggeration, one colour scale."""
-    drawn = fields.opened
+    drawn, whole = fields.opened, fields
+    if (drawn.lame[:, 1] == 0).any():  # cells that stand for a part whose mesh is another program's
+        ours = np.flatnonzero(drawn.lame[:, 1] > 0)
+        drawn, whole = drawn.some(ours), fields.some(ours)
     size = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
     largest = {step: float(np.linalg.norm(drawn.displacement[step], axis=1).max()) for step in steps}
     factor = _exaggeration(fields, steps, size, max(largest.values()))
 
     faces, cell = surface.outer_faces(drawn.nodes, drawn.cells)
-    lines = surface.edges(drawn.nodes, faces, fields.subdomain[cell])
-    whole = faces if drawn is fields else surface.outer_faces(fields.nodes, fields.cells)[0]
-    sharp = surface.edges(fields.nodes, whole)
-    outline = fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
+    lines = surface.edges(drawn.nodes, faces, drawn.subdomain[cell])
+    sharp = surface.edges(whole.nodes, faces if drawn is whole else surface.outer_faces(whole.nodes, whole.cells)[0])
+    outline = whole.nodes[sharp] if len(sharp) else surface.box_edges(whole.nodes)
     moved = {step: drawn.nodes + factor * drawn.displacement[step] for step in steps}
 
     average, node, corner = nodal_average(

@@ -17,7 +17,7 @@ import numpy as np
 
 from orchestrator.config.boundary import BodyForce
 from orchestrator.errors import KeyPath, Problems
-from orchestrator.scene.conditions.materials import volumes_named
+from orchestrator.scene.conditions.materials import cells_loaded
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.geometry import shape_gradients, tet_volumes
 from orchestrator.scene.mesh.quadratic import quadratic_slopes
@@ -45,7 +45,7 @@ def eigenstrain(mesh: Mesh, entries: list[BodyForce], factors: list[list[float]]
     for i, entry in enumerate(entries):
         if entry.temperature is None:
             continue
-        cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, entry.on, ("loads", i, "on"), problems)))
+        cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
         stiff = sorted({int(m) for m in cell_material[cells] if m >= 0 and expansion[m] is None})
         if stiff:
             problems.add(("loads", i, "temperature"), f"matter without expansion: materials[{stiff[0]}]",

@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.config.turning import unit
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.affine import nodal
-from orchestrator.scene.conditions.materials import volumes_named
+from orchestrator.scene.conditions.materials import cells_loaded
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_MOMENTS, TET_SHARES, TRIANGLE_SHARES
 from orchestrator.scene.model import BoundaryEntry, Mesh
@@ -55,13 +55,7 @@ def body_loads(mesh: Mesh, entries: list[Any], vectors: list[list[list[float]] |
     for i, (entry, rows) in enumerate(zip(entries, vectors)):
         if entry.temperature is not None:  # see ``heat``
             continue
-        cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, entry.on, ("loads", i, "on"), problems)))
-        if mesh.foreign:  # what loads them they bring along
-            foreign = mesh.is_foreign(cells)
-            if len(cells) and foreign.all():
-                problems.add(("loads", i, "on"), f"a load on {mesh.volumes[mesh.volume[cells[0]]]!r} alone, whose mesh is not this "
-                             "program's", "loads on parts with a mesh", "put it in the part's own loads")
-            cells = cells[~foreign]
+        cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
         volumes = tet_volumes(mesh.nodes, mesh.cells[cells])
         if rows is None:
             kind = "gravity" if entry.gravity is not None else "spin"

@@ -41,3 +41,15 @@ def volumes_named(mesh: Mesh, on: Any, path: tuple[str | int, ...], problems: Pr
                          suggestion(pattern, mesh.volumes, "volume"))
         found.update(dict.fromkeys(mesh.volumes.index(name) for name in names))
     return list(found)
+
+
+def cells_loaded(mesh: Mesh, on: Any, path: tuple[str | int, ...], problems: Problems) -> np.ndarray:
+    """(k,) int, cells of the volumes that a load names; parts whose mesh is not ours bring their loads along."""
+    cells = np.flatnonzero(np.isin(mesh.volume, volumes_named(mesh, on, path, problems)))
+    if not mesh.foreign:
+        return cells
+    foreign = mesh.is_foreign(cells)
+    if len(cells) and foreign.all():
+        problems.add(path, f"a load on {mesh.volumes[mesh.volume[cells[0]]]!r} alone, whose mesh is not this program's",
+                     "loads on parts with a mesh", "put it in the part's own loads")
+    return cells[~foreign]

@@ -27,6 +27,7 @@ class ForeignCode(Code):
         """What ``parts`` says of one part."""
 
         element: Literal["P1"] = "P1"
+        transport: Literal["file"] = "file"
         workers: Literal[1] = 1
         part: SerializeAsAny[ForeignPart] = Field(description="the part's own entry")
         name: str = Field(description="of the part")
