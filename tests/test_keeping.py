@@ -53,7 +53,7 @@ CASES = {
         {**entry, "on": {"plane": "z", "at": at}} for entry, at in zip(PRESSED["boundary"], (0.0, 2.0))]},
     "contact, sides that slide on": {**APART, "interfaces": [{"law": "contact", "friction": 0.3, "pairing": "follow"}], "boundary": [
         {"on": {"plane": "z", "at": 0.0}, "displacement": [0, 0, 0]},
-        {"on": {"plane": "z", "at": 2.0}, "displacement": [[0.3, 0, -0.005], [0.8, 0.1, -0.005]]}]},
+        {"on": {"plane": "z", "at": 2.0}, "displacement": [[0.3, 0, -0.03], [0.6, 0.1, -0.03]]}]},
 }
 
 
