@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blackbox_case import assemble, box, difference, forces, settings
+from in_process import IN_PROCESS
 from method_case import CUBES, solved
 
 from orchestrator.blackbox.start import make_blackbox
@@ -13,6 +14,8 @@ from orchestrator.config import config_from, load_config
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.studies.problems.assemblies import stack_of_three
+from orchestrator.studies.robustness.codes import APART
 
 ROOT = Path(__file__).parents[1]
 TEMPLATE = str(ROOT / "orchestrator" / "blackbox" / "codes" / "template.py")
@@ -89,6 +92,15 @@ def test_friction_does_not_notice_the_code(configs_dir):
     assert len(np.unique(alone.interfaces.status)) > 1, "sticks here and slips there"
     assert difference(np.array(mixed.summary["reactions"]), np.array(alone.summary["reactions"])) < 1e-9
     assert difference(mixed.interfaces.resultant, alone.interfaces.resultant) < 1e-9
+
+
+def test_faces_that_do_not_match_do_not_notice_the_code():
+    """A CalculiX block bonded on a FreeFEM one, a scikit-fem block that slides on it, each with a mesh of its own."""
+    problem = {**stack_of_three(0.3, (2, 3, 2)), "method": {"tolerance": {"error": 1e-7}}}
+    mixed, alone = (solve(config_from({**problem, "blackbox": code})) for code in (APART, IN_PROCESS))
+    assert mixed.iterations == alone.iterations and np.array_equal(mixed.interfaces.status, alone.interfaces.status)
+    assert difference(mixed.displacement, alone.displacement) < 1e-11
+    assert difference(mixed.interfaces.resultant, alone.interfaces.resultant) < 1e-11
 
 
 def test_a_failure_of_one_code_ends_all(tmp_path):

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 from contact_case import PATH
+from in_process import IN_PROCESS
 from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, one_piece, patch_scene
 
+from orchestrator.config import config_from
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.studies.problems import assemblies
 
 SLIDES = {"law": "contact", "friction": 0.3}
 
@@ -97,6 +100,11 @@ def test_contact_is_that_of_one_piece(bodies, cells, law, element):
     made = pressed(bodies, cells, law, element=element)
     scene = build_scene(made)
     assert all(i.mortar is not None for i in scene.interfaces)
+    as_in_one_piece(made, scene)
+
+
+def as_in_one_piece(made, scene):
+    """Every load step has the statuses, displacements and forces of the solution without decomposition, which is returned."""
     solved = solve(made, scene)
     assert solved.converged, solved.stop_reason
     local = solved.iterated.local
@@ -107,6 +115,30 @@ def test_contact_is_that_of_one_piece(bodies, cells, law, element):
         far, strong = max(np.abs(part).max() for part in step.parts), np.abs(step.force).max()
         assert max(np.abs(part[t] - theirs).max() for part, theirs in zip(solved.parts, step.parts)) < 1e-6 * far
         assert np.abs(local.force[t].T - step.force).max() <= 1e-6 * strong
+    return solved
+
+
+# two rows of five bricks, shifted against each other: seventeen faces, and edges where three meet
+TEN = {f"{name}{k}": ([1, 1, 1], [k + 0.4 * row, 0, row]) for row, name in enumerate("ab") for k in range(5)}
+SHEARED = [[0, 0, -0.005], [0.003, 0, -0.006], [-0.003, 0.001, -0.006], [0.001, 0, -0.003]]
+
+
+def test_ten_bodies_are_those_of_one_piece():
+    """Between two rows that are pressed and sheared, and between neighbours in a row, they stick and slip."""
+    made = pressed(TEN, (1, 2) * 5, {**SLIDES, "friction": 0.1}, path=SHEARED, error=1e-8)
+    scene = build_scene(made)
+    assert len(scene.interfaces) == 17 and all(i.mortar is not None for i in scene.interfaces)
+    assert {1, 2} <= set(as_in_one_piece(made, scene).iterated.local.status.ravel())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_bolt_in_its_bore_is_that_of_one_piece(friction, tmp_path):
+    """Facets that are chords of other polygons about the same circle; turned and pulled there and back."""
+    made = config_from({**assemblies.bolt_in_bore(tmp_path, (0.6, 0.8), friction), "blackbox": IN_PROCESS,
+                        "method": {"tolerance": {"error": 1e-8}}})
+    scene = build_scene(made)
+    assert [i.mortar is not None for i in scene.interfaces] == [True]
+    assert {0, 2} <= set(as_in_one_piece(made, scene).iterated.local.status.ravel())
 
 
 def test_contact_takes_as_many_stages():

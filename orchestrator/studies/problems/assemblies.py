@@ -1,4 +1,5 @@
-"""Assemblies of parts meshed each on its own: a bolted flange, a ring shrunk on a shaft, a ball on a block."""
+"""Assemblies of parts meshed each on its own: a bolted flange, a ring shrunk on a shaft, a ball on a block, a bolt in a bore,
+blocks on each other."""
 
 from __future__ import annotations
 
@@ -103,6 +104,63 @@ def lame_displacement(radius: Any) -> Any:
     young, poisson = STEEL[0]["young"], STEEL[0]["poisson"]
     size = (1 + poisson) / young * lame_pressure() * INNER**2 / (OUTER**2 - INNER**2)
     return size * ((1 - 2 * poisson) * radius + OUTER**2 / radius)
+
+
+def lame_stress(radius: Any) -> tuple[Any, Any]:
+    """Radial and hoop stress in the ring at radii, exactly."""
+    size = lame_pressure() * INNER**2 / (OUTER**2 - INNER**2)
+    return size * (1 - OUTER**2 / radius**2), size * (1 + OUTER**2 / radius**2)
+
+
+# --- a bolt in a bore without clearance, turned and pulled there and back ------------------------------------------------
+
+SIDEWAYS = [[0.004, 0, 0], [0.01, 0.002, -0.004], [-0.006, 0, 0.004], [0.004, 0, 0]]
+
+
+def bolt_in_bore(folder: Path, sizes: tuple[float, float], friction: float) -> dict[str, Any]:
+    """Parts ``bolt`` and ``plate``; the plate is held at two sides, the bolt's end moved there and back.
+
+    Parameters
+    ----------
+    sizes : element sizes of bolt and plate
+    """
+    for name in ("bolt", "plate"):
+        with session():
+            occ = gmsh.model.occ
+            bolt = [(3, occ.addCylinder(0, 0, 0, 0, 0, 1.4 if name == "bolt" else 1.0, 1.0))]
+            if name == "plate":
+                occ.cut([(3, occ.addBox(-2, -2, 0, 4, 4, 1))], bolt)
+            occ.synchronize()
+            gmsh.write(str(folder / f"{name}.brep"))
+    return {
+        "name": "bolt_in_bore", "subdomains": "groups", "materials": STEEL,
+        "parts": [{"name": name, "mesh": {"step": str(folder / f"{name}.brep")}, "h": h} for name, h in zip(("bolt", "plate"), sizes)],
+        "interfaces": [{"between": "auto", "law": "contact", "friction": friction}],
+        "boundary": [{"on": {"plane": "x", "at": -2}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": 2}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1.4}, "displacement": SIDEWAYS}],
+    }
+
+
+# --- three blocks on each other ------------------------------------------------------------------------------------------
+
+
+def stack_of_three(friction: float | None, cells: tuple[int, int, int] = (4, 3, 5)) -> dict[str, Any]:
+    """Parts ``low``, ``mid`` and ``top``, bonded; with friction ``top`` slides there and back.
+
+    Parameters
+    ----------
+    cells : of each along its edges
+    """
+    held = [{"between": ["mid", "top"], "law": "contact", "friction": friction}] if friction is not None else []
+    return {
+        "name": "stack_of_three", "subdomains": "groups", "materials": STEEL,
+        "parts": [{"name": name, "mesh": {"box": {"size": [1, 1, 0.5], "cells": [n, n, n // 2]}}, "move": {"translate": [0, 0, 0.5 * k]}}
+                  for k, (name, n) in enumerate(zip(("low", "mid", "top"), cells))],
+        "interfaces": [{"law": "perfect"}, *held],
+        "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]},
+                     {"on": "top/zmax", "displacement": [[0, 0, -0.004], [0.003, 0, -0.004], [-0.003, 0.001, -0.004]]}],
+    }
 
 
 # --- a ball pressed on a block, a quarter: Hertz ------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.summary.codes import code_label
 from orchestrator.run import solve
 from orchestrator.studies.kit.framework import Case, Study
+from orchestrator.studies.problems.assemblies import stack_of_three
 from orchestrator.studies.problems.cases import cube
 from orchestrator.timing import Stopwatch
 
@@ -30,6 +31,7 @@ ALONE: dict[str, Any] = {
 MIXED = [{"code": "freefem"}, {"code": "freefem", "transport": "file", "on": "block 0-0-1"},
          {"code": "calculix", "on": ["block 1-0-*"]}, {"code": "scikit-fem", "on": "block 0-1-*"},
          {"code": OWN, "on": "block 1-1-1"}]
+APART = [{"code": "freefem"}, {"code": "calculix", "on": "mid"}, {"code": "scikit-fem", "on": "top"}]
 PUNCH = {"FreeFEM on FreeFEM": {"code": "freefem"},
          "FreeFEM on CalculiX": [{"code": "freefem"}, {"code": "calculix", "on": "block"}],
          "CalculiX on FreeFEM": [{"code": "calculix"}, {"code": "freefem", "on": "block"}]}
@@ -39,7 +41,7 @@ Spent = list[tuple[str, dict[str, float]]]  # case, seconds by code
 
 
 def run(study: Study, elements: int = 5) -> None:
-    """Eight cubes bonded, bent and pulled; a punch pressed and sheared on a block with friction.
+    """Eight cubes bonded, bent and pulled; a punch pressed and sheared on a block with friction; three blocks meshed apart.
 
     Parameters
     ----------
@@ -65,6 +67,14 @@ def run(study: Study, elements: int = 5) -> None:
                          f"{row['statuses']} of other status, {row['resultants']:.1e}",
                          row["statuses"] == 0 and row["resultants"] <= RESULTANTS)
         first = first or solved
+    for scene, friction in (("meshed apart, bonded", None), ("meshed apart, friction", 0.3)):
+        problem = {**stack_of_three(friction), "method": {"tolerance": {"error": SAME / 10}}}
+        first = _solve(study, scene, "FreeFEM", {**problem, "blackbox": APART[0]}, None, spent)
+        _solve(study, scene, "FreeFEM, CalculiX, scikit-fem", {**problem, "blackbox": APART}, first, spent)
+        row = study.rows[-1]
+        study.target(f"{scene}, three codes", f"the same statuses, displacements of FreeFEM alone to {SAME:g}",
+                     f"{row['statuses'] or 0} of other status, {row['difference']:.1e}",
+                     not row["statuses"] and row["difference"] <= SAME)
     study.figure(_picture(spent))
 
 

@@ -141,7 +141,27 @@ def _shrunk(study: Study, folder: Path) -> tuple[np.ndarray, ...]:
     _row(study, "shrunk ring, P2", "pressure farthest off", float(worst), exact, TIGHT, aim, seconds, solved)
     _row(study, "shrunk ring, P2", "displacement of the ring farthest off", float(outward[far]),
          float(assemblies.lame_displacement(radius[far])), TIGHT, aim, seconds, solved)
+    _stressed(study, solved, seconds)
     return np.degrees(np.arctan2(x[:, 1], x[:, 0])), pressure / exact
+
+
+def _stressed(study: Study, solved: Solution, seconds: float) -> None:
+    """Mean stress of the ring's cells: root mean square of what they are off Lamé's, and the worst, over the largest stress."""
+    scene, ring = solved.scene, next(s for s in solved.scene.subdomains if s.name == "ring")
+    corners = scene.mesh.nodes[scene.mesh.cells[ring.cells, :4]]
+    middle, volume = corners.mean(axis=1), np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    radius = np.linalg.norm(middle[:, :2], axis=1)
+    xx, yy, xy = solved.fields.stress(0)[ring.cells][:, [0, 1, 3]].T
+    x, y = middle[:, :2].T / radius
+    largest = float(assemblies.lame_stress(assemblies.INNER)[1])
+    for name, own, exact in zip(("radial", "hoop"), (xx * x * x + yy * y * y + 2 * xy * x * y, xx * y * y + yy * x * x - 2 * xy * x * y),
+                                assemblies.lame_stress(radius)):
+        off = (own - exact) / largest
+        rms, worst = float(np.sqrt(volume @ off**2 / volume.sum())), float(np.abs(off).max())
+        _row(study, "shrunk ring, P2", f"{name} stress in the ring, off by in the mean, over the largest stress", 1 + rms, 1.0, TIGHT,
+             f"within {TIGHT:.0%} of Lamé", seconds, solved)
+        _row(study, "shrunk ring, P2", f"{name} stress in the ring, worst cell, over the largest stress", 1 + worst, 1.0, TIGHT,
+             f"within {TIGHT:.0%} of Lamé", seconds, solved)
 
 
 def _ball(study: Study, folder: Path) -> None:
