@@ -138,16 +138,28 @@ def refused(wrong: dict, message: str) -> None:
 @pytest.mark.parametrize("kind, cells", [("C3D8", (2, 1, 1)), ("C3D20R", (2, 2, 2)), ("C3D10", (2, 2, 1))])
 def test_a_deck_is_a_part(tmp_path, kind, cells):
     """Orthotropic, turned and heated; against one CalculiX run of both, joined by *EQUATION with the same operators."""
-    write_deck(tmp_path, kind, cells, HEAT, heat=True)
+    x = write_deck(tmp_path, kind, cells, HEAT, heat=True)
     solution = solve(config_from(data(deck(tmp_path), 1e-10)))
     block, u = block_of(solution)
-    exact = in_one_run(tmp_path, solution, block)
+    exact, inside = in_one_run(tmp_path, solution, block, len(x))
     assert solution.converged and solution.scene.interfaces[0].matching == (kind == "C3D8")
     assert np.abs(u[0] - exact).max() <= 1e-9 * np.abs(exact).max()
+    own = own_fields(solution, "hull")
+    assert own.blocks[0][0] == {"C3D8": "hexahedron", "C3D20R": "hexahedron20", "C3D10": "tetra10"}[kind]
+    assert np.abs(own.displacement[0] - inside).max() <= 1e-9 * np.abs(inside).max()
+    assert np.abs(own.force[0].sum(axis=0) - [10, 0, 5]).max() <= 1e-8
 
 
-def in_one_run(folder, solution, block) -> np.ndarray:
-    """(n, 3) displacements of the block in a deck that includes the part's."""
+def own_fields(solution, name):
+    """What the part ends with, on its own mesh."""
+    own = next(s for s in solution.scene.subdomains if s.name == name)
+    stand = next(s for s in solution.scene.mesh.foreign if solution.scene.mesh.volumes[s.volume] == name)
+    entry = config_from(solution.summary["config"]).codes[own.code]
+    return FOREIGN[entry.code](entry).own_fields(solution.parts[own.index][:, : stand.joints])
+
+
+def in_one_run(folder, solution, block, count) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) displacements of the block, and (count, 3) of the part, in a deck that includes the part's."""
     scene = solution.scene
     interface, first = scene.interfaces[0], 10_000
     slave = [scene.subdomains[e].name for e in interface.subdomains].index("hull")
@@ -173,7 +185,8 @@ def in_one_run(folder, solution, block) -> np.ndarray:
     (folder / "one.inp").write_text(text)
     done = subprocess.run(["ccx", "-i", "one"], cwd=folder, capture_output=True, text=True)
     assert not done.returncode and "*ERROR" not in done.stdout, done.stdout[-1000:]
-    return restart_displacements(folder / "one.rout", "WOOD")[first - 1 + np.arange(len(block.nodes))]
+    found = restart_displacements(folder / "one.rout", "WOOD")
+    return found[first - 1 + np.arange(len(block.nodes))], found[:count]
 
 
 @CALCULIX
@@ -210,6 +223,7 @@ WRONG_DECKS = {
     "nlgeom": (dict(loads="*STEP,NLGEOM\n*CLOAD\nFLANGE,3,-5.\n"), {}, "NLGEOM"),
     "a step": (dict(more="*STEP\n*STATIC\n*END STEP\n"), {}, r"\*STEP"),
     "a step in loads": (dict(loads="*STATIC\n*CLOAD\nFLANGE,3,-5.\n"), {}, r"\*STATIC"),
+    "supports in loads": (dict(loads="*BOUNDARY\nFLANGE,3,3\n*CLOAD\n5,3,-5.\n"), {}, "its stiffness would be another"),
     "plasticity": (dict(matter=HEAT + "*PLASTIC\n200.,0.\n"), {}, "nonlinear"),
     "no such set": ({}, {"joints": "RIM"}, "no node set RIM"),
     "no face": (dict(more="*NSET,NSET=ONE\n1,2\n"), {"joints": "ONE"}, "no face of an element"),

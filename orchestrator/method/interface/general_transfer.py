@@ -286,7 +286,8 @@ class General:
 
     def _turned(self, G: sp.csr_array, q: np.ndarray, flat: bool = False) -> np.ndarray:
         q = q if flat else self._flat(q)
-        return times(G.T, q.reshape(-1, G.shape[0])).reshape(*q.shape[:-1], self.total)
+        rows = int(np.prod(q.shape[:-1]))  # said, since a rank may have no points
+        return times(G.T, q.reshape(rows, G.shape[0])).reshape(*q.shape[:-1], self.total)
 
 
 def make_transfer(interfaces: Sequence[Interface], sides: Sequence[tuple[np.ndarray, np.ndarray]],

@@ -5,7 +5,7 @@ Nothing else of the deck is looked at but where it is supported, its first modul
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
-from orchestrator.scene.mesh.inp_cards import cards, numbers
+from orchestrator.scene.mesh.inp_cards import Row, cards, numbers
 
 # Faces of elements by their number of nodes, corners first, then middles of edges; anticlockwise seen from outside.
 _TET = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
@@ -174,18 +174,33 @@ class Deck:
         return [(SHAPES[size], np.concatenate(tables)) for size, tables in sorted(found.items())]
 
     def supports(self, ids: np.ndarray, points: np.ndarray, loads: list[Path]) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 3) bool, components of joint nodes that are held, and the rigid motions (6, r) that all supports leave."""
+        """(n, 3) bool, components of joint nodes that are held, and the rigid motions (6, r) that all supports leave.
+
+        Raises
+        ------
+        InputError : loads that hold what the deck does not, or move what it holds on a joint
+        """
         fixed = np.zeros((len(self.ids), 3), dtype=bool)
-        for card, _, rows in [*self.cards, *(c for file in loads for c in cards(file))]:
+        for _, at, components in self._held(self.cards):
+            fixed[np.ix_(at, components)] = True
+        for file in loads:
+            for row, at, components in self._held(cards(file)):
+                if not fixed[np.ix_(at, components)].all():
+                    row.fail("*BOUNDARY in the loads on dofs that the deck leaves free: its stiffness would be another",
+                             "supports in the deck; loads may move what the deck holds")
+                if np.isin(self.ids[at], ids).any():
+                    row.fail("*BOUNDARY in the loads on nodes of a joint", "joint nodes that other parts move, or the deck holds")
+        return fixed[np.searchsorted(self.ids, ids)], supports_left(points, self.points, fixed)
+
+    def _held(self, given: Iterable[tuple[str, dict[str, str], list[Row]]]) -> Iterator[tuple[Row, np.ndarray, list[int]]]:
+        """Lines of *BOUNDARY, with the nodes that they hold, as places in ``ids``, and components."""
+        for card, _, rows in given:
             for row in rows if card == "BOUNDARY" else ():
                 words = row.words
                 nodes = self.sets[words[0].upper()] if words[0].upper() in self.sets else np.array([row.integer(words[0])])
                 first = row.integer(words[1])
                 last = row.integer(words[2]) if len(words) > 2 and words[2] else first
-                at = np.flatnonzero(np.isin(self.ids, nodes))
-                for c in range(max(first, 1), min(last, 3) + 1):
-                    fixed[at, c - 1] = True
-        return fixed[np.searchsorted(self.ids, ids)], supports_left(points, self.points, fixed)
+                yield row, np.flatnonzero(np.isin(self.ids, nodes)), [c - 1 for c in range(max(first, 1), min(last, 3) + 1)]
 
     def moduli(self) -> tuple[float, float] | tuple[None, float]:
         """A representative modulus and ratio: those of the first material, means of directions where it has several."""

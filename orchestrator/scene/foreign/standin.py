@@ -49,7 +49,8 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
     if components is None:
         raise InputError(Problem(path, f"supports inside '{name}' that leave some of its rigid motions, along no axis of the mesh",
                                  "supports that hold all of the part, some of its components x, y, z, or nothing",
-                                 "turn the model so that what is free is along an axis, or hold the part outside, under boundary"))
+                                 "write held: true if they hold all of it (nodes of *RIGID BODY count as points here); else turn the "
+                                 "model so that what is free is along an axis, or hold the part outside, under boundary"))
     held = np.zeros(nodes.shape, dtype=bool)
     held[: len(joints.points)] = joints.held
     held[len(joints.points):] = components

@@ -14,7 +14,7 @@ from orchestrator.blackbox.codes.foreign.code import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
 from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Refused
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.scene.foreign.read import read_joints
 
 # Relative: input and stored matrix have 14 digits, condensing costs some of them.
@@ -75,8 +75,11 @@ class DeckCode(ForeignCode):
                               for t in range(steps)])
             for t, factor in enumerate(self.settings.factors if own else ()):
                 found[t] += factor * own[t if len(own) > 1 else 0]
-            # the springs have been in both
             ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.blocks()
+        left, size = np.abs(found[:, joints.ids - 1] - u)[:, ~joints.held].max(), np.abs(found[:, ids - 1]).max()
+        if not left <= LINEAR * size:
+            raise BlackBoxError(f"its last run moves the joints otherwise than the result, by {left / size:.1e} of the largest "
+                                "displacement: initial stresses, or a deck that has changed since", self.settings.name)
         displacement, force = found[:, ids - 1], np.zeros((steps, len(ids), 3))
         force[:, np.searchsorted(ids, joints.ids)] = on_joints.force
         return OwnFields(self.settings.name, points, blocks, displacement, force)
