@@ -1,4 +1,4 @@
-"""Draws views off screen: VTK through pyvista.
+"""Draws views off screen, by VTK.
 
 Where neither a display, EGL nor OSMesa is to be had, VTK ends its process with a segmentation fault instead of an
 error: only a process apart from the run may open a canvas (see ``artist``).
@@ -9,13 +9,26 @@ from __future__ import annotations
 import os
 
 import numpy as np
-import pyvista
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkLookupTable
+from vtkmodules.vtkRenderingCore import (
+    vtkActor,
+    vtkLight,
+    vtkPolyDataMapper,
+    vtkRenderer,
+    vtkRenderWindow,
+    vtkWindowToImageFilter,
+)
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what windows and mappers are made of
 
+from orchestrator.results.figures.surface import segments, triangulated
 from orchestrator.results.figures.view import View
 
-_LIGHT = dict(ambient=0.65, diffuse=0.38)
-_LINES = {"lines": dict(color="black", line_width=1.1, opacity=0.45),
-          "outline": dict(color=(0.35, 0.35, 0.35), line_width=1.3)}
+_AMBIENT, _DIFFUSE = 0.65, 0.38
+_SHADES = 256  # of a palette
+_UNKNOWN = 0.75  # the grey of values that are no numbers
+# colour, width in pixels of a picture of 1000, opacity
+_LINES = {"lines": ((0.0, 0.0, 0.0), 1.1, 0.45), "outline": ((0.35, 0.35, 0.35), 1.3, 1.0)}
 
 
 class Canvas:
@@ -24,37 +37,86 @@ class Canvas:
     def __init__(self) -> None:
         if not os.environ.get("DISPLAY"):  # otherwise VTK tries X first and complains
             os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-        self._plotter = pyvista.Plotter(off_screen=True, lighting="none", window_size=[16, 16])
-        self._plotter.background_color = "white"
-        self._plotter.enable_anti_aliasing("msaa", multi_samples=8)
-        self._plotter.enable_parallel_projection()
-        self._plotter.screenshot(return_img=True)  # opens the window, which takes longer than a drawing
+        self._window, self._renderer = vtkRenderWindow(), vtkRenderer()
+        self._window.OffScreenRenderingOn()
+        self._window.SetMultiSamples(8)
+        self._window.SetSize(16, 16)
+        self._renderer.SetBackground(1.0, 1.0, 1.0)
+        self._renderer.GetActiveCamera().ParallelProjectionOn()
+        self._renderer.AutomaticLightCreationOff()
+        self._window.AddRenderer(self._renderer)
+        self._window.Render()  # opens the window, which takes longer than a drawing
 
     def draw(self, view: View) -> np.ndarray:
         """(rows, columns, 3) uint8."""
-        plotter, camera = self._plotter, view.camera
-        plotter.clear()
-        plotter.render_window.SetSize(*view.pixels)  # as an attribute of the plotter, it would draw at once
-        plotter.add_light(pyvista.Light(light_type="headlight"))
-        plotter.add_mesh(pyvista.PolyData.from_regular_faces(view.points, view.triangles), scalars=view.values,
-                         cmap=view.palette, clim=view.limits, show_scalar_bar=False, interpolate_before_map=True,
-                         lighting=view.shaded, render=False, **(_LIGHT if view.shaded else {}))
+        renderer, camera = self._renderer, view.camera
+        renderer.RemoveAllViewProps()
+        renderer.RemoveAllLights()
+        light = vtkLight()
+        light.SetLightTypeToHeadlight()
+        renderer.AddLight(light)
+        self._window.SetSize(*view.pixels)
+        renderer.AddActor(_surface(view))
         thick = max(1.0, view.pixels[0] / 1000)
-        for name, look in _LINES.items():
+        for name, (colour, width, opacity) in _LINES.items():
             if len(ends := getattr(view, name)):
-                segments = pyvista.line_segments_from_points(ends.reshape(-1, 3))
-                actor = plotter.add_mesh(segments, lighting=False, render=False,
-                                         **look | {"line_width": thick * look["line_width"]})
-                # drawn a hair nearer than the faces they lie on
-                actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-                actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
-        eye = plotter.camera
-        eye.position, eye.focal_point, eye.up = camera.focus + camera.height * camera.toward, camera.focus, camera.up
-        eye.parallel_scale = 0.5 * camera.height
-        plotter.reset_camera_clipping_range()
-        plotter.render()
-        return plotter.screenshot(return_img=True)
+                renderer.AddActor(_drawn(ends, colour, thick * width, opacity))
+        eye = renderer.GetActiveCamera()
+        eye.SetPosition(*(camera.focus + camera.height * camera.toward))
+        eye.SetFocalPoint(*camera.focus)
+        eye.SetViewUp(*camera.up)
+        eye.SetParallelScale(0.5 * camera.height)
+        renderer.ResetCameraClippingRange()
+        shot = vtkWindowToImageFilter()
+        shot.SetInput(self._window)
+        shot.SetInputBufferTypeToRGB()
+        shot.ReadFrontBufferOff()
+        shot.Update()  # draws
+        image = shot.GetOutput()
+        columns, rows, _ = image.GetDimensions()
+        return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(rows, columns, -1)[::-1].copy()
 
     def close(self) -> None:
         """Gives the window back."""
-        self._plotter.close()
+        self._window.Finalize()
+
+
+def _surface(view: View) -> vtkActor:
+    data = triangulated(view.points, view.triangles)
+    values = np.ascontiguousarray(view.values, dtype=float)
+    data.GetPointData().SetScalars(numpy_to_vtk(values, deep=True))
+    table = vtkLookupTable()
+    table.SetNumberOfTableValues(_SHADES)
+    for shade, colour in enumerate(view.palette(np.linspace(0.0, 1.0, _SHADES)).tolist()):
+        table.SetTableValue(shade, *colour)
+    table.SetNanColor(_UNKNOWN, _UNKNOWN, _UNKNOWN, 1.0)
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputData(data)
+    mapper.SetLookupTable(table)
+    mapper.SetScalarRange(*view.limits)
+    mapper.InterpolateScalarsBeforeMappingOn()
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    look = actor.GetProperty()
+    look.SetInterpolationToFlat()
+    look.SetLighting(view.shaded)
+    if view.shaded:
+        look.SetAmbient(_AMBIENT)
+        look.SetDiffuse(_DIFFUSE)
+    return actor
+
+
+def _drawn(ends: np.ndarray, colour: tuple[float, float, float], width: float, opacity: float) -> vtkActor:
+    """Lines from (e, 2, 3) ends, a hair nearer than the faces they lie on."""
+    mapper = vtkPolyDataMapper()
+    mapper.SetInputData(segments(ends))
+    mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    look = actor.GetProperty()
+    look.LightingOff()
+    look.SetColor(*colour)
+    look.SetLineWidth(width)
+    look.SetOpacity(opacity)
+    return actor

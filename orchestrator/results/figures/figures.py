@@ -11,11 +11,14 @@ import numpy as np
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import codes, deformed, panels
 from orchestrator.results.figures.convergence import convergence
+from orchestrator.results.figures.copied import Copied
 from orchestrator.results.figures.plotting import png
 from orchestrator.results.figures.stages import time_per_stage
 from orchestrator.results.folder import ResultsFolder
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from orchestrator.results.figures.canvas import Canvas
 
 
@@ -46,6 +49,8 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
         figures["convergence"] = convergence(summary, history)
     if (summary.get("timing") or {}).get("total"):
         figures["time"] = time_per_stage(summary)
+    charts, figures = figures, {}
+    written = None if canvas is None else Copied(lambda: _write(folder, charts))
     if fields is not None and fields.steps and len(fields.cells):
         if fields.interfaces is None:
             view = deformed.view(fields)
@@ -55,4 +60,14 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
                 figures[name] = panels.compose(grid, [draw(view) for view in grid.views], title)
         if (view := codes.view(fields, summary)) is not None:
             figures["codes"] = codes.compose(view, draw(view), summary)
-    return [folder.write(f"figures/{name}.png", png(figure)) for name, figure in figures.items()]
+    _write(folder, figures)
+    if written is None:
+        _write(folder, charts)
+    else:
+        written.finish()
+    return [folder / f"figures/{name}.png" for name in (*charts, *figures)]
+
+
+def _write(folder: ResultsFolder, figures: Mapping[str, Figure]) -> None:
+    for name, figure in figures.items():
+        folder.write(f"figures/{name}.png", png(figure))
