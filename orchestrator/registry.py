@@ -97,4 +97,5 @@ CODES = Registry({
 FOREIGN = Registry({
     "matrix": "orchestrator.blackbox.codes.foreign.matrix:MatrixCode",
     "deck": "orchestrator.blackbox.codes.foreign.calculix_deck:DeckCode",
+    "program": "orchestrator.blackbox.codes.foreign.program:ProgramCode",
 })

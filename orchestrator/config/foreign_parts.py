@@ -58,7 +58,24 @@ class DeckPart(ForeignPart):
     joints: Names = Field(description="names of node sets, *NSET; the part meets others on the elements' faces between their nodes")
 
 
-KINDS: dict[str, type[ForeignPart]] = {kind.kind: kind for kind in (MatrixPart, DeckPart)}
+class ProgramPart(ForeignPart):
+    """A program in any language: started in an empty folder with springs.txt and forces.txt, it leaves displacements.txt and
+    joint.txt."""
+
+    kind: ClassVar[str] = "program"
+    files: ClassVar[tuple[str, ...]] = ("run", "facets")
+
+    run: Name = Field(description="the program or script, which may be executed")
+    arguments: list[str] = Field([], description="words that it is started with; what it reads from elsewhere it finds by absolute paths")
+    facets: Name | None = MatrixPart.model_fields["facets"]
+    outward: Vector | None = MatrixPart.model_fields["outward"]
+    loads: bool = Field(False, description="whether it has loads of its own, asked for by the number of the load step; history multiplies them")
+    nonlinear: bool = Field(False, description=(
+        "whether it remembers load steps: the cases of a call are then load steps, each from the end of the one before"))
+    timeout: Annotated[float, Field(gt=0, le=1e6)] = Field(3600.0, description="seconds allowed for one call")
+
+
+KINDS: dict[str, type[ForeignPart]] = {kind.kind: kind for kind in (MatrixPart, DeckPart, ProgramPart)}
 
 
 def file_keys(entry: dict[str, Any]) -> list[tuple[str, str]]:

@@ -82,9 +82,10 @@ class Config(Part):
         return [*given, *(self._code_of(i, part) for i, part in foreign)]
 
     def _code_of(self, index: int, part: OnePart) -> CodeSettings:
-        kind = part.foreign.kind
+        kind, matter = part.foreign.kind, [m for m in (part.material, *(self.materials or [])) if m is not None]
         return FOREIGN[kind].Settings(code=kind, on=[part.name], part=part.foreign, name=part.name, place=("parts", index, kind),
-                                      factors=tuple(self.factors_of(part.foreign.history)))
+                                      factors=tuple(self.factors_of(part.foreign.history)),
+                                      young=matter[0].young if matter else None)
 
     def factors_of(self, history: str | None) -> list[float]:
         """What multiplies something at every load step."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from orchestrator.config.base import Part, Positive, Vector
-from orchestrator.config.foreign_parts import KINDS, DeckPart, ForeignPart, MatrixPart
+from orchestrator.config.foreign_parts import KINDS, DeckPart, ForeignPart, MatrixPart, ProgramPart
 from orchestrator.config.mesh import Material, Mesh
 from orchestrator.config.turning import Rotate
 
@@ -41,6 +41,7 @@ class OnePart(Part):
     mesh: Mesh | None = Field(None, description="exactly one of beam, box, polycrystal, file and step, as without parts")
     matrix: MatrixPart | None = Field(None, description="in place of mesh: a stiffness matrix, {stiffness: K.mtx, nodes: nodes.csv, …}")
     deck: DeckPart | None = Field(None, description="in place of mesh: a CalculiX deck, {calculix: part.inp, joints: [flange], …}")
+    program: ProgramPart | None = Field(None, description="in place of mesh: a program of your own, {run: ./my_solver.sh, outward: [0, 0, 1], …}")
     h: Positive | None = Field(None, description="element size for a mesh from `step`, in place of the mesh's own h")
     move: Move | None = Field(None, description="{translate: [x, y, z], rotate: {axis: z, degrees: 30}}; none: it stays where it is")
     material: Matter | None = Field(None, description=(

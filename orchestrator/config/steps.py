@@ -39,8 +39,9 @@ def steps(config: Config) -> int:
     for part in config.parts or []:
         if part.foreign is not None and part.foreign.history is not None:
             return len(config.histories[part.foreign.history])
-        if part.foreign is not None and len(getattr(part.foreign, "loads", None) or []) > 1:
-            return len(part.foreign.loads)
+        files = getattr(part.foreign, "loads", None)
+        if isinstance(files, list) and len(files) > 1:
+            return len(files)
     return 1
 
 

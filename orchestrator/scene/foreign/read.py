@@ -9,7 +9,7 @@ from orchestrator.errors import KeyPath
 from orchestrator.scene.foreign.joints import Joints
 
 # kind → module of this folder with a function joints(part, path, name)
-READERS = {"matrix": "tables", "deck": "deck"}
+READERS = {"matrix": "tables", "deck": "deck", "program": "program"}
 
 
 def read_joints(part: ForeignPart, path: KeyPath, name: str) -> Joints:

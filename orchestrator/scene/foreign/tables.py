@@ -19,9 +19,9 @@ def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
     """The nodes that faces are on, in the order of the matrix; of a flat joint without faces all nodes."""
     ids, points = nodes(part.nodes, (*path, "nodes"))
     if part.facets is not None:
-        faces = _faces(part.facets, ids, (*path, "facets"))
+        faces = faces_of(part.facets, ids, (*path, "facets"))
     elif part.outward is not None:
-        faces = [_of_plane(points, np.array(part.outward), (*path, "outward"), name)]
+        faces = [of_plane(points, np.array(part.outward), (*path, "outward"), name)]
     else:
         raise InputError(Problem(path, "neither facets nor outward", "the faces that it meets others on",
                                  "add facets: a file with the ids of each face's nodes; or, where all nodes lie on one plane, "
@@ -42,7 +42,11 @@ def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
     ------
     InputError : lines that are not four numbers, ids that come twice, nodes at one place
     """
-    rows = _rows(file, path, "id, x, y, z")
+    return checked_nodes(_rows(file, path, "id, x, y, z"), file, path)
+
+
+def checked_nodes(rows: list[tuple[int, list[float]]], file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
+    """The same from lines with their numbers."""
     for line, row in rows:
         if len(row) != 4 or row[0] != int(row[0]):
             raise _bad(path, file, line, f"{len(row)} numbers: {row[:5]}", "id, x, y, z for each node")
@@ -62,7 +66,7 @@ def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
     return ids, points
 
 
-def _faces(file: str, ids: np.ndarray, path: KeyPath) -> list[np.ndarray]:
+def faces_of(file: str, ids: np.ndarray, path: KeyPath) -> list[np.ndarray]:
     """Tables (f, 3, 4, 6 or 8) int of places in ``ids``."""
     place = {int(number): i for i, number in enumerate(ids)}
     found: dict[int, list[list[int]]] = {}
@@ -76,7 +80,7 @@ def _faces(file: str, ids: np.ndarray, path: KeyPath) -> list[np.ndarray]:
     return [np.array(table) for table in found.values()]
 
 
-def _of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> np.ndarray:
+def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> np.ndarray:
     """Triangles (k, 3) between the nodes of a flat joint, outward."""
     from scipy.spatial import Delaunay  # for joints without faces alone
 

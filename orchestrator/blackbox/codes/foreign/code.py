@@ -32,6 +32,7 @@ class ForeignCode(Code):
         part: SerializeAsAny[ForeignPart] = Field(description="the part's own entry")
         name: str = Field(description="of the part")
         place: tuple[str | int, ...] = Field(description="of its entry in the YAML")
+        young: float | None = Field(None, description="a representative modulus; none: not known")
         factors: tuple[float, ...] = Field((), description="of its own loads, one per load step")
 
         @property

@@ -1,0 +1,148 @@
+"""A program of the user's own as a part: asked for its answers to unit forces once, then algebra.
+
+With springs k on the joints, that hold it whatever holds it inside, it answers
+
+    u = (S + k)⁻¹ (b_t + s)
+
+Unit forces give C = (S + k)⁻¹, so that S = C⁻¹ − k; its own loads with no other force give b_t = C⁻¹ u_t. k follows S: as
+large as its mean diagonal, few digits are lost in the difference. What is asked besides tells whether it is such a program.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from orchestrator.blackbox.codes.foreign.code import ForeignCode
+from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
+from orchestrator.scene.foreign.joints import Joints
+from orchestrator.scene.foreign.program_run import ProgramRuns
+from orchestrator.scene.foreign.read import read_joints
+
+# Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
+REPEATED, LINEAR, RECIPROCAL = 1e-12, 1e-7, 1e-6
+# Springs over the mean diagonal of S: outside this range digits are lost, and all is asked once more with other springs.
+SUITED, ATTEMPTS = (1e-3, 1e3), 4
+
+
+class ProgramCode(ForeignCode):
+    """A part that is a program."""
+
+    class Settings(ForeignCode.Settings):
+        """What ``parts`` says of one part."""
+
+        @property
+        def brings_loads(self) -> bool:
+            """As its entry says."""
+            return self.part.loads
+
+        @property
+        def remembers(self) -> bool:
+            """As its entry says."""
+            return self.part.nonlinear
+
+    def runs(self) -> ProgramRuns:
+        """Its runs."""
+        return ProgramRuns(self.settings.part, self.settings.place, self.settings.name)
+
+    def made(self) -> Condensed:
+        """As ``ForeignCode`` says; every answer is judged on the way."""
+        part, path, name = self.settings.part, self.settings.place, self.settings.name
+        joints, runs = read_joints(part, path, name), self.runs()
+        k = np.full(joints.points.size, (self.settings.young or 1.0) * _face(joints))
+        for attempt in range(ATTEMPTS):
+            C = self._compliance(runs, joints, k)
+            inverse = _inverse(C, runs)
+            S = inverse - np.diag(k)
+            wanted = float(np.abs(np.diag(S)).mean()) or k[0]
+            if SUITED[0] * wanted <= k[0] <= SUITED[1] * wanted:
+                break
+            k = np.full(len(k), wanted)
+        rounding = _rounding(C, S)
+        steps = len(self.settings.factors)
+        loads = np.zeros((1, len(k)))
+        if part.loads:
+            loads = runs.displacements(joints.ids, k, range(1, steps + 1), np.zeros((steps, len(k)))) @ inverse
+        return judged(joints, S, loads, (*path, "run"), name, rounding)
+
+    def _compliance(self, runs: ProgramRuns, joints: Joints, k: np.ndarray) -> np.ndarray:
+        """(3n, 3n) answers to unit forces. Raises InputError where they are not those of a linear, elastic, repeatable program."""
+        n = len(k)
+        probe = np.random.default_rng(n).uniform(0.5, 1.0, n) * np.random.default_rng(n + 1).choice([-1.0, 1.0], n)
+        if self.settings.part.nonlinear:  # so small that nothing flows: the joint moves by a millionth of itself
+            unit = 1e-6 * joints.size * float(k.mean())
+        else:
+            unit = 1.0
+        asked = unit * np.vstack([np.eye(n), probe, 2 * probe, np.zeros(n)])
+        found = runs.displacements(joints.ids, k, [0] * len(asked), asked) / unit
+        C, once, twice, nothing = found[:n], found[n], found[n + 1], found[n + 2]
+        again = runs.displacements(joints.ids, k, [0], unit * probe[None])[0] / unit
+        size = np.abs(once).max()
+        if not size > 0:
+            raise runs.wrong("forces on its joint do not move it", "displacements of the joint nodes", "add the forces of forces.txt "
+                             "to the right-hand side")
+        if np.abs(nothing).max() > LINEAR * size:
+            raise runs.wrong(f"without any load its joint moves by {unit * np.abs(nothing).max():.3g}", "its own loads in cases whose "
+                             "first line is not 0, and in those alone", "leave them out where own is 0")
+        if np.abs(again - once).max() > max(REPEATED, 100 * _digits(once)) * size:
+            raise runs.wrong(f"the same forces are answered otherwise the second time: {np.abs(again - once).max() / size:.1e}",
+                             "answers that depend on the files alone", "look for what it remembers or takes at random, and for "
+                             "cases whose results are added to the next")
+        left = max(np.abs(twice - 2 * once).max(), np.abs(probe @ C - once).max())
+        if left > LINEAR * size:
+            raise runs.wrong(f"twice the force is not twice the displacement: {left / size:.1e}", "answers proportional to forces",
+                             "leave contact and large displacements out" + (
+                                 "; of a nonlinear program, what flows at a millionth of its size" if self.settings.part.nonlinear
+                                 else ", or say nonlinear: true if its matter is"))
+        apart = np.abs(C - C.T).max()
+        if apart > RECIPROCAL * np.abs(C).max():
+            raise runs.wrong(f"answers that are not reciprocal: what a force at one node moves another by differs from the "
+                             f"reverse by {apart / np.abs(C).max():.1e}", "a symmetric stiffness", "look for forces and displacements of "
+                             "different nodes or axes, and for matrices of which one triangle is missing")
+        return (C + C.T) / 2
+
+    def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
+        """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.
+
+        Parameters
+        ----------
+        folder : empty; displacements, forces : (steps, 3n) of the joints, and what acts there
+        """
+        part, condensed, steps = self.settings.part, self.condensed(), len(displacements)
+        k = np.full(forces.shape[1], float(np.abs(np.diag(condensed.stiffness)).mean()))
+        asked = forces + k * displacements
+        if part.loads:  # it knows of no history
+            asked = asked + self.loads(steps) - condensed.loads
+        self.runs().displacements(condensed.joints.ids, k, range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
+
+
+def _face(joints: Joints) -> float:
+    """A length: of the joints' faces."""
+    corners = joints.points[joints.triangles]
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+
+
+def _digits(values: np.ndarray) -> float:
+    """Relative error of values that have been written with few digits: 0 with fifteen or more."""
+    for digits in range(4, 15):
+        if all(float(f"{value:.{digits - 1}e}") == value for value in values.ravel()[:200]):
+            return 0.5 * 10.0 ** (1 - digits)
+    return 0.0
+
+
+def _rounding(C: np.ndarray, S: np.ndarray) -> float:
+    """Relative error of S's entries that the digits of C leave."""
+    return _digits(C[np.triu_indices(len(C))]) * float(np.linalg.cond(C)) / 2
+
+
+def _inverse(C: np.ndarray, runs: ProgramRuns) -> np.ndarray:
+    """C⁻¹; raises InputError where C is not positive."""
+    values, vectors = np.linalg.eigh(C)
+    if not values[0] > 0:
+        raise runs.wrong(f"a force moves its joint backwards: the least eigenvalue of its compliance is {values[0] / values[-1]:.1e} "
+                         "of the largest", "a stiffness with the springs of springs.txt on its diagonal, which is positive",
+                         "look for signs, for springs that are not added, and for joint nodes that are held inside: leave these "
+                         "out of the joint")
+    return (vectors / values) @ vectors.T
+
