@@ -10,7 +10,10 @@ large as its mean diagonal, few digits are lost in the difference. What is asked
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +22,9 @@ from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.program_run import ProgramRuns
 from orchestrator.scene.foreign.read import read_joints
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.pool.worker import Worker
 
 # Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
 REPEATED, LINEAR, RECIPROCAL = 1e-12, 1e-7, 1e-6
@@ -35,7 +41,7 @@ class ProgramCode(ForeignCode):
         @property
         def brings_loads(self) -> bool:
             """As its entry says."""
-            return self.part.loads
+            return self.part.loads and not self.part.nonlinear  # what flows answers to loads and forces together
 
         @property
         def remembers(self) -> bool:
@@ -50,57 +56,26 @@ class ProgramCode(ForeignCode):
         """As ``ForeignCode`` says; every answer is judged on the way."""
         part, path, name = self.settings.part, self.settings.place, self.settings.name
         joints, runs = read_joints(part, path, name), self.runs()
-        k = np.full(joints.points.size, (self.settings.young or 1.0) * _face(joints))
-        for attempt in range(ATTEMPTS):
-            C = self._compliance(runs, joints, k)
-            inverse = _inverse(C, runs)
-            S = inverse - np.diag(k)
-            wanted = float(np.abs(np.diag(S)).mean()) or k[0]
-            if SUITED[0] * wanted <= k[0] <= SUITED[1] * wanted:
-                break
-            k = np.full(len(k), wanted)
-        rounding = _rounding(C, S)
-        steps = len(self.settings.factors)
-        loads = np.zeros((1, len(k)))
-        if part.loads:
-            loads = runs.displacements(joints.ids, k, range(1, steps + 1), np.zeros((steps, len(k)))) @ inverse
-        return judged(joints, S, loads, (*path, "run"), name, rounding)
+        answers = Answers.of(runs, joints, (self.settings.young or 1.0) * _face(joints))
+        loads, steps = np.zeros((1, joints.points.size)), len(self.settings.factors)
+        if self.settings.brings_loads:
+            alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))
+            loads = alone @ answers.inverse
+        return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.rounding)
 
-    def _compliance(self, runs: ProgramRuns, joints: Joints, k: np.ndarray) -> np.ndarray:
-        """(3n, 3n) answers to unit forces. Raises InputError where they are not those of a linear, elastic, repeatable program."""
-        n = len(k)
-        probe = np.random.default_rng(n).uniform(0.5, 1.0, n) * np.random.default_rng(n + 1).choice([-1.0, 1.0], n)
-        if self.settings.part.nonlinear:  # so small that nothing flows: the joint moves by a millionth of itself
-            unit = 1e-6 * joints.size * float(k.mean())
-        else:
-            unit = 1.0
-        asked = unit * np.vstack([np.eye(n), probe, 2 * probe, np.zeros(n)])
-        found = runs.displacements(joints.ids, k, [0] * len(asked), asked) / unit
-        C, once, twice, nothing = found[:n], found[n], found[n + 1], found[n + 2]
-        again = runs.displacements(joints.ids, k, [0], unit * probe[None])[0] / unit
-        size = np.abs(once).max()
-        if not size > 0:
-            raise runs.wrong("forces on its joint do not move it", "displacements of the joint nodes", "add the forces of forces.txt "
-                             "to the right-hand side")
-        if np.abs(nothing).max() > LINEAR * size:
-            raise runs.wrong(f"without any load its joint moves by {unit * np.abs(nothing).max():.3g}", "its own loads in cases whose "
-                             "first line is not 0, and in those alone", "leave them out where own is 0")
-        if np.abs(again - once).max() > max(REPEATED, 100 * _digits(once)) * size:
-            raise runs.wrong(f"the same forces are answered otherwise the second time: {np.abs(again - once).max() / size:.1e}",
-                             "answers that depend on the files alone", "look for what it remembers or takes at random, and for "
-                             "cases whose results are added to the next")
-        left = max(np.abs(twice - 2 * once).max(), np.abs(probe @ C - once).max())
-        if left > LINEAR * size:
-            raise runs.wrong(f"twice the force is not twice the displacement: {left / size:.1e}", "answers proportional to forces",
-                             "leave contact and large displacements out" + (
-                                 "; of a nonlinear program, what flows at a millionth of its size" if self.settings.part.nonlinear
-                                 else ", or say nonlinear: true if its matter is"))
-        apart = np.abs(C - C.T).max()
-        if apart > RECIPROCAL * np.abs(C).max():
-            raise runs.wrong(f"answers that are not reciprocal: what a force at one node moves another by differs from the "
-                             f"reverse by {apart / np.abs(C).max():.1e}", "a symmetric stiffness", "look for forces and displacements of "
-                             "different nodes or axes, and for matrices of which one triangle is missing")
-        return (C + C.T) / 2
+    def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
+        """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the beginning: how a program that
+        keeps nothing between its calls remembers."""
+        own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
+        return self.runs().displacements(self.condensed().joints.ids, springs, own, np.array(forces))[-1]
+
+    def worker(self) -> type[Worker]:
+        """As ``Code`` says."""
+        if not self.settings.part.nonlinear:
+            return super().worker()
+        from orchestrator.blackbox.codes.foreign.replay import ReplayWorker
+
+        return ReplayWorker
 
     def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
         """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.
@@ -112,9 +87,95 @@ class ProgramCode(ForeignCode):
         part, condensed, steps = self.settings.part, self.condensed(), len(displacements)
         k = np.full(forces.shape[1], float(np.abs(np.diag(condensed.stiffness)).mean()))
         asked = forces + k * displacements
-        if part.loads:  # it knows of no history
+        if self.settings.brings_loads:  # it knows of no history
             asked = asked + self.loads(steps) - condensed.loads
         self.runs().displacements(condensed.joints.ids, k, range(1, steps + 1) if part.loads else [0] * steps, asked, folder)
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What a program has answered to unit forces.
+
+    Parameters
+    ----------
+    springs : (3n,) k that were added
+    compliance, inverse : (3n, 3n) C = (S + k)⁻¹, symmetric, and S + k
+    asymmetry : |C − Cᵀ| / |C| as it came
+    """
+
+    springs: np.ndarray
+    compliance: np.ndarray
+    inverse: np.ndarray
+    asymmetry: float
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """(3n, 3n) S."""
+        return self.inverse - np.diag(self.springs)
+
+    @property
+    def rounding(self) -> float:
+        """Relative error of S's entries that the digits of C leave."""
+        upper = self.compliance[np.triu_indices(len(self.compliance))]
+        return _digits(upper) * float(np.linalg.cond(self.compliance)) / 2
+
+    @classmethod
+    def of(cls, runs: ProgramRuns, joints: Joints, spring: float) -> Answers:
+        """Of a program that is asked now.
+
+        Parameters
+        ----------
+        spring : a first guess of k
+
+        Raises
+        ------
+        InputError : it is not linear, elastic, positive and repeatable
+        """
+        k = np.full(joints.points.size, spring)
+        for _ in range(ATTEMPTS):
+            compliance, asymmetry = _compliance(runs, joints, k)
+            answers = cls(k, compliance, _inverse(compliance, runs), asymmetry)
+            wanted = float(np.abs(np.diag(answers.stiffness)).mean()) or spring
+            if SUITED[0] * wanted <= k[0] <= SUITED[1] * wanted:
+                break
+            k = np.full(len(k), wanted)
+        return answers
+
+
+def _compliance(runs: ProgramRuns, joints: Joints, k: np.ndarray) -> tuple[np.ndarray, float]:
+    """(3n, 3n) answers to unit forces, symmetric, and how far they are from it as they come."""
+    n, nonlinear = len(k), runs.part.nonlinear
+    random = np.random.default_rng(n)
+    probe = random.uniform(0.5, 1.0, n) * random.choice([-1.0, 1.0], n)
+    # so small, where matter is nonlinear, that nothing flows: the joint moves by a millionth of itself
+    unit = 1e-6 * joints.size * float(k.mean()) if nonlinear else 1.0
+    asked = unit * np.vstack([np.eye(n), probe, 2 * probe, np.zeros(n)])
+    found = runs.displacements(joints.ids, k, [0] * len(asked), asked) / unit
+    C, once, twice, nothing = found[:n], found[n], found[n + 1], found[n + 2]
+    again = runs.displacements(joints.ids, k, [0], unit * probe[None])[0] / unit
+    size = np.abs(once).max()
+    if not size > 0:
+        raise runs.wrong("forces on its joint do not move it", "displacements of the joint nodes", "add the forces of forces.txt "
+                         "to the right-hand side")
+    if np.abs(nothing).max() > LINEAR * size:
+        raise runs.wrong(f"without any load its joint moves by {unit * np.abs(nothing).max():.3g}", "its own loads in cases whose "
+                         "first line is not 0, and in those alone", "leave them out where own is 0")
+    if np.abs(again - once).max() > max(REPEATED, 100 * _digits(once)) * size:
+        raise runs.wrong(f"the same forces are answered otherwise the second time: {np.abs(again - once).max() / size:.1e}",
+                         "answers that depend on the files alone", "look for what it remembers or takes at random, and for "
+                         "cases whose results are added to the next")
+    left = max(np.abs(twice - 2 * once).max(), np.abs(probe @ C - once).max())
+    if left > LINEAR * size:
+        raise runs.wrong(f"twice the force is not twice the displacement: {left / size:.1e}", "answers proportional to forces",
+                         "leave contact and large displacements out" + (
+                             "; of a nonlinear program, what flows at a millionth of its size" if nonlinear
+                             else ", or say nonlinear: true if its matter is"))
+    apart = float(np.abs(C - C.T).max() / np.abs(C).max())
+    if apart > RECIPROCAL:
+        raise runs.wrong(f"answers that are not reciprocal: what a force at one node moves another by differs from the reverse "
+                         f"by {apart:.1e}", "a symmetric stiffness", "look for forces and displacements of different nodes or "
+                         "axes, and for matrices of which one triangle is missing")
+    return (C + C.T) / 2, apart
 
 
 def _face(joints: Joints) -> float:
@@ -129,11 +190,6 @@ def _digits(values: np.ndarray) -> float:
         if all(float(f"{value:.{digits - 1}e}") == value for value in values.ravel()[:200]):
             return 0.5 * 10.0 ** (1 - digits)
     return 0.0
-
-
-def _rounding(C: np.ndarray, S: np.ndarray) -> float:
-    """Relative error of S's entries that the digits of C leave."""
-    return _digits(C[np.triu_indices(len(C))]) * float(np.linalg.cond(C)) / 2
 
 
 def _inverse(C: np.ndarray, runs: ProgramRuns) -> np.ndarray:
