@@ -9,6 +9,7 @@ from pathlib import Path
 
 from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.codes.foreign.finishing import finish_parts
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.blackbox.own_loads import add_own_loads
 from orchestrator.blackbox.protocol import BlackBox
@@ -263,6 +264,9 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
                                  start=record.start, watch=watch, team=team, ahead=ahead)
                 progress.close()
+                if config.output.fields:
+                    solution.summary["warnings"] += finish_parts(config.codes, solution.scene.subdomains, solution.parts,
+                                                                 solution.joints, folder.path)
                 record.finish(solution, config.output.fields, artist, team, _beside(config, solution) if config.output.fields else [])
     if not quiet:
         print_summary(solution.summary, folder.path)

@@ -39,6 +39,7 @@ class Solution:
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are averaged
     reference : the undecomposed solution, if asked for
     answers : extremes, probes, and what interfaces carry
+    joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
 
     Examples
     --------
@@ -70,6 +71,7 @@ class Solution:
     parts: list[np.ndarray] | None = None
     reference: Reference | None = None
     answers: Answers | None = None
+    joints: list[np.ndarray | None] | None = None
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, summary: dict[str, object],
@@ -83,7 +85,7 @@ class Solution:
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or ())
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference, answers)
+                   delivered.parts, reference, answers, delivered.joints)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import get_args
 
 from rich.console import Console
@@ -14,6 +15,7 @@ from orchestrator.blackbox.trial.conformance import run_checks
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.load import settings_from
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED
+from orchestrator.registry import CODES
 
 
 def try_out(code: str, transport: str | None, timeout: float) -> int:
@@ -33,6 +35,8 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
     ------
     InputError : no such code or transport, or it is not installed
     """
+    if code not in CODES and not code.partition(":")[0].endswith(".py") and Path(code).is_file():
+        return _program(code, timeout)
     wanted = {"code": code, "workers": 1, "timeout": timeout}
     transports = get_args(settings_class(wanted).model_fields["transport"].annotation)
     entries = [settings_from({**wanted, "transport": name}) for name in ([transport] if transport else transports)]
@@ -47,4 +51,18 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
         console.print(f"{found.name}{' ' + version if version else ''}, transport {found.settings.transport}", style="bold")
         console.print(table)
     console.print(Text(f"{failed} failed", "bold red") if failed else Text("It keeps the protocol.", "bold green"))
+    return BLACKBOX_FAILED if failed else CONVERGED
+
+
+def _program(run: str, timeout: float) -> int:
+    """The same for a program with a mesh of its own."""
+    from orchestrator.blackbox.trial.program import checks
+
+    console, table, failed = Console(highlight=False), Table(box=None, show_header=False, padding=(0, 2, 0, 0)), 0
+    for check, figure, wrong in checks(run, timeout):
+        failed += bool(wrong)
+        table.add_row(Text("failed", "bold red") if wrong else Text("passed", "green"), check, Text(wrong or figure))
+    console.print(run, style="bold")
+    console.print(table)
+    console.print(Text("1 failed", "bold red") if failed else Text("It keeps the protocol.", "bold green"))
     return BLACKBOX_FAILED if failed else CONVERGED

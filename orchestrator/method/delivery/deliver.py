@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,6 +42,8 @@ class Delivered:
     resultants : what all interfaces carry
     displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean of the sides
     discretisation : its estimated error, if asked for
+    joints : per subdomain (T, n_E, 3), what its interfaces' forces add up to at the nodes of a part whose mesh is not ours;
+        None elsewhere
     """
 
     iterated: Iterated
@@ -56,6 +58,7 @@ class Delivered:
     resultants: Resultants
     displacement: np.ndarray | None = None
     discretisation: Estimate | None = None
+    joints: list[np.ndarray | None] = field(default_factory=list)
 
     @property
     def sides(self) -> list[np.ndarray | None] | None:
@@ -93,7 +96,19 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     resultants = interface_resultants(d, iterated.fields.f)
     return Delivered(iterated, of_all(d, parts), of_all(d, continuous if own is None else own), d.all_perfect,
                      all_interfaces(d, interfaces), laws, carried,
-                     acting[:, :, :3].tolist(), acting[:, :, 3:], resultants)
+                     acting[:, :, :3].tolist(), acting[:, :, 3:], resultants,
+                     joints=of_all(d, _on_joints(d, iterated.fields.f)) if any(s.foreign for s in d.scene.subdomains) else [])
+
+
+def _on_joints(d: Decomposition, f: np.ndarray) -> list[np.ndarray | None]:
+    """Per subdomain of the scene, what interface forces f (T, D) add up to at its nodes; None where its mesh is ours."""
+    found, forces = [None] * len(d.scene.subdomains), d.space.loads(f)
+    for s, trace, part in zip(d.own, d.traces, d.space.boundary):
+        if s.foreign:
+            own = np.zeros((len(f), 3 * len(s.nodes)))
+            own[:, trace] = forces[:, part]
+            found[s.index] = own.reshape(len(f), -1, 3)
+    return found
 
 
 def on_whole(delivered: Delivered, whole: Scene, estimate: DiscretisationEstimate | None) -> Delivered:

@@ -43,6 +43,9 @@ class ProgramRuns:
 
     def __init__(self, part: ProgramPart, path: KeyPath, name: str):
         self.part, self.path, self.name = part, path, name
+        if missing := _interpreter(part.run):
+            raise self.wrong(f"{part.run} cannot be started: there is no {missing}", "a program, or a script whose first line is #! and an "
+                             "interpreter that is there", "look at its first line")
         if not os.access(part.run, os.X_OK):
             raise self.wrong(f"{part.run} may not be executed", "a program, or a script that begins with #!", f"chmod +x {part.run}")
 
@@ -157,6 +160,16 @@ class ProgramRuns:
     def wrong(self, found: str, expected: str, cure: str = "") -> InputError:
         """The error to raise."""
         return InputError(Problem((*self.path, "run"), f"'{self.name}': {found}", expected, cure))
+
+
+def _interpreter(file: str) -> str:
+    """The interpreter that a script's first line names, if it is not there; else empty."""
+    with open(file, "rb") as script:
+        first = script.readline(256).split()
+    if not first or not first[0].startswith(b"#!"):
+        return ""
+    name = os.fsdecode(first[0][2:] or (first[1] if len(first) > 1 else b""))
+    return "" if os.path.exists(name) else name
 
 
 def _numbers(words: Sequence[str]) -> bool:

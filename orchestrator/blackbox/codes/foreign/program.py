@@ -44,6 +44,11 @@ class ProgramCode(ForeignCode):
             return self.part.loads and not self.part.nonlinear  # what flows answers to loads and forces together
 
         @property
+        def writes_results(self) -> bool:
+            """Whether there is a last call."""
+            return True
+
+        @property
         def remembers(self) -> bool:
             """As its entry says."""
             return self.part.nonlinear
