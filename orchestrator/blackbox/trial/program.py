@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.condensed import DIGITS, judged
+from orchestrator.blackbox.codes.foreign.condensed import judged
 from orchestrator.blackbox.codes.foreign.program import Answers
 from orchestrator.config.foreign_parts import ProgramPart
 from orchestrator.errors import InputError
@@ -35,21 +35,19 @@ def checks(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
         yield f"{n + 3:,} cases in one call", f"springs of {answers.springs[0]:.3g} suit it", ""
         yield "repeated, linear, at rest without forces", "", ""
         yield "reciprocal, positive", f"asymmetry {answers.asymmetry:.0e}", ""
-        rounding = answers.rounding
-        found = _held(joints, answers, rounding)
-        yield "rigid motions", found, ""
-        yield "digits", f"{rounding:.0e} of the stiffness is rounding" if rounding > DIGITS else "all that doubles have", ""
+        yield "rigid motions", _held(joints, answers), ""
+        yield "digits", f"{answers.digits:.0e} of each is rounding" if answers.digits else "all that doubles have", ""
     except InputError as error:
         yield "it stops here", "", f"{error.problems[0].found}; expected {error.problems[0].expected}. {error.problems[0].cure}"
 
 
-def _held(joints: Joints, answers: Answers, rounding: float) -> str:
+def _held(joints: Joints, answers: Answers) -> str:
     """Whether supports inside hold it; raises InputError where the stiffness is none."""
     try:
-        judged(joints, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", rounding)
+        judged(joints, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", answers.error)
     except InputError:
         held = Joints(*(getattr(joints, f) for f in ("ids", "points", "triangles", "joint", "names", "held")), np.zeros((6, 0)))
-        judged(held, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", rounding)
+        judged(held, answers.stiffness, np.zeros((1, len(answers.springs))), (), "it", answers.error)
         return "cost force: supports inside hold it, write held: true in its entry"
     return "cost nothing: it is not held inside"
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,7 +67,7 @@ class ProgramCode(ForeignCode):
         if self.settings.brings_loads:
             alone = runs.displacements(joints.ids, answers.springs, range(1, steps + 1), np.zeros((steps, joints.points.size)))
             loads = alone @ answers.inverse
-        return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.rounding)
+        return judged(joints, answers.stiffness, loads, (*path, "run"), name, answers.error)
 
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         """(3n,) joint displacements at the end of load steps under forces (3n,) each, from the beginning: how a program that
@@ -118,11 +119,18 @@ class Answers:
         """(3n, 3n) S."""
         return self.inverse - np.diag(self.springs)
 
+    @cached_property
+    def digits(self) -> float:
+        """Relative error of C's entries as they were written; 0 where they are all that doubles have."""
+        return _digits(self.compliance[np.triu_indices(len(self.compliance))])
+
     @property
-    def rounding(self) -> float:
-        """Relative error of S's entries that the digits of C leave."""
-        upper = self.compliance[np.triu_indices(len(self.compliance))]
-        return _digits(upper) * float(np.linalg.cond(self.compliance)) / 2
+    def error(self) -> np.ndarray | None:
+        """(3n, 3n) a sample of what S may be off by, −C⁻¹ E C⁻¹ for errors E of random signs; None where no digits are missing."""
+        if not self.digits:
+            return None
+        upper = np.triu(self.digits * self.compliance * np.random.default_rng(1).uniform(-1, 1, self.compliance.shape))
+        return self.inverse @ (upper + upper.T - np.diag(upper.diagonal())) @ self.inverse
 
     @classmethod
     def of(cls, runs: ProgramRuns, joints: Joints, spring: float) -> Answers:
