@@ -279,7 +279,7 @@ def _beside(config: Config, solution: Solution) -> list[OwnFields]:
     for stand in scene.mesh.foreign:
         own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)
         code, = find_codes(config.codes, [own.code]).values()
-        found.append(code.own_fields(solution.parts[own.index][:, : stand.joints]))
+        found.append(code.own_fields(*(x[own.index][:, : stand.joints] for x in (solution.parts, solution.joints))))
     return found
 
 

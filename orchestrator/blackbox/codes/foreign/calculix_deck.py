@@ -61,17 +61,16 @@ class DeckCode(ForeignCode):
                                      "one file for all load steps, or one for each", "let history multiply a single one"))
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
-    def own_fields(self, u: np.ndarray) -> OwnFields:
+    def own_fields(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
         """As ``ForeignCode`` says, on the deck's own mesh: S u − b act on its joints, and springs k on them are held by k u.
 
         What loads inside do and what the joints do are superposed: a run for each file of loads, and one for each load step.
         """
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)
-        on_joints = super().own_fields(u)
-        k = springs_of(part.stiffness, part.free)
+        k, force = springs_of(part.stiffness, part.free), (u.reshape(steps, -1) @ part.stiffness - self.loads(steps)).reshape(u.shape)
         with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
             own = [runs.everywhere(k, load) for load in self.settings.part.loads or []]
-            found = np.stack([runs.everywhere(k, None, (on_joints.force[t].ravel() + k * u[t].ravel()) * (k > 0))
+            found = np.stack([runs.everywhere(k, None, (force[t].ravel() + k * u[t].ravel()) * (k > 0))
                               for t in range(steps)])
             for t, factor in enumerate(self.settings.factors if own else ()):
                 found[t] += factor * own[t if len(own) > 1 else 0]
@@ -80,9 +79,9 @@ class DeckCode(ForeignCode):
         if not left <= LINEAR * size:
             raise BlackBoxError(f"its last run moves the joints otherwise than the result, by {left / size:.1e} of the largest "
                                 "displacement: initial stresses, or a deck that has changed since", self.settings.name)
-        displacement, force = found[:, ids - 1], np.zeros((steps, len(ids), 3))
-        force[:, np.searchsorted(ids, joints.ids)] = on_joints.force
-        return OwnFields(self.settings.name, points, blocks, displacement, force)
+        displacement, forces = found[:, ids - 1], np.zeros((steps, len(ids), 3))
+        forces[:, np.searchsorted(ids, joints.ids)] = force
+        return OwnFields(self.settings.name, points, blocks, displacement, forces)
 
     def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:
         """Raises InputError where forces on the joints do not move them as the stored matrix says."""

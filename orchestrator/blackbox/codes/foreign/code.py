@@ -59,11 +59,12 @@ class ForeignCode(Code):
 
         return of_steps(self.condensed().loads, self.settings.factors)
 
-    def own_fields(self, u: Any) -> OwnFields:
-        """What it ends with, given the displacements (steps, n, 3) of its joints."""
-        from orchestrator.blackbox.codes.foreign.own_fields import on_joints
+    def own_fields(self, u: Any, force: Any) -> OwnFields:
+        """What it ends with, given the displacements (steps, n, 3) of its joints and the forces on them."""
+        from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 
-        return on_joints(self.settings.name, self.condensed(), u, self.loads(len(u)))
+        joints = self.condensed().joints
+        return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u, force)
 
     def floor(self) -> float:
         """As ``Code`` says."""

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.codes.foreign.condensed import Condensed
 
 
 @dataclass(frozen=True)
@@ -31,8 +26,3 @@ class OwnFields:
     displacement: np.ndarray
     force: np.ndarray
 
-
-def on_joints(name: str, part: Condensed, u: np.ndarray, loads: np.ndarray) -> OwnFields:
-    """Of the joints alone, from their displacements (steps, n, 3) and own loads (steps, 3n)."""
-    force = (u.reshape(len(u), -1) @ part.stiffness - loads).reshape(u.shape)
-    return OwnFields(name, part.joints.points, [("triangle", part.joints.triangles)], u, force)
