@@ -155,7 +155,7 @@ def own_fields(solution, name):
     own = next(s for s in solution.scene.subdomains if s.name == name)
     stand = next(s for s in solution.scene.mesh.foreign if solution.scene.mesh.volumes[s.volume] == name)
     entry = config_from(solution.summary["config"]).codes[own.code]
-    return FOREIGN[entry.code](entry).own_fields(solution.parts[own.index][:, : stand.joints])
+    return FOREIGN[entry.code](entry).own_fields(*(x[own.index][:, : stand.joints] for x in (solution.parts, solution.joints)))
 
 
 def in_one_run(folder, solution, block, count) -> tuple[np.ndarray, np.ndarray]:
