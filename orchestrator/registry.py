@@ -83,6 +83,9 @@ LAWS = Registry({
     "pretension": "orchestrator.laws.pretension:Pretension",
 })
 
+# What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.
+GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "orchestrator.laws.coupling:Coupling"})
+
 DEFAULT_CODE = "freefem"  # keeps its factors between requests, and is the fastest here
 CODES = Registry({
     "freefem": "orchestrator.blackbox.codes.freefem:FreeFem",

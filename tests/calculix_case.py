@@ -46,13 +46,14 @@ def connectivity(scene: Scene) -> np.ndarray:
     return told
 
 
-def deck(scene: Scene, pulls: list[list[float | None]] = (), heat: np.ndarray | None = None) -> str:
+def deck(scene: Scene, pulls: list[list[float | None]] = (), heat: np.ndarray | None = None, more: str = "", loads: str = "") -> str:
     """The input file.
 
     Parameters
     ----------
     pulls : per bolt, per load step, its force; None: it keeps its length
     heat : (steps, n) temperatures, in place of all forces; None: cold
+    more, loads : lines of the model, and of concentrated loads at every step
     """
     nodes, kind = scene.mesh.nodes, "C3D10" if scene.mesh.cells.shape[1] == 10 else "C3D4"
     reference = [len(nodes) + 1 + b for b in range(len(scene.bolts))]
@@ -70,6 +71,7 @@ def deck(scene: Scene, pulls: list[list[float | None]] = (), heat: np.ndarray | 
         lines += [f"*SURFACE,NAME=CUT{node},TYPE=ELEMENT", *(f"{c + 1},S{f + 1}" for c, f in section(scene, bolt)),
                   f"*PRE-TENSION SECTION,SURFACE=CUT{node},NODE={node}", ",".join(f"{x:.15g}" for x in bolt.axis)]
     lines += ["*INITIAL CONDITIONS,TYPE=TEMPERATURE\nALL,0."] if heat is not None else []
+    lines += [more] if more else []
     for step in range(scene.steps):
         lines += ["*STEP\n*STATIC\n*BOUNDARY,OP=NEW"]
         lines += [f"{n + 1},{c + 1},{c + 1},{scene.prescribed[step, n, c]:.15g}" for n, c in np.argwhere(scene.fixed)]
@@ -80,15 +82,15 @@ def deck(scene: Scene, pulls: list[list[float | None]] = (), heat: np.ndarray | 
             else:
                 forces += [f"{node},1,{row[step]:.15g}"]
         forces += [f"{n + 1},{c + 1},{scene.loads[step, n, c]:.15g}" for n, c in np.argwhere(scene.loads[step])] if heat is None else []
-        lines += ["*CLOAD,OP=NEW", *forces]
+        lines += ["*CLOAD,OP=NEW", *forces, *([loads] if loads else [])]
         lines += [] if heat is None else ["*TEMPERATURE,OP=NEW", *(f"{n},{t:.15g}" for n, t in enumerate(heat[step], 1))]
         lines += ["*NODE PRINT,NSET=ALL\nU\n*END STEP"]
     return "\n".join(lines) + "\n"
 
 
-def displacements(scene: Scene, folder: Path, pulls: list[list[float | None]] = (), heat: np.ndarray | None = None) -> np.ndarray:
-    """(T, n, 3) as CalculiX has them; at a section those of side 2."""
-    (folder / "job.inp").write_text(deck(scene, pulls, heat))
+def displacements(scene: Scene, folder: Path, *rest: object, **others: object) -> np.ndarray:
+    """(T, n, 3) as CalculiX has them, parameters as for ``deck``; at a section those of side 2."""
+    (folder / "job.inp").write_text(deck(scene, *rest, **others))
     done = subprocess.run(["ccx", "-i", "job"], cwd=folder, capture_output=True, text=True, timeout=120,
                           env=dict(os.environ, OMP_NUM_THREADS="1"))
     assert "ERROR" not in done.stdout, done.stdout[-2000:]

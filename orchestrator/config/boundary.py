@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from orchestrator.config.base import ByName, Name, Names, Part, PartlyFree, Vector, either, one_or_per_step
+from orchestrator.config.base import ByName, Name, Names, Part, PartlyFree, Positive, Vector, either, one_or_per_step
 from orchestrator.config.entry import Entry
 from orchestrator.config.turning import Axis, Rotate
 from orchestrator.registry import LAWS
@@ -50,12 +50,40 @@ class Motion(Part):
     rotate: Rotate | None = Field(None, description="{axis, degrees, about}; none: no turn")
 
 
+class Frame(Part):
+    """Cylindrical directions about an axis: radial, tangential and axial, right-handed."""
+
+    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
+    at: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
+
+
+class Foundation(Part):
+    """Springs to a rigid ground: along the normal and across it, or along three directions."""
+
+    normal: Positive | None = Field(None, description="stiffness along the surface's normal, force per area and per length")
+    tangential: float | None = Field(None, ge=0, description="stiffness across it, beside normal; none: 0")
+    stiffness: Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)] | None = Field(None, description=(
+        "in place of the others: stiffness along x, y and z, or along the directions of a frame"))
+
+
+class Coupling(Part):
+    """A point that the surface follows: each of its six motions is prescribed, or null and loaded."""
+
+    kind: Literal["rigid", "distributed"] = Field("rigid", description=(
+        "rigid: the surface moves as a rigid body; distributed: so in the mean, weighted by area, and free to deform"))
+    about: Vector | None = Field(None, description="the point, on the surface or not; none: the surface's centre")
+    displacement: PartlyFree = Field([None, None, None], description="of the point; null where it is loaded, by `force`")
+    rotation: PartlyFree = Field([None, None, None], description="degrees about x, y and z, small; null where loaded, by `moment`")
+    force: Vector = Field([0.0, 0.0, 0.0], description="at the point, in components that are not prescribed")
+    moment: Vector = Field([0.0, 0.0, 0.0], description="about the point, in components that are not prescribed")
+
+
 Pressure = either(LinearPressure, float, lambda value: isinstance(value, (dict, LinearPressure)),
                   "a number, or {at: [0, 0, 10], gradient: [0, 0, -9.81e-6]}")
 
 
 class BoundaryCondition(Part):
-    """Exactly one of displacement, symmetry, motion, traction, pressure and resultant, on a place."""
+    """Exactly one of displacement, symmetry, motion, traction, pressure, resultant, foundation and coupling, on a place."""
 
     on: Where = Field(description="a surface group (shell wildcards allowed), a plane or a box")
     displacement: Displacement | None = Field(None, description="prescribed components; null leaves one free")
@@ -65,6 +93,11 @@ class BoundaryCondition(Part):
     pressure: Pressure | None = Field(None, description=(
         "force per area along the inward normal: a number, or {value, at, gradient}"))
     resultant: Resultant | None = Field(None, description="force and moment as a whole: {force, moment, about}")
+    foundation: Foundation | None = Field(None, description="springs to the ground: {normal, tangential}, or {stiffness: [x, y, z]}")
+    coupling: Coupling | None = Field(None, description=(
+        "remote displacement or load: {kind, about, displacement, rotation, force, moment}"))
+    frame: Frame | None = Field(None, description=(
+        "of a displacement, a traction or a foundation's stiffness: its components are radial, tangential and axial, {axis, at}"))
     history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")
 
 

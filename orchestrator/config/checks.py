@@ -30,7 +30,7 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
-    ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant"),
+    ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant", "foundation", "coupling"),
     ("loads", "*"): ("body_force", "gravity", "spin", "temperature"),
 }
 ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",), "interfaces": (), "bolts": ()}
@@ -88,6 +88,36 @@ def places(data: Any) -> Iterator[Problem]:
         if _is_vectors(corners) and len(corners) == 2 and any(low > high for low, high in zip(*corners)):
             yield Problem((*path, "box"), _show(corners), "the lower corner first, then the upper one",
                           "swap the coordinates that decrease")
+
+
+def grounds(data: Any) -> Iterator[Problem]:
+    """What stands on the ground says how, and a frame has something to turn."""
+    for path, entry in find(data, ("boundary", "*")):
+        if not isinstance(entry, dict):
+            continue
+        bed, coupling = entry.get("foundation"), entry.get("coupling")
+        if isinstance(bed, dict):
+            given = [key for key in ("normal", "tangential", "stiffness") if bed.get(key) is not None]
+            if given not in (["normal"], ["normal", "tangential"], ["stiffness"]):
+                yield Problem((*path, "foundation"), " and ".join(given) or "nothing", "normal, with tangential or without, or stiffness alone",
+                              "write {normal: 1.0e4}, or {stiffness: [0, 0, 1.0e4]}")
+            elif given == ["stiffness"] and _is_vectors([bed["stiffness"]]) and not any(bed["stiffness"]):
+                yield Problem((*path, "foundation", "stiffness"), "no stiffness along any direction", "one above 0 at least", "leave the entry out")
+        if isinstance(coupling, dict):
+            for kind, load in (("displacement", "force"), ("rotation", "moment")):
+                both = [k for k, (x, f) in enumerate(zip(coupling.get(kind) or [], coupling.get(load) or [])) if x is not None and f]
+                if both:
+                    yield Problem((*path, "coupling", load), f"component {'xyz'[both[0]]} of {load} and of {kind}", "one of the two: what is "
+                                  "prescribed is not loaded", f"write null for it in {kind}, or 0 in {load}")
+            if not any(x is not None for kind in ("displacement", "rotation") for x in coupling.get(kind) or []) and not any(
+                    f for load in ("force", "moment") for f in coupling.get(load) or []) and coupling.get("kind", "rigid") != "rigid":
+                yield Problem((*path, "coupling"), "nothing prescribed and nothing loaded", "a displacement, rotation, force or moment",
+                              "leave the entry out; kind: rigid alone keeps a surface rigid")
+        turned = entry.get("displacement") is not None or entry.get("traction") is not None or \
+            isinstance(bed, dict) and bed.get("stiffness") is not None
+        if entry.get("frame") is not None and not turned:
+            yield Problem((*path, "frame"), "a frame with nothing to turn", "a frame beside a displacement, a traction, or stiffness of a foundation",
+                          "remove the frame")
 
 
 def temperatures(data: Any) -> Iterator[Problem]:
@@ -296,7 +326,7 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
 def directions(data: Any) -> Iterator[Problem]:
     """Axes have a direction, and what is spread over a surface is something."""
     for where in (("parts", "*", "move", "rotate", "axis"), ("boundary", "*", "motion", "rotate", "axis"), ("loads", "*", "spin", "axis"),
-                  ("bolts", "*", "cut", "plane")):
+                  ("bolts", "*", "cut", "plane"), ("boundary", "*", "frame", "axis")):
         for path, axis in find(data, where):
             if isinstance(axis, list) and not any(axis):
                 yield Problem(path, _show(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
@@ -344,7 +374,7 @@ def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
             yield from magnitudes(value, (*path, key))
 
 
-RULES = [following, magnitudes, exactly_one, belongs_to, places, temperatures, sole_ratio, load_steps, what_histories_multiply,
+RULES = [following, magnitudes, exactly_one, belongs_to, places, temperatures, grounds, sole_ratio, load_steps, what_histories_multiply,
          prescribed_once, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
 
 

@@ -5,15 +5,21 @@ from __future__ import annotations
 # What to do → the words for it. None of them is a key of this program's own, in whatever mapping.
 _WORDS: dict[str, tuple[str, ...]] = {
     "write an entry of boundary with motion: {rotate: {axis: z, degrees: 0.1, about: [0, 0, 0]}}":
-        ("rotation", "rx", "ry", "rz", "remote_displacement"),
+        ("rx", "ry", "rz", "rotation"),
     "write an entry of boundary with resultant: {force: [0, 0, 1], moment: [0, 0, 0], about: [0, 0, 0]}":
         ("moment", "torque", "total_force", "remote_force", "remote_load"),
+    "write an entry of boundary with coupling: {about: [0, 0, 40], displacement: [0, null, null], force: [0, 10, 0]}":
+        ("remote_displacement", "rigid_body", "rbe2", "rbe3", "remote_point"),
+    "write an entry of boundary with foundation: {normal: 1.0e4}, force per area and per length":
+        ("spring", "springs", "bedding", "elastic_support", "elastic_foundation", "winkler"),
+    "write an entry of bolts: [{on: bolt_1, force: 8000}]":
+        ("preload", "bolt_pretension", "bolt_load"),
     "write symmetry: true in an entry of boundary, on a plane across an axis":
         ("symmetry", "symmetric", "symmetry_plane", "roller", "slider"),
     "not supported; periodic and cyclic bodies are modelled whole, or cut along planes of symmetry":
         ("antisymmetry", "periodic", "cyclic", "cyclic_symmetry"),
     "write expansion: in materials and loads: [{on: plate, temperature: 80}]; how heat spreads plays no part":
-        ("temperature", "thermal", "thermal_expansion", "expansion", "alpha", "heat", "conductivity", "initial_temperature"),
+        ("thermal", "thermal_expansion", "alpha", "heat", "conductivity", "initial_temperature"),
     "write loads: [{gravity: [0, 0, -9810]}], with density: 7.85e-9 in materials (steel in t, mm, s)":
         ("weight", "rho", "acceleration", "mass", "gravity", "density"),
     "write loads: [{spin: {axis: z, rate: 314}}], radians per time, with density: in materials":
@@ -23,7 +29,7 @@ _WORDS: dict[str, tuple[str, ...]] = {
     "not supported here; contact is a law between parts: interfaces: [{between: [a, b], law: contact, friction: 0.2}]":
         ("contact", "contact_pair", "contacts"),
     "not supported; parts are tied where they share faces: interfaces: [{between: [a, b], law: perfect}]":
-        ("tie", "coupling", "mpc", "constraint", "glue"),
+        ("tie", "mpc", "constraint", "glue"),
     "not supported; there is no time, only load steps: histories: {ramp: [0.5, 1.0]}, with history: ramp on the entries":
         ("time", "time_step", "dt", "duration", "dynamic", "damping", "frequency", "eigenvalue", "amplitude",
          "initial_condition", "velocity", "load_step"),

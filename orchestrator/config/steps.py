@@ -17,7 +17,7 @@ def vector_of(entry: Entry) -> list | None:
     if not isinstance(entry, BoundaryCondition):
         listed = [getattr(entry, key) for key in getattr(entry, "per_step", ())]
         return next(filter(is_per_step, listed), None)
-    if entry.symmetry:
+    if entry.symmetry or entry.foundation or entry.coupling:
         return None
     if isinstance(entry.pressure, float | int):
         return [entry.pressure, 0.0, 0.0]

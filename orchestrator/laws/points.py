@@ -100,7 +100,7 @@ class Collective:
     Parameters
     ----------
     group : (R,) int, of the pairs ``at``; all pairs of a group belong to one interface
-    at : (R,) int, ascending
+    at : (R,) int, ascending within a group
     given, taken : (3, R)
     """
 

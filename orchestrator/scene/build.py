@@ -9,6 +9,7 @@ from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.covered import loads_on_pairs
+from orchestrator.scene.conditions.ground import add_grounds, held_rows, on_ground, within_free
 from orchestrator.scene.conditions.heat import eigenstrain, thermal_loads
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
@@ -97,19 +98,27 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         for stand in mesh.foreign:
             stays[stand.nodes] = True
         mesh = fitted(mesh, interfaces, stays)
+    plain, outside, grounds, stands = mesh, faces, [], {}
+    if not whole and not problems.found and any(map(on_ground, config.boundary)):
+        mesh, partition, numbering, cell_material, grounds, stands = add_grounds(
+            mesh, faces, partition, cell_material, config.boundary, boundary, vectors, [factors(e, config) for e in config.boundary], problems)
+        interfaces += grounds
     split = np.zeros((count, len(numbering.nodes), 3))
-    surface_loads(mesh, boundary, partition.subdomain, numbering, split)
-    body_loads(mesh, config.loads, [vectors_per_step(entry, config) for entry in config.loads],
+    surface_loads(plain, boundary, partition.subdomain, numbering, split)
+    body_loads(plain, config.loads, [vectors_per_step(entry, config) for entry in config.loads],
                [factors(entry, config) for entry in config.loads],
                [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
                split, problems)
     times = [factors(entry, config) for entry in config.loads]
-    thermal = eigenstrain(mesh, config.loads, times, [*(m.expansion for m in config.matter), *(None for _ in mesh.foreign)], cell_material, problems) \
+    thermal = eigenstrain(plain, config.loads, times, [*(m.expansion for m in config.matter), *(None for _ in mesh.foreign)], cell_material, problems) \
         if any(entry.temperature is not None for entry in config.loads) else None
     if thermal is not None:
+        thermal = np.pad(thermal, ((0, 0), (0, len(mesh.cells) - len(plain.cells)), (0, 0)))
         thermal_loads(mesh, thermal, materials, cell_material, numbering, split)
     held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
                                           moving_as_one(numbering, interfaces), count, problems)
+    for entry, nodes in stands.items():  # what a ground carries is the reaction of its entry
+        held_by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
     split_fixed = held_by >= 0
     for stand in mesh.foreign:  # whose nodes no other body has
@@ -117,16 +126,18 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         split_fixed[np.isin(numbering.nodes, np.arange(stand.nodes.start, stand.nodes.stop))] |= stand.held
     interfaces = leave_free(mesh, interfaces, partition, numbering, split_fixed, config.interfaces, problems)
     bolts = straighten(mesh, interfaces, bolts, problems)
+    within_free(grounds, mesh, problems)
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
-        links = [i.cells for i in interfaces] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]
-        check_held(mesh, faces, fixed, problems, np.concatenate(links) if links else None)
+        links = [i.cells for i in interfaces if not any(i is g for g in grounds)] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]
+        check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None,
+                   held_rows(grounds, mesh))
     probes = []
     if config.output.probes:
         from orchestrator.scene.conditions.probes import find_probes
 
         bodies = [partition.body(i) or name for i, name in enumerate(partition.names)]
-        probes = find_probes(mesh, faces, partition.subdomain, bodies, interfaces, config.output.probes, problems)
+        probes = find_probes(plain, outside, partition.subdomain, bodies, interfaces, config.output.probes, problems)
     problems.raise_if_any()
     problems.warnings += mesh.remarks
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}
@@ -136,7 +147,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     subdomains = _subdomains(partition, numbering, cell_material, held_by, split_fixed, split_prescribed, split)
     for s in subdomains:
         s.foreign = bool(len(mesh.foreign)) and bool(mesh.is_foreign(s.cells[:1])[0])
-    assign_codes(mesh, subdomains, config.codes)
+    grounded = {i.subdomains[1]: i.subdomains[0] for i in grounds}
+    assign_codes(mesh, [s for s in subdomains if s.index not in grounded], config.codes)
+    for e, body in grounded.items():
+        subdomains[e].code = subdomains[body].code
     for s in subdomains if thermal is not None else ():
         s.heated = bool(thermal[:, s.cells].any())
     _contact_areas(mesh, subdomains, interfaces)

@@ -19,6 +19,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import tet_volumes
 
 if TYPE_CHECKING:
+    from orchestrator.scene.conditions.frames import Cylindrical
     from orchestrator.scene.interfaces.mortar.moving import Moving
 
 
@@ -241,6 +242,7 @@ class BoundaryEntry:
     fixed : (3,) bool, prescribed components (displacement entries; all False for forces)
     values : (steps, 3) float, displacement or traction per step; pressures in column 0
     slope, about : (steps, 3, 3) and (3,) float, where it varies: values + slope (x − about); None: it is uniform
+    frame : cylindrical directions that the values are along; None: x, y and z
     """
 
     index: int
@@ -252,6 +254,12 @@ class BoundaryEntry:
     values: np.ndarray
     slope: np.ndarray | None = None
     about: np.ndarray | None = None
+    frame: Cylindrical | None = None
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is not the same at all points."""
+        return self.slope is not None or self.frame is not None
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from orchestrator.scene.mesh.geometry import area_vectors, skew
 from orchestrator.scene.mesh.quadratic import TRIANGLE_MOMENTS
 from orchestrator.scene.model import BoundaryEntry
 
-KINDS = ("displacement", "symmetry", "motion", "traction", "pressure", "resultant")
+KINDS = ("displacement", "symmetry", "motion", "traction", "pressure", "resultant", "foundation", "coupling")
 STRAIGHT = 1e-6  # how far a plane's normal may be from its axis: coordinates in files have that many digits
 
 
@@ -73,9 +73,11 @@ def normal_of(nodes: np.ndarray, triangles: np.ndarray) -> int | None:
 
 
 def at_corners(entry: BoundaryEntry, nodes: np.ndarray) -> np.ndarray:
-    """(steps, k, 3, 3) what an entry with a slope is at the three corners of its faces: step, face, corner, component."""
-    place = nodes[entry.triangles[:, :3]] - entry.about
-    return entry.values[:, None, None, :] + np.einsum("tij,kaj->tkai", entry.slope, place)
+    """(steps, k, 3, 3) what an entry that varies is at the three corners of its faces: step, face, corner, component."""
+    corners = nodes[entry.triangles[:, :3]]
+    if entry.frame is not None:
+        return np.einsum("ti,kaij->tkaj", entry.values, entry.frame.directions(corners))
+    return entry.values[:, None, None, :] + np.einsum("tij,kaj->tkai", entry.slope, corners - entry.about)
 
 
 def nodal(entry: BoundaryEntry, nodes: np.ndarray) -> np.ndarray:
@@ -92,7 +94,7 @@ def nodal(entry: BoundaryEntry, nodes: np.ndarray) -> np.ndarray:
 def wrench(entry: BoundaryEntry, nodes: np.ndarray, about: np.ndarray) -> np.ndarray:
     """(steps, 6) the force of a traction or pressure on all of its faces, and its moment about a point (3,)."""
     area, corners = area_vectors(nodes, entry.triangles), nodes[entry.triangles[:, :3]] - about
-    if entry.slope is not None:
+    if entry.varies:
         forces, arm = nodal(entry, nodes), nodes[entry.triangles] - about
         return np.concatenate([forces.sum(axis=(1, 2)), np.cross(arm, forces).sum(axis=(1, 2))], axis=1)
     arm = corners.mean(axis=1)

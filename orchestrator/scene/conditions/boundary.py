@@ -12,6 +12,8 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.affine import KINDS, field_of, normal_of
+from orchestrator.scene.conditions.frames import Cylindrical
+from orchestrator.scene.conditions.ground import on_ground
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
@@ -42,7 +44,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                 problems.add(("boundary", i, "on"), f"faces of {name!r}, whose mesh is not this program's", "faces of parts with a mesh",
                              "put supports and loads in the part's own files")
             chosen = chosen[~foreign]
-        if kind not in ("displacement", "motion", "symmetry"):
+        if kind not in ("displacement", "motion", "symmetry") or on_ground(entry):
             inside = chosen[faces.neighbour[chosen] >= 0]
             if len(inside):
                 where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
@@ -50,6 +52,13 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                              f"first at {where}: a {kind} there has no side to act on", "faces of the outer boundary",
                              "select outer faces; for forces inside the body use loads:")
         triangles, cells = faces.triangles[chosen], np.c_[faces.owner[chosen], faces.neighbour[chosen]]
+        if on_ground(entry):
+            resolved.append(BoundaryEntry(i, "displacement", triangles, cells, np.unique(triangles), np.zeros(3, dtype=bool),
+                                          np.zeros((len(factors[i]), 3))))
+            continue
+        frame = Cylindrical.of(entry.frame)
+        if frame is not None:
+            frame.check(mesh.nodes[np.unique(triangles)], ("boundary", i, "frame"), problems)
         if kind == "symmetry":
             axis = normal_of(mesh.nodes, triangles)
             if axis is None:
@@ -70,7 +79,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                          "the same components prescribed at every load step", "replace null by numbers, or numbers by null")
         values = np.array([[0.0 if value is None else value for value in row] for row in rows], dtype=float)
         resolved.append(BoundaryEntry(i, kind, triangles, cells, np.unique(triangles),
-                                      given.all(axis=0) & (kind == "displacement"), values))
+                                      given.all(axis=0) & (kind == "displacement"), values, frame=frame))
     return resolved
 
 
@@ -116,10 +125,12 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
             continue
         at = _labels(entry, cell_subdomain, numbering, label)
         varies = None
-        if entry.slope is not None:  # copies of a node that are one are at one place, but for rounding
+        if entry.varies:  # copies of a node that are one are at one place, but for rounding
             first = np.zeros(count, dtype=int)
             first[label] = np.arange(len(label))
-            varies = np.einsum("tij,nj->tni", entry.slope, mesh.nodes[numbering.nodes[first[at]]] - entry.about)
+            points = mesh.nodes[numbering.nodes[first[at]]]
+            varies = np.einsum("tij,nj->tni", entry.slope, points - entry.about) if entry.frame is None else \
+                np.einsum("ti,nij->tnj", entry.values, entry.frame.directions(points)) - entry.values[:, None]
         for c in np.flatnonzero(entry.fixed):
             earlier = setter[at, c]
             there = values[:, at, c]

@@ -27,7 +27,7 @@ def surface_loads(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.
         if entry.kind == "displacement" or len(entry.triangles) == 0:
             continue
         at = numbering.find(cell_subdomain[entry.cells[:, 0]][:, None], entry.triangles)
-        if entry.slope is not None:
+        if entry.varies:
             forces = nodal(entry, mesh.nodes)
             for step, c in np.ndindex(len(forces), 3):
                 loads[step, :, c] += _gather(at, forces[step, :, :, c], loads.shape[1])

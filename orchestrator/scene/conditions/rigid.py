@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from orchestrator.errors import Problems
@@ -43,16 +45,24 @@ def size_of(nodes: np.ndarray) -> float:
     return float(np.sqrt(((nodes - nodes.mean(axis=0)) ** 2).sum(axis=1).max())) or 1.0
 
 
-def left_over(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
     """Combinations (6, r) of the columns of ``motions`` that leave all fixed components at rest.
 
     Parameters
     ----------
     nodes : (n, 3); fixed : (n, 3) bool
+    kept : (q, 6) what else must rest, of a translation of the origin and a rotation about it; none
     """
-    if not fixed.any():
+    if not fixed.any() and kept is None:
         return np.eye(6)
     held = motions(nodes)[fixed.reshape(-1)]
+    if kept is not None:
+        centre, size = nodes.mean(axis=0), size_of(nodes)
+        of_origin = motions_about(np.zeros((1, 3)), centre, size)[0]  # (3, 6), what our columns move the origin by
+        rows = kept[:, :3] @ of_origin
+        rows[:, 3:] += kept[:, 3:] / size
+        length = np.linalg.norm(rows, axis=1, keepdims=True)
+        held = np.vstack([held, rows / np.where(length > 0, length, 1.0)])
     # The triangular factor has the singular values of the tall matrix.
     _, values, rows = np.linalg.svd(np.linalg.qr(held, mode="r") if len(held) > 6 else held, full_matrices=True)
     values = np.r_[values, np.zeros(6 - len(values))]
@@ -73,12 +83,13 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 
 def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
-               links: np.ndarray | None = None) -> None:
+               links: np.ndarray | None = None, grounds: Sequence[tuple[int, np.ndarray]] = ()) -> None:
     """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
 
     Parameters
     ----------
     links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
+    grounds : a cell each, and what a ground keeps its body from, see ``left_over``
     """
     count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
     if links is not None:
@@ -90,7 +101,8 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     hint = _touching(mesh, own) if count > 1 else None
     for i, nodes in enumerate(own):
         points = mesh.nodes[nodes]
-        free = left_over(points, fixed[nodes])
+        kept = [rows for cell, rows in grounds if piece[cell] == i]
+        free = left_over(points, fixed[nodes], np.concatenate(kept) if kept else None)
         if free.shape[1] == 0:
             continue
         parts = [mesh.volumes[v] for v in np.unique(mesh.volume[order[ranges[i]:ranges[i + 1]]])]
