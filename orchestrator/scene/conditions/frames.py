@@ -1,0 +1,44 @@
+"""Cylindrical directions: radial, tangential and axial at points around an axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from orchestrator.config.turning import unit
+from orchestrator.errors import KeyPath, Problems
+from orchestrator.scene.mesh.quality import format_point
+
+NEAR = 1e-9  # distance from the axis, over the extent of the points, at which there is no radial direction
+
+
+@dataclass(frozen=True)
+class Cylindrical:
+    """Directions about an axis (3,), of length one, through a point (3,)."""
+
+    axis: np.ndarray
+    at: np.ndarray
+
+    @classmethod
+    def of(cls, frame: Any) -> Cylindrical | None:
+        """Of the YAML's entry; None without one."""
+        return None if frame is None else cls(np.array(unit(frame.axis)), np.array(frame.at, dtype=float))
+
+    def directions(self, points: np.ndarray) -> np.ndarray:
+        """(…, 3, 3) radial, tangential and axial directions at points (…, 3), as rows; nothing radial on the axis."""
+        arm = points - self.at
+        radial = arm - (arm @ self.axis)[..., None] * self.axis
+        size = np.linalg.norm(radial, axis=-1, keepdims=True)
+        radial = radial / np.where(size > 0, size, 1.0)
+        return np.stack([radial, np.cross(self.axis, radial), np.broadcast_to(self.axis, radial.shape)], axis=-2)
+
+    def check(self, points: np.ndarray, path: KeyPath, problems: Problems) -> None:
+        """Points (k, 3) must not be on the axis."""
+        if not len(points):
+            return
+        r = np.linalg.norm(np.cross(points - self.at, self.axis), axis=1)
+        if r.min() <= NEAR * (r.max() or 1.0):
+            problems.add(path, f"a node on the frame's axis, at {format_point(points[int(r.argmin())])}, where nothing is radial",
+                         "nodes off the axis", "move the frame's axis, or select faces that do not meet it")

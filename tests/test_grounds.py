@@ -1,0 +1,209 @@
+"""Supports that give, and points that surfaces follow: against CalculiX, closed forms, and what prescribes the same outright."""
+
+import numpy as np
+import pytest
+from calculix_case import displacements
+from in_process import IN_PROCESS
+from ring_case import ring
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.conditions.rigid import motions_about
+from orchestrator.scene.mesh.patch import node_areas
+
+ELEMENTS = ("P1", "P2")
+HELD = {"on": "zmin", "displacement": [0, 0, 0]}
+LOADED = {"on": "zmax", "traction": [3.0, 1.0, -5.0]}
+
+
+def bar(boundary: list, element: str = "P1", **changes) -> dict:
+    return {"name": "bar", "mesh": {"box": {"size": [1, 1, 2], "cells": [2, 2, 3]}}, "subdomains": {"slices": {"axis": "z", "count": 1}},
+            "materials": [{"young": 2e4, "poisson": 0.3}], "boundary": boundary, "blackbox": {**IN_PROCESS, "element": element},
+            "method": {"tolerance": {"error": 1e-9}}, **changes}
+
+
+def solved(*rest, **changes):
+    solution = solve(config_from(bar(*rest, **changes)))
+    assert solution.converged, solution.stop_reason
+    return solution
+
+
+def body(solution) -> int:
+    """Number of the nodes that are not a ground's."""
+    return int(solution.scene.subdomains[0].nodes.max()) + 1
+
+
+def test_a_foundation_is_what_springs_at_the_nodes_are_in_calculix(tmp_path):
+    solution = solved([{"on": "zmin", "foundation": {"normal": 1000.0, "tangential": 300.0}, "history": "any"}, {**LOADED, "history": "any"}],
+                      histories={"any": [1.0, -2.0]})
+    scene, n = solution.scene, body(solution)
+    interface = scene.interfaces[0]
+    area = node_areas(scene.mesh.nodes[interface.global_nodes], interface.triangles)
+    lines, element = [], len(scene.mesh.cells)
+    for node, a in zip(interface.global_nodes + 1, area):
+        for direction, k in ((1, 300.0), (2, 300.0), (3, 1000.0)):
+            element += 1
+            lines.append(f"*ELEMENT,TYPE=SPRING1,ELSET=K{element}\n{element},{node}\n*SPRING,ELSET=K{element}\n{direction}\n{k * a:.13e}")
+    exact = displacements(scene, tmp_path, more="\n".join(lines))
+    assert np.abs(exact - solution.displacement)[:, :n].max() < 1e-6 * np.abs(exact).max()
+    same = solved([{"on": "zmin", "foundation": {"stiffness": [300.0, 300.0, 1000.0]}}, LOADED])
+    assert np.allclose(same.displacement[0], solution.displacement[0], atol=1e-8 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_bed_carries_all_there_is_and_sinks_by_its_mean(element):
+    """Two blocks, one on the other with friction, on springs: k A ū = F, whatever bends above."""
+    solution = solved([{"on": "zmin", "foundation": {"normal": 1000.0, "tangential": 300.0}}, LOADED], element,
+                      mesh={"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, subdomains={"slices": {"axis": "z", "count": 2}},
+                      interfaces=[{"law": "contact", "friction": 0.8}])
+    i = solution.scene.interfaces
+    ground = next(k for k in i if k.subdomains[1] == 2)
+    at = ground.corners
+    area = node_areas(solution.scene.mesh.nodes[ground.global_nodes], ground.triangles)[at]
+    mean = area @ solution.sides[0][0, ground.nodes[0][at]]
+    assert solution.reactions[0, 0] == pytest.approx([-3, -1, 5], abs=1e-6)
+    assert mean == pytest.approx([3 / 300, 1 / 300, -5 / 1000], abs=1e-8)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_rigid_coupling_is_calculix_rigid_body(element, tmp_path):
+    point, force, moment = [0.4, 0.7, 3.0], [10.0, -4.0, 2.0], [1.0, 5.0, -3.0]
+    solution = solved([HELD, {"on": "zmax", "coupling": {"about": point, "force": force, "moment": moment}}], element)
+    scene, n = solution.scene, body(solution)
+    top = np.flatnonzero(np.isclose(scene.mesh.nodes[:n, 2], 2.0)) + 1
+    first = len(scene.mesh.nodes) + 1
+    more = "\n".join([f"*NODE\n{first},{point[0]},{point[1]},{point[2]}\n{first + 1},{point[0]},{point[1]},{point[2]}", "*NSET,NSET=TOP",
+                      *(f"{k}," for k in top), f"*RIGID BODY,NSET=TOP,REF NODE={first},ROT NODE={first + 1}"])
+    loads = "\n".join(f"{first + k},{c + 1},{x}" for k, row in enumerate((force, moment)) for c, x in enumerate(row))
+    exact = displacements(scene, tmp_path, more=more, loads=loads)
+    assert np.abs(exact - solution.displacement)[:, :n].max() < 1e-6 * np.abs(exact).max()
+    assert solution.reactions[:, 0] == pytest.approx(np.array([np.negative(force), force]), abs=1e-6)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_couplings_do_what_else_says_the_same(element):
+    """All prescribed and rigid: a motion. All loaded and distributed: a resultant."""
+    motion = {"translate": [0.01, 0, -0.02], "rotate": {"axis": "y", "degrees": 0.1, "about": [0.5, 0.5, 3]}}
+    told = solved([HELD, {"on": "zmax", "motion": motion}], element)
+    found = solved([HELD, {"on": "zmax", "coupling": {"about": [0.5, 0.5, 3], "displacement": [0.01, 0, -0.02], "rotation": [0, 0.1, 0]}}], element)
+    n = body(found)
+    assert np.abs(found.displacement[:, :n] - told.displacement).max() < 1e-8 * np.abs(told.displacement).max()
+    if element == "P1":  # with ten-node tets a resultant loads nodes in the middle of edges, a coupling the corners
+        load = {"force": [3.0, 2.0, 1.0], "moment": [0.5, -1.0, 2.0], "about": [0, 0, 5.0]}
+        told = solved([HELD, {"on": "zmax", "resultant": load}])
+        found = solved([HELD, {"on": "zmax", "coupling": {"kind": "distributed", **load}}])
+        acted = [s.scene.loads.sum() for s in (told,)]
+        assert np.isfinite(acted).all() and found.reactions[:, 0] == pytest.approx(told.reactions[:, 0], abs=1e-7)
+        # lumped and consistent nodal forces differ by what bends between neighbours
+        assert np.abs(found.displacement[:, :n] - told.displacement).max() < 2e-2 * np.abs(told.displacement).max()
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_mean_motion_is_prescribed_while_the_rest_is_loaded_and_free_to_deform(element):
+    about, history = [0.5, 0.5, 2.5], [1.0, 0.0, -0.5]
+    solution = solved([HELD, {"on": "zmax", "history": "h", "coupling": {
+        "kind": "distributed", "about": about, "displacement": [0.01, None, None], "rotation": [None, 0.2, 0.0], "force": [0, 4.0, 0]}}], element,
+        histories={"h": history})
+    ground = solution.scene.interfaces[0]
+    at = ground.corners
+    points = solution.scene.mesh.nodes[ground.global_nodes]
+    area = node_areas(points, ground.triangles)[at]
+    R = motions_about(points[at], np.array(about), 1.0)
+    G = np.einsum("n,nci,ncj->ij", area, R, R)
+    u = solution.displacement[:, ground.global_nodes[at]]
+    q = np.linalg.solve(G, np.einsum("n,nci,tnc->it", area, R, u)).T
+    assert q[:, [0, 4, 5]] == pytest.approx(np.outer(history, [0.01, np.radians(0.2), 0.0]), abs=1e-10)
+    assert solution.reactions[1, :, 1:] == pytest.approx(np.outer(history, [4.0, 0.0]), abs=1e-6)
+    bent = u[0] - np.einsum("nci,i->nc", R, q[0])
+    assert np.abs(bent).max() > 1e-3 * np.abs(u[0]).max()
+
+
+def quarter(tmp_path, degrees: float, boundary: list, element: str = "P1", **changes):
+    """A quarter ring, turned about its axis, in plane strain."""
+    x = ring(tmp_path / "ring.msh", 1.0, 2.0, 0.3, (3, 6, 1))
+    part = {"name": "ring", "mesh": {"file": str(tmp_path / "ring.msh")}, "move": {"rotate": {"axis": "z", "degrees": degrees}}}
+    flat = [{"on": f"ring/{side}", "symmetry": True} for side in ("low", "high")]
+    data = bar([*boundary, *flat], element, parts=[part], subdomains="groups", **changes)
+    del data["mesh"]
+    solution = solve(config_from(data))
+    assert solution.converged, solution.stop_reason
+    return solution, len(x)
+
+
+def test_planes_across_no_axis_are_held_in_cylindrical_directions(tmp_path):
+    """Turned by 30 degrees, the pressed ring does what it does between planes of symmetry."""
+    pressed = {"on": "ring/inner", "pressure": 50.0}
+    plain, n = quarter(tmp_path, 0.0, [{"on": f"ring/{side}", "symmetry": True} for side in ("start", "end")] + [pressed])
+    held = [{"on": f"ring/{side}", "displacement": [None, 0, None], "frame": {"axis": "z"}} for side in ("start", "end")]
+    turned, _ = quarter(tmp_path, 30.0, [*held, pressed])
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    back = turned.displacement[0, :n] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]).T
+    assert np.abs(back - plain.displacement[0, :n]).max() < 1e-7 * np.abs(back).max()
+    assert np.linalg.norm(turned.reactions[0, 0]) == pytest.approx(np.linalg.norm(plain.reactions[0, 0]), rel=1e-6)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_tractions_and_displacements_have_cylindrical_components(element, tmp_path):
+    """A ring that is held outside and sheared inside along its tangent: the moment, and u_θ = τ a² (b/r − r/b) … of theory."""
+    tau, a, b = 6.0, 1.0, 2.0
+    frame = {"axis": [0, 0, 2.0], "at": [0, 0, 7.0]}
+    x = ring(tmp_path / "ring.msh", a, b, 0.3, (3, 6, 1))
+    data = bar([{"on": "outer", "displacement": [0, 0, 0], "frame": frame}, {"on": "inner", "traction": [[0, tau, 0], [0, 0, tau]], "frame": frame}],
+               element, mesh={"file": str(tmp_path / "ring.msh")})
+    scene = build_scene(config_from(data))
+    loads, points = scene.loads, scene.mesh.nodes
+    entry = scene.boundary[1]
+    corners = scene.mesh.nodes[entry.triangles[:, :3]]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    unit = corners[..., :2] / np.linalg.norm(corners[..., :2], axis=2, keepdims=True)
+    tangent = np.stack([-unit[..., 1], unit[..., 0]], axis=2)  # linear between the corners
+    weight = (1 + np.eye(3)) / 12
+    force = tau * np.einsum("k,kac->c", area / 3, tangent)
+    moment = tau * np.einsum("k,ab,ka,kb->", area, weight, corners[..., 0], tangent[..., 1]) - tau * np.einsum(
+        "k,ab,ka,kb->", area, weight, corners[..., 1], tangent[..., 0])
+    assert loads[0].sum(axis=0) == pytest.approx([*force, 0], abs=1e-10)
+    assert np.cross(points, loads[0]).sum(axis=0)[2] == pytest.approx(moment, abs=1e-10)
+    assert moment == pytest.approx(tau * a**2 * np.pi / 2 * 0.3, rel=0.02)
+    assert loads[1].sum(axis=0) == pytest.approx([0, 0, tau * area.sum()], abs=1e-10)
+    grown = build_scene(config_from(bar([{"on": "outer", "displacement": [0.01, 0.02, 0.03], "frame": frame}], mesh={"file": str(tmp_path / "ring.msh")})))
+    at = np.flatnonzero(grown.fixed.any(axis=1))
+    r = x[at, :2] / np.linalg.norm(x[at, :2], axis=1, keepdims=True)
+    wanted = np.c_[0.01 * r + 0.02 * np.c_[-r[:, 1], r[:, 0]], np.full(len(at), 0.03)]
+    assert grown.prescribed[0, at] == pytest.approx(wanted, abs=1e-14)
+
+
+SPRINGS = {"on": "zmin", "foundation": {"normal": 10.0, "tangential": 1.0}}
+WRONG = {
+    "no stiffness": ([{"on": "zmin", "foundation": {}}], ("boundary", 0, "foundation"), "nothing"),
+    "tangential alone": ([{"on": "zmin", "foundation": {"tangential": 1.0}}], ("boundary", 0, "foundation"), "tangential"),
+    "both ways": ([{"on": "zmin", "foundation": {"normal": 1.0, "stiffness": [1.0, 1.0, 1.0]}}], ("boundary", 0, "foundation"), "alone"),
+    "all zero": ([{"on": "zmin", "foundation": {"stiffness": [0.0, 0.0, 0.0]}}], ("boundary", 0, "foundation", "stiffness"), "no stiffness"),
+    "negative": ([{"on": "zmin", "foundation": {"normal": -1.0}}], ("boundary", 0, "foundation", "normal"), "> 0"),
+    "slides away": ([{"on": "zmin", "foundation": {"normal": 1.0}}], ("boundary",), "translation along x"),
+    "turns": ([HELD | {"displacement": [None, None, 0]}, {"on": "zmax", "coupling": {"displacement": [0, 0, None]}}], ("boundary",), "rotation about the z axis"),
+    "a frame of nothing": ([HELD, {"on": "zmax", "pressure": 1.0, "frame": {"axis": "z"}}], ("boundary", 1, "frame"), "nothing to turn"),
+    "a frame without direction": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": [0, 0, 0]}}], ("boundary", 1, "frame", "axis"), "direction"),
+    "on the axis": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.5, 0.5, 0]}}], ("boundary", 1, "frame"), "radial"),
+    "loaded and prescribed": ([HELD, {"on": "zmax", "coupling": {"displacement": [0, None, None], "force": [1.0, 0, 0]}}],
+                              ("boundary", 1, "coupling", "force"), "component x"),
+    "nothing": ([HELD, {"on": "zmax", "coupling": {"kind": "distributed"}}], ("boundary", 1, "coupling"), "nothing prescribed"),
+    "an unknown kind": ([HELD, {"on": "zmax", "coupling": {"kind": "soft"}}], ("boundary", 1, "coupling", "kind"), "rigid"),
+    "two kinds": ([SPRINGS | {"pressure": 1.0}], ("boundary", 0, "pressure"), "together"),
+    "held as well": ([HELD, {"on": "x*", "coupling": {"force": [1.0, 0, 0]}}], ("boundary",), "prescribed by another entry"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_is_wrong_with_a_ground_is_told_with_its_place(what):
+    boundary, path, words = WRONG[what]
+    with pytest.raises(InputError) as caught:
+        build_scene(config_from(bar(boundary)))
+    problem = next((p for p in caught.value.problems if p.path == path), caught.value.problems[0])
+    assert problem.path == path and words in str(problem) and problem.expected and problem.cure
+
+
+def test_a_surface_that_several_subdomains_share_is_no_coupling():
+    with pytest.raises(InputError, match="a surface of one subdomain"):
+        build_scene(config_from(bar([HELD, {"on": "xmax", "coupling": {"force": [1.0, 0, 0]}}], subdomains={"slices": {"axis": "z", "count": 3}})))
