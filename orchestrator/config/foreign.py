@@ -9,9 +9,9 @@ _WORDS: dict[str, tuple[str, ...]] = {
     "write an entry of boundary with resultant: {force: [0, 0, 1], moment: [0, 0, 0], about: [0, 0, 0]}":
         ("moment", "torque", "total_force", "remote_force", "remote_load"),
     "write an entry of boundary with coupling: {about: [0, 0, 40], displacement: [0, null, null], force: [0, 10, 0]}":
-        ("remote_displacement", "rigid_body", "rbe2", "rbe3", "remote_point"),
+        ("coupling", "remote_displacement", "rigid_body", "rbe2", "rbe3", "remote_point"),
     "write an entry of boundary with foundation: {normal: 1.0e4}, force per area and per length":
-        ("spring", "springs", "bedding", "elastic_support", "elastic_foundation", "winkler"),
+        ("foundation", "spring", "springs", "bedding", "elastic_support", "elastic_foundation", "winkler"),
     "write an entry of bolts: [{on: bolt_1, force: 8000}]":
         ("preload", "bolt_pretension", "bolt_load"),
     "write symmetry: true in an entry of boundary, on a plane across an axis":
@@ -19,7 +19,7 @@ _WORDS: dict[str, tuple[str, ...]] = {
     "not supported; periodic and cyclic bodies are modelled whole, or cut along planes of symmetry":
         ("antisymmetry", "periodic", "cyclic", "cyclic_symmetry"),
     "write expansion: in materials and loads: [{on: plate, temperature: 80}]; how heat spreads plays no part":
-        ("thermal", "thermal_expansion", "alpha", "heat", "conductivity", "initial_temperature"),
+        ("temperature", "expansion", "thermal", "thermal_expansion", "alpha", "heat", "conductivity", "initial_temperature"),
     "write loads: [{gravity: [0, 0, -9810]}], with density: 7.85e-9 in materials (steel in t, mm, s)":
         ("weight", "rho", "acceleration", "mass", "gravity", "density"),
     "write loads: [{spin: {axis: z, rate: 314}}], radians per time, with density: in materials":
