@@ -137,8 +137,9 @@ def refused(wrong: dict, message: str) -> None:
 @CALCULIX
 @pytest.mark.parametrize("kind, cells", [("C3D8", (2, 1, 1)), ("C3D20R", (2, 2, 2)), ("C3D10", (2, 2, 1))])
 def test_a_deck_is_a_part(tmp_path, kind, cells):
-    """Orthotropic, turned and heated; against one CalculiX run of both, joined by *EQUATION with the same operators."""
-    x = write_deck(tmp_path, kind, cells, HEAT, heat=True)
+    """Orthotropic, turned and heated; against one CalculiX run of both, joined by *EQUATION with the same operators. Where
+    nodes match, one of the joint's is held by the deck."""
+    x = write_deck(tmp_path, kind, cells, HEAT, heat=True, more="*BOUNDARY\n9,1,3\n" * (kind == "C3D8"))
     solution = solve(config_from(data(deck(tmp_path), 1e-10)))
     block, u = block_of(solution)
     exact, inside = in_one_run(tmp_path, solution, block, len(x))
@@ -147,7 +148,8 @@ def test_a_deck_is_a_part(tmp_path, kind, cells):
     own = own_fields(solution, "hull")
     assert own.blocks[0][0] == {"C3D8": "hexahedron", "C3D20R": "hexahedron20", "C3D10": "tetra10"}[kind]
     assert np.abs(own.displacement[0] - inside).max() <= 1e-9 * np.abs(inside).max()
-    assert np.abs(own.force[0].sum(axis=0) - [10, 0, 5]).max() <= 1e-8
+    assert kind == "C3D8" or np.abs(own.force[0].sum(axis=0) - [10, 0, 5]).max() <= 1e-8
+    assert np.abs(solution.reactions[0, 0] - [10, 0, 5]).max() <= 1e-12  # the load, and nothing of what the deck holds
 
 
 def own_fields(solution, name):
@@ -187,6 +189,19 @@ def in_one_run(folder, solution, block, count) -> tuple[np.ndarray, np.ndarray]:
     assert not done.returncode and "*ERROR" not in done.stdout, done.stdout[-1000:]
     found = restart_displacements(folder / "one.rout", "WOOD")
     return found[first - 1 + np.arange(len(block.nodes))], found[:count]
+
+
+@CALCULIX
+def test_two_decks_and_nothing_else(tmp_path):
+    """Bonded across faces that do not match; the floating one hangs on the other."""
+    for name, kind, cells, at in (("hull", "C3D20R", (1, 1, 1), (0, 0, 0)), ("tail", "C3D10", (2, 2, 1), (2, 0, 0))):
+        (tmp_path / name).mkdir()
+        write_deck(tmp_path / name, kind, cells, at=at, clamp="ROOT,1,3\n" * (name == "hull"), loads="*CLOAD\nFLANGE,3,-1.\n")
+    two = [{**deck(tmp_path / "hull", loads=None)}, {**deck(tmp_path / "tail", joints="ROOT"), "name": "tail"}]
+    solution = solve(config_from(data(two[0], parts=two, boundary=[], interfaces=[{"between": ["hull", "tail"], "law": "perfect"}])))
+    forces = [own_fields(solution, name).force[0].sum(axis=0) for name in ("tail", "hull")]
+    count = 15  # nodes of the loaded end
+    assert solution.converged and np.abs(forces[0] - [0, 0, count]).max() <= 1e-7 and np.abs(forces[0] + forces[1]).max() <= 1e-7
 
 
 @CALCULIX

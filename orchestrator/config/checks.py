@@ -175,6 +175,13 @@ def load_steps(data: Any) -> Iterator[Problem]:
                 yield Problem((*path, "history"), f"history '{history}', which is not defined",
                               "one of " + ", ".join(histories) if histories else "a name defined under histories",
                               f"define it under histories: {{{history}: [0.5, 1.0]}}")
+    for kind in KINDS:
+        for path, own in find(data, ("parts", "*", kind)):
+            if isinstance(own, dict) and isinstance(histories, dict):
+                if isinstance(factors := histories.get(own.get("history")) if isinstance(own.get("history"), str) else None, list):
+                    counts.append(((*path, "history"), len(factors)))
+                if isinstance(own.get("loads"), list) and len(own["loads"]) > 1:
+                    counts.append(((*path, "loads"), len(own["loads"])))
     for path, count in counts[1:]:
         if count != counts[0][1]:
             yield Problem(path, f"{count} load steps", f"{counts[0][1]} load steps, as in {_dotted(counts[0][0])}",

@@ -135,7 +135,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, about: n
             continue
         arm = scene.mesh.nodes[s.nodes] - about
         for c in range(3):
-            held = np.flatnonzero(s.fixed[:, c])
+            held = np.flatnonzero(s.fixed[:, c] & (s.held_by[:, c] >= 0))  # others are held inside a part of another program's
             entry, push = s.held_by[held, c], forces[:, held, c]
             np.add.at(supported[:, :, c], (slice(None), entry), push)
             for axis, lever, sign in ((3 + (c + 1) % 3, (c + 2) % 3, 1), (3 + (c + 2) % 3, (c + 1) % 3, -1)):  # arm × e_c

@@ -46,6 +46,6 @@ def code_rows(summary: Mapping[str, object]) -> list[tuple[str, ...]]:
 
 def foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
     """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
-    own = [str(entry["code"]) for entry in codes if entry["own_matter"]]
+    own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
     return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
             "there they are not to be believed, displacements and forces are"] if own else []
