@@ -161,12 +161,17 @@ def init(target: Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML
 
 
 @app.command()
-def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")]) -> None:
+def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")],
+           cut: Annotated[Optional[str], typer.Option(metavar="AXIS=PLACE", help="show the inside, cut at a plane: x=80")] = None,
+           parts: Annotated[Optional[list[str]], typer.Option(help="draw this part alone, shell wildcards allowed (repeatable)")] = None,
+           view: Annotated[Optional[str], typer.Option(metavar="AZIMUTH,ELEVATION", help="degrees to see it from: 30,20")] = None,
+           interactive: Annotated[bool, typer.Option("--interactive", help="also result.html, which turns, needs no network")] = False,
+           ) -> None:
     """Draw the figures and a readable report from a results folder."""
     def action() -> int:
         from orchestrator.results.report.report import report as write
 
-        write(directory)
+        write(directory, _figures(cut, parts, view), interactive)
         return CONVERGED
 
     _guarded(action)
@@ -253,6 +258,22 @@ def main() -> None:
         print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
               file=sys.stderr)
     sys.exit(code)
+
+
+def _figures(cut: str | None, parts: list[str] | None, view: str | None) -> dict[str, object] | None:
+    """``output.figures`` as options say; None where they say nothing."""
+    figures: dict[str, object] = {"parts": parts} if parts else {}
+    try:
+        if cut is not None:
+            plane, _, at = cut.partition("=")
+            figures["cut"] = {"plane": plane, "at": float(at)}
+        if view is not None:
+            azimuth, elevation = map(float, view.split(","))
+            figures["view"] = {"azimuth": azimuth, "elevation": elevation}
+    except ValueError:
+        raise InputError(Problem((), f"--cut {cut}" if "cut" not in figures and cut is not None else f"--view {view}",
+                                 "an axis and a place, or two angles in degrees", "write --cut x=80, --view 30,20")) from None
+    return figures or None
 
 
 def _show_pairs(scene, config) -> None:

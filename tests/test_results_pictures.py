@@ -1,9 +1,11 @@
 """Pictures of surfaces: what one sees, whoever draws them, and the process that does."""
 
+import re
 import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,12 +15,16 @@ from pictures import pixels, share
 from processes import gone
 
 from orchestrator.errors import InputError
+from orchestrator.method.stopping.stress import von_mises
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures import codes, deformed, panels, surface
 from orchestrator.results.figures.artist import Artist, drawn
 from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.interactive import model_page, result_page
+from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.painting import PAINTED, show
 from orchestrator.results.figures.plotting import new_figure
+from orchestrator.results.figures.skin import skin
 from orchestrator.results.figures.view import DPI, Camera, View
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import area_vectors
@@ -144,6 +150,59 @@ def test_status_and_pressure_of_interfaces(draw):
     figure = panels.compose(grid, None, "made_up")
     assert [t.get_text() for t in figure.axes[4].get_xticklabels()] == names
     assert {*grid.headings, "made_up", grid.caption + PAINTED} == {t.get_text() for t in figure.texts}
+
+
+def test_a_cut_shows_the_inside_and_parts_are_chosen(draw):
+    """What is in front of the plane goes; the face of the cut has the stress of the inside; the peak is pointed at."""
+    fields = replace(case.fields(), part=case.slices(case.box_mesh(), 3), parts=("left", "middle", "right"))
+    size, middle = np.ptp(fields.nodes, axis=0), fields.nodes[:, 1].mean()
+    for angles, keeps in (((-60.0, 20.0), np.greater_equal), ((60.0, 20.0), np.less_equal)):
+        look = Look(cut=(1, middle + 1e-4), angles=angles, units={"length": " mm", "force": " N", "stress": " MPa"})
+        seen = skin(fields, [1], look, look.direction)
+        assert keeps(seen.points[:, 1] - middle - 1e-4, np.copysign(1e-9, 1 if keeps is np.less_equal else -1)).all()
+        flat = np.abs(seen.points[seen.triangles, 1] - middle - 1e-4).max(axis=1) < 1e-9
+        area = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
+        assert area[flat].sum() == pytest.approx(size[0] * size[2], rel=1e-6)
+        values, x = seen.stress[1], seen.points
+        inside = fields.nodal.stress(1)
+        assert values.max() <= von_mises(inside).max() * (1 + 1e-12) and np.ptp(x[:, 0]) == pytest.approx(size[0])
+    view = deformed.view(fields, look)
+    assert "cut at y" in view.caption and " MPa" in view.caption and draw(view).std() > 5
+    alone = deformed.view(fields, Look(parts=("left", "r*")))
+    assert not ((alone.points[:, 0] > 1.1) & (alone.points[:, 0] < 1.9)).any() and len(alone.outline) == 0
+    place, value, visible = deformed.view(fields).mark
+    nodal = von_mises(fields.nodal.stress(1))
+    assert value == nodal.max() and visible in (True, False)
+    most = fields.nodal.node[nodal > nodal.max() * (1 - 1e-9)]
+    at = fields.nodes[most] + deformed.view(fields).magnified * fields.displacement[1][most]
+    assert np.linalg.norm(at - place, axis=1).min() < 1e-9
+    unknown = draw(deformed.view(replace(fields, believed=fields.part != 1)))
+    assert (np.ptp(unknown.astype(int), axis=2) < 3).mean() > 1.1 * (np.ptp(draw(deformed.view(fields)).astype(int), axis=2) < 3).mean()
+
+
+def test_imposed_jumps_are_drawn_apart_from_contact():
+    """Bolts' pressure would leave contact's without a colour; zero is on every scale, open faces are grey."""
+    fields = case.opened({1: [0, 0, 0, 0, 0, 0, 2, 2, 2]})
+    i = fields.interfaces
+    assert panels.interfaces(fields, imposed=True) is None
+    twice = type(i).joined([i, replace(i, names=np.array(["bolt"]), laws=np.array(["jump"]), pressure=1e3 + i.pressure)], np.arange(2))
+    both = replace(fields, interfaces=twice)
+    contact, jumps = panels.interfaces(both), panels.interfaces(both, imposed=True)
+    assert contact.views[3].limits[0] == 0 and contact.views[3].limits[1] < 10 and "whose jump is imposed" in jumps.caption
+    assert jumps.views[3].limits[0] == 0 and jumps.views[3].limits[1] > 1e3
+    grey = np.isnan(contact.views[3].values.reshape(-1, 3)[:, 0])
+    assert (grey == (i.status[1][i.triangles] == 0).all(axis=1)).all() and grey.any() and not grey.all()
+
+
+def test_pages_that_turn_need_no_network():
+    graph = pytest.importorskip("plotly")
+    fields = replace(case.fields(), part=case.slices(case.box_mesh(), 3), parts=("left", "middle", "right"))
+    page = result_page(fields, "made_up", Look(units={"length": " mm", "force": " N", "stress": " MPa"})).decode()
+    assert page.count('"type":"mesh3d"') >= 3 and all(f'"name":"{name}"' in page for name in fields.parts) and graph
+    assert "MPa" in page and "peak" in page and not re.search(r"<(script|link)[^>]*(src|href)=.https?:", page)
+    mesh = case.box_mesh()
+    named = model_page(mesh.nodes, [("one", mesh.cells[:4, :3]), ("two", mesh.cells[4:, :3])], "model").decode()
+    assert '"name":"one"' in named and '"name":"two"' in named and '"type":"mesh3d"' in named
 
 
 def test_codes_in_colours(draw):

@@ -1,8 +1,8 @@
 """Summary, report and the solution object; progress and what the console shows."""
 
 import base64
-import io
 import json
+import io
 import math
 import os
 import re
@@ -99,7 +99,7 @@ def test_report(tmp_path):
     path = report(tmp_path)
     text = path.read_text()
     for part in ("# made_up", "189 dofs", "tolerance was 1e-06 on the error bound", "‖u_D − u₂‖_K", "2.00e-07",
-                 "| linear stage | 0.90 | 45 % |", "| boundary[1] | 2 | 2 | 0 | 0 |"):
+                 "| linear stage | 0.90 | 45 % |", "| boundary[1] | 2 | 2 | 0 | 0 |", "## The answer"):
         assert part in text, part
     for link in re.findall(r"\]\((.*?)\)", text):
         assert (tmp_path / link).is_file()
@@ -155,8 +155,34 @@ def test_the_page_says_what_the_text_says(tmp_path):
     assert "text-align:right" in page.aligned
     pictures = [base64.b64decode(source.removeprefix("data:image/png;base64,")) for source in page.sources]
     assert pictures == [(tmp_path / "figures" / f"{name}.png").read_bytes() for name in ("convergence", "time")]
-    kept = json.loads(next(text for tag, text in page.texts if tag == "code"))
-    assert kept == case.summary()["config"]
+    assert ["blackbox.code", "freefem"] in page.rows and not any(tag == "pre" for tag, _ in page.texts)
+
+
+def test_question_then_answer_then_the_rest(tmp_path):
+    """Supports, loads and matter as tables; three numbers; errors that stand out; numbers that are not wrapped, on paper too."""
+    config = {"name": "made_up", "mesh": {"box": {"size": [3, 1, 1], "cells": [6, 2, 2]}}, "materials": [{"young": 2e5, "poisson": 0.3}],
+              "boundary": [{"on": "xmin", "displacement": [0, 0, None]}, {"on": {"plane": "x", "at": 3.0}, "pressure": 2.0, "history": "h"}],
+              "histories": {"h": [0.5, 1.0]}, "interfaces": [{"between": ["a*", "b"], "law": "contact", "friction": 0.1}],
+              "method": {"tolerance": {"error": 1e-6}, "relaxation": 0.7}, "output": {"units": {"length": "mm", "force": "N"}}}
+    peak = {"value": 12.5, "at": [1.0, 2.0, 3.0], "part": "box", "load_step": 2}
+    probe = {"name": "tip", "quantity": "point", "of": "displacement", "at": [1.0, 0.0, 0.0], "values": {"ux": [0.1, 0.2], "uy": [0, 0], "uz": [0, 1]}}
+    lost = {"name": "seat", "quantity": "max", "of": "stress", "at": [0.0, 0.0, 0.0], "values": {"sxx": None}, "why": "not known"}
+    Solution(case.summary(config=config, peak_stress=peak, peak_displacement=peak | {"value": 0.25}, reaction_names=["xmin", "x = 3"],
+                          reaction_moments={"about": [0, 0, 0], "moments": np.ones((2, 2, 3))}, discretisation_error=0.31,
+                          probes=[probe, lost]), case.history()).write(tmp_path)
+    report(tmp_path)
+    content = (tmp_path / "report.html").read_text()
+    page = Reader(content)
+    heads = [text for tag, text in page.texts if tag == "h2"]
+    assert heads[:2] == ["The question", "The answer"] and heads.index("Reactions") < heads.index("How it was solved")
+    for row in (["xmin", "displacement", "[0, 0, free]", ""], ["x = 3", "pressure", "2", "h"], ["1", "*", "200000", "0.3", ""],
+                ["a* – b", "contact", "friction: 0.1"], ["h", "[0.5, 1]"], ["method.relaxation", "0.7"], ["2", "0.2", "0", "1"],
+                ["peak stress", "12.5 MPa  (von Mises, at (1, 2, 3) of box, load step 2)"], ["x = 3", "2", "2", "0", "0", "1", "1", "1"]):
+        assert row in page.rows, row
+    assert any(row[0] == "peak displ." and row[1].startswith("0.25 mm") for row in page.rows)
+    assert any(tag == "strong" and "31%" in text for tag, text in page.texts) and ("strong", "not known.") in page.texts
+    assert "@media print" in content and 'td[style*="right"], th { white-space: nowrap }' in content
+    assert "figures/probes.png" in (tmp_path / "report.md").read_text()
 
 
 def test_lines_of_a_cell_are_rows_of_the_table():

@@ -82,6 +82,11 @@ def test_limits_leave_out_what_a_corner_stretches():
     assert 1 <= low < 1.01 and 1.99 < high < 2.01 and beyond == (True, True)
     assert colour_limits(np.linspace(1, 2, 1000)) == ((1, 2), (False, False))
     assert colour_limits(np.full(9, 7.0)) == ((0, 14), (False, False))
+    assert colour_limits(np.array([np.nan, 1.0, 2.0])) == ((1, 2), (False, False)) and colour_limits(np.full(3, np.nan))[0] == (0, 1)
+    # a fiftieth of the surface carries a hundred times the rest: the scale is the rest's
+    heavy = np.concatenate([np.linspace(0, 1, 980), np.linspace(50, 100, 20)])
+    assert colour_limits(heavy)[0][1] < 2 and colour_limits(heavy)[1] == (True, True)
+    assert colour_limits(np.r_[np.linspace(0, 1, 100), np.linspace(50, 99, 100)], np.r_[np.ones(100), np.full(100, 1e-3)])[0][1] < 2
 
 
 def test_bodies_apart_at_every_step():

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from orchestrator.config.base import Name, Part, Vector, either
+from orchestrator.config.base import Name, Names, Part, Vector, either
 from orchestrator.config.boundary import Where
 
 ProbeName = Annotated[str, Field(pattern=r"^\w[\w. -]*$")]
@@ -54,10 +54,37 @@ class Units(Part):
         return known.get((self.force, self.length), f"{self.force}/{self.length}²")
 
 
+class Cut(Part):
+    """A plane that is cut along: what is in front of it, seen from the eye, is left out."""
+
+    plane: Literal["x", "y", "z"] = Field(description="axis normal to the plane")
+    at: float = Field(description="coordinate of the plane along that axis")
+
+
+class Eye(Part):
+    """Where the structure is seen from."""
+
+    azimuth: float = Field(description="degrees around z, from x towards y")
+    elevation: Annotated[float, Field(ge=-90, le=90)] = Field(description="degrees above the plane of x and y")
+
+
+class Figures(Part):
+    """How the structure is drawn."""
+
+    cut: Cut | None = Field(None, description="{plane, at}: shows the inside; none: the surface")
+    parts: Names | None = Field(None, description="names of the volumes that are drawn, shell wildcards allowed; none: all")
+    view: Eye | None = Field(None, description="{azimuth, elevation}; none: from the front, right and above")
+
+
+Drawn = either(Figures, bool, lambda value: isinstance(value, (dict, Figures)),
+               "true or false, or a mapping with cut, parts, view")
+
+
 class Output(Part):
     directory: Name | None = Field(None, description="results folder; none: results/<name>")
     fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
-    figures: bool = Field(True, description="draw the figures; they are what most people look at first")
+    figures: Drawn = Field(True, description=(
+        "draw the figures, as they are what most people look at first; or how: {cut, parts, view}"))
     probes: list[Probe] = Field([], description=(
         "values that are asked for, at points and on surfaces; into summary.json, probes.csv and a figure"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(

@@ -16,7 +16,7 @@ _FOLDERS = ("fields", "figures", "checkpoint")
 _FULL = {errno.ENOSPC, errno.EDQUOT}
 # What a run writes; removed before a fresh one so that old and new results never mix.
 _PRODUCTS = ("summary.json", "history.csv", "checkpoint/*", "traceback.txt", "fields.npz", "report.md", "report.html",
-             "extremes.csv", "interfaces.csv", "probes.csv", "*.interactive.html",
+             "extremes.csv", "interfaces.csv", "probes.csv", "result.html",
              "fields/*.vtu", "fields/*.pvtu", "fields/*.pvd", "figures/*.png", ".*.part", "*/.*.part")
 
 

@@ -138,6 +138,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
 
         bodies = [partition.body(i) or name for i, name in enumerate(partition.names)]
         probes = find_probes(plain, outside, partition.subdomain, bodies, interfaces, config.output.probes, problems)
+    if not isinstance(config.output.figures, bool):
+        from orchestrator.scene.conditions.drawn import check_figures
+
+        check_figures(mesh.nodes, mesh.volumes, config.output.figures, ("output", "figures"), problems)
     problems.raise_if_any()
     problems.warnings += mesh.remarks
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}

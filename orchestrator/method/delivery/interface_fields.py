@@ -73,14 +73,14 @@ class InterfaceFields:
 
         Parameters
         ----------
-        order : (I,) int, which of all interfaces, set after set, comes first, second, …
+        order : (I,) int, which of all interfaces, set after set, comes first, second, …; others are left out
         """
         counts, faces = (np.concatenate([c(p) for p in parts]) for c in (
             lambda p: np.diff(p.offsets), lambda p: np.bincount(p.owner, minlength=len(p.names))))
         node, face = (_segments(c, order) for c in (counts, faces))
         offsets = np.concatenate([[0], np.cumsum(counts[order])])
         starts = np.concatenate([[0], np.cumsum([len(p.nodes) for p in parts])])
-        place = np.empty(len(node), dtype=int)
+        place = np.empty(int(counts.sum()), dtype=int)
         place[node] = np.arange(len(node))
         triangles = np.concatenate([p.triangles + a for p, a in zip(parts, starts)])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from orchestrator.results.answers.interfaces import InterfaceTable
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.summary.places import place_text
 from orchestrator.scene.model import Scene
 
 FILES = (ends.NAME, carried.NAME, asked.NAME)
@@ -79,12 +80,3 @@ class Answers:
 def reaction_names(config: Config) -> list[str]:
     """What the entries of ``boundary`` are called: by their own name, else by their place."""
     return [place_text(entry.model_dump(exclude_none=True)["on"]) for entry in config.boundary]
-
-
-def place_text(on: str | Mapping[str, object]) -> str:
-    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1)."""
-    if isinstance(on, str):
-        return on
-    if "plane" in on:
-        return f"{on['plane']} = {on['at']:g}"
-    return "box " + " … ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")" for corner in on["box"])

@@ -21,12 +21,12 @@ from vtkmodules.vtkRenderingCore import (
 )
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  what windows and mappers are made of
 
+from orchestrator.results.figures.painting import UNKNOWN
 from orchestrator.results.figures.surface import segments, triangulated
 from orchestrator.results.figures.view import View
 
 _AMBIENT, _DIFFUSE = 0.65, 0.38
 _SHADES = 256  # of a palette
-_UNKNOWN = 0.75  # the grey of values that are no numbers
 # colour, width in pixels of a picture of 1000, opacity
 _LINES = {"lines": ((0.0, 0.0, 0.0), 1.1, 0.45), "outline": ((0.35, 0.35, 0.35), 1.3, 1.0)}
 
@@ -89,7 +89,7 @@ def _surface(view: View) -> vtkActor:
     table.SetNumberOfTableValues(_SHADES)
     for shade, colour in enumerate(view.palette(np.linspace(0.0, 1.0, _SHADES)).tolist()):
         table.SetTableValue(shade, *colour)
-    table.SetNanColor(_UNKNOWN, _UNKNOWN, _UNKNOWN, 1.0)
+    table.SetNanColor(UNKNOWN, UNKNOWN, UNKNOWN, 1.0)
     mapper = vtkPolyDataMapper()
     mapper.SetInputData(data)
     mapper.SetLookupTable(table)

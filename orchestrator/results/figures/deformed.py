@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.stopping.stress import nodal_average
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import surface
+from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.painting import PAINTED, scale, show
 from orchestrator.results.figures.plotting import new_figure
-from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits
+from orchestrator.results.figures.skin import skin
+from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, toward_eye
+from orchestrator.scene.mesh.geometry import area_vectors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,43 +31,63 @@ def most_deformed(fields: Fields) -> int:
     return int(np.argmax(np.abs(fields.displacement).max(axis=(1, 2))))
 
 
-def view(fields: Fields) -> View:
+def view(fields: Fields, look: Look = Look()) -> View:
     """Prepares the picture of the load step with the largest displacement."""
-    return views(fields, [most_deformed(fields)])[0]
+    return views(fields, [most_deformed(fields)], look=look)[0]
 
 
-def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH) -> list[View]:
+def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH, look: Look = Look()) -> list[View]:
     """Pictures of several load steps: one camera, one exaggeration, one colour scale."""
-    drawn, whole = fields.opened, fields
-    if (drawn.lame[:, 1] == 0).any():  # cells that stand for a part whose mesh is another program's
-        ours = np.flatnonzero(drawn.lame[:, 1] > 0)
-        drawn, whole = drawn.some(ours), fields.some(ours)
+    drawn, units = fields.opened, look.units
     size = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    largest = {step: float(np.linalg.norm(drawn.displacement[step], axis=1).max()) for step in steps}
-    factor = _exaggeration(fields, steps, size, max(largest.values()))
+    ours = np.unique(drawn.cells[drawn.lame[:, 1] > 0])  # others stand for parts whose mesh is another program's
+    largest = {step: float(np.linalg.norm(drawn.displacement[step][ours], axis=1).max(initial=0.0)) for step in steps}
+    factor = exaggeration(fields, steps, size, max(largest.values()))
 
-    faces, cell = surface.outer_faces(drawn.nodes, drawn.cells)
-    lines = surface.edges(drawn.nodes, faces, drawn.subdomain[cell])
-    sharp = surface.edges(whole.nodes, faces if drawn is whole else surface.outer_faces(whole.nodes, whole.cells)[0])
-    outline = whole.nodes[sharp] if len(sharp) else surface.box_edges(whole.nodes)
-    moved = {step: drawn.nodes + factor * drawn.displacement[step] for step in steps}
+    plain = look.cut is None and not look.parts
+    outline = _outline(fields) if plain else np.empty((0, 2, 3))
+    toward = toward_eye(fields.nodes) if look.direction is None else look.direction
+    seen = skin(fields, steps, look, toward)
+    moved = {step: seen.points + factor * seen.displacement[step] for step in steps}
+    camera = Camera.framing(np.concatenate([*moved.values(), outline.reshape(-1, 3)]),
+                            direction=toward if look.cut is not None or look.direction is not None else None).shaped()
+    areas = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
+    weight = np.bincount(seen.triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(seen.points))
+    limits, beyond = colour_limits(np.concatenate(list(seen.stress.values())), np.tile(weight, len(steps)))
+    made = []
+    for step in steps:
+        peak = seen.peaks[step]
+        told = [f"displacements drawn × {factor:g}", f"largest displacement {largest[step]:.3g}{units['length']}",
+                "stress not known (grey)" if peak is None else f"largest von Mises stress {peak[1]:.3g}{units['stress']}",
+                *([f"load step {step + 1} of {fields.steps}"] if fields.steps > 1 else []),
+                *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else [])]
+        made.append(View(moved[step], seen.triangles, seen.stress[step], moved[step][seen.lines], outline, camera, limits,
+                         beyond, "   ·   ".join(told), inches=inches, magnified=factor,
+                         mark=_mark(peak, factor, moved[step], seen.triangles, camera)))
+    return made
 
-    average, node, corner = nodal_average(
-        drawn.cells, map(drawn.nodal_von_mises, steps), drawn.volumes, drawn.material)
-    local = (drawn.cells[cell][:, None] == faces[:, :, None]).argmax(axis=2)  # which of its tet's nodes a corner is
-    used, triangles = np.unique(corner[cell[:, None], local], return_inverse=True)
-    values, triangles, node = dict(zip(steps, average[:, used])), triangles.reshape(-1, 3), node[used]
-    camera = Camera.framing(np.concatenate([*(moved[step][node] for step in steps), outline.reshape(-1, 3)])).shaped()
-    limits, beyond = colour_limits(np.concatenate(list(values.values())))
-    return [View(moved[step][node], triangles, values[step], moved[step][lines], outline, camera, limits, beyond,
-                 f"displacements drawn × {factor:g}   ·   largest displacement {largest[step]:.3g}   ·   "
-                 f"largest von Mises stress {values[step].max():.3g}"
-                 + (f"   ·   load step {step + 1} of {fields.steps}" if fields.steps > 1 else ""), inches=inches,
-                 magnified=factor)
-            for step in steps]
+
+def _outline(fields: Fields) -> np.ndarray:
+    """(e, 2, 3) sharp edges of the undeformed structure, or its box."""
+    whole = surface.outer_faces(fields.nodes, fields.cells[fields.lame[:, 1] > 0])[0]
+    sharp = surface.edges(fields.nodes, whole)
+    return fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
 
 
-def _exaggeration(fields: Fields, steps: Sequence[int], size: float, largest: float) -> float:
+def _mark(peak: tuple[np.ndarray, float] | None, factor: float, points: np.ndarray, triangles: np.ndarray,
+          camera: Camera) -> tuple[np.ndarray, float, bool] | None:
+    """Where the largest stress is, for the picture; faces turned to the eye are taken for visible."""
+    if peak is None or not peak[1] > 0:
+        return None
+    (place, moved), value = peak
+    at = place + factor * moved
+    near = np.linalg.norm(points - at, axis=1) <= 1e-9 * max(camera.width, camera.height)
+    around = triangles[near[triangles].any(axis=1)]
+    facing = bool(len(around)) and bool((area_vectors(points, around) @ camera.toward > 0).any())
+    return at, value, facing
+
+
+def exaggeration(fields: Fields, steps: Sequence[int], size: float, largest: float) -> float:
     """Factor that shows the displacements, and the openings where there are any."""
     if largest == 0:
         return 1.0
@@ -76,14 +98,14 @@ def _exaggeration(fields: Fields, steps: Sequence[int], size: float, largest: fl
     return float(f"{factor:.1e}")
 
 
-def compose(view: View, picture: np.ndarray | None, title: str) -> Figure:
+def compose(view: View, picture: np.ndarray | None, title: str, look: Look = Look()) -> Figure:
     """The picture with colour scale and caption; matplotlib draws the surface if there is no picture."""
     drawing = WIDTH * view.camera.height / view.camera.width
     below, above = 1.0, 0.4
     total = drawing + below + above
     figure = new_figure(WIDTH, total)
     show(figure.add_axes((0, below / total, 1, drawing / total)), view, picture)
-    scale(figure.add_axes((0.25, (below - 0.2) / total, 0.5, 0.13 / total)), view, "von Mises stress")
+    scale(figure.add_axes((0.25, (below - 0.2) / total, 0.5, 0.13 / total)), view, f"von Mises stress{look.units['stress'] and ',' + look.units['stress']}")
     figure.text(0.5, 1 - 0.12 / total, title, ha="center", va="top", fontsize=12)
     caption = view.caption + ("" if picture is not None else PAINTED)
     figure.text(0.5, 0.08 / total, caption, ha="center", va="bottom", fontsize=8.5, color="0.3")

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.results.figures.view import View
+from orchestrator.results.figures.view import Camera, View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
+UNKNOWN = 0.75  # grey of what has no value
 PAINTED = "\n(drawn by matplotlib: VTK cannot draw on this machine)"
 
 
@@ -34,6 +35,19 @@ def show(axes: Axes, view: View, picture: np.ndarray | None) -> None:
     else:
         _paint(axes, view)
     axes.set(xlim=extent[:2], ylim=extent[2:])
+    if view.mark is not None:
+        _point_at(axes, *view.mark, camera)
+
+
+def _point_at(axes: Axes, place: np.ndarray, value: float, visible: bool, camera: Camera) -> None:
+    """A ring around the place of the peak, paler where it is hidden, and its value beside it, towards the picture's middle."""
+    text = f"peak {value:.3g}" + ("" if visible else " (behind or inside)")
+    x, y = camera.project(place)[:2]
+    axes.plot([x], [y], marker="o", markersize=9, markerfacecolor="none", markeredgecolor="#D55E00", markeredgewidth=1.6,
+              linestyle="none", fillstyle="none" if visible else "top", alpha=1.0 if visible else 0.6)
+    axes.annotate(text, (x, y), xytext=(-12 if x > 0 else 12, -14 if y > 0 else 14),
+                  textcoords="offset points", ha="right" if x > 0 else "left", va="top" if y > 0 else "bottom", fontsize=8.5,
+                  color="#8a3c00", bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5})
 
 
 def scale(axes: Axes, view: View, label: str, names: Sequence[str] = ()) -> None:
@@ -58,7 +72,8 @@ def _paint(axes: Axes, view: View) -> None:
     facing = normal[:, 2] / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
     front = np.flatnonzero(facing > 0) if view.shaded else np.arange(len(corners))
     order = front[np.argsort(corners[front, :, 2].mean(axis=1))]
-    rgb = colours(view).to_rgba(view.values[view.triangles[order]].mean(axis=1))[:, :3]
+    values = view.values[view.triangles[order]].mean(axis=1)
+    rgb = np.where(np.isfinite(values)[:, None], colours(view).to_rgba(values)[:, :3], UNKNOWN)
     if view.shaded:
         rgb = np.clip(rgb * (0.65 + 0.38 * facing[order])[:, None], 0, 1)
     axes.add_collection(LineCollection(view.camera.project(view.outline)[..., :2], colors="0.45", linewidths=0.8))

@@ -11,11 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.events import COUNTED
+from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import deformed, surface
+from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.painting import PAINTED, scale, show
 from orchestrator.results.figures.plotting import new_figure
 from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, viridis
+from orchestrator.scene.mesh.geometry import area_vectors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,38 +50,57 @@ class Panels:
     caption: str
 
 
-def opened(fields: Fields) -> Panels:
+def opened(fields: Fields, look: Look = Look()) -> Panels:
     """The deformed structure at each load step, its bodies apart where interfaces have opened."""
-    steps = _chosen(fields.steps, _MOST)
-    views = deformed.views(fields, steps)
+    steps, units = _chosen(fields.steps, _MOST), look.units
+    views = deformed.views(fields, steps, look=look)
     flat = views[0].camera.height < 0.45 * views[0].camera.width
     columns = 1 if len(steps) == 1 else 2 if flat or len(steps) in (2, 4) else 3
     exaggeration, *_ = views[0].caption.split("   ·   ")
     largest = max(float(np.linalg.norm(fields.opened.displacement[step], axis=1).max()) for step in steps)
-    stress = max(view.values.max() for view in views)
+    stress = [view.mark[1] for view in views if view.mark]
     return Panels([replace(view, inches=WIDTH / columns) for view in views], _headings(fields, steps), columns,
-                  [(views[0], "von Mises stress", [])],
-                  f"{exaggeration}   ·   largest displacement {largest:.3g}   ·   largest von Mises stress {stress:.3g}")
+                  [(views[0], "von Mises stress" + (units["stress"] and "," + units["stress"]), [])],
+                  f"{exaggeration}   ·   largest displacement {largest:.3g}{units['length']}   ·   "
+                  f"largest von Mises stress {max(stress, default=0.0):.3g}{units['stress']}")
 
 
-def interfaces(fields: Fields) -> Panels:
-    """Status and pressure of the interfaces at each load step, per triangle."""
+def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Panels | None:
+    """Status and pressure of the interfaces at each load step, per triangle; None where there are none.
+
+    Those whose jump is imposed, whatever force it takes, have another scale: of them and of the others only one kind is
+    drawn, unless there is no other. Where all of a triangle's nodes are open, it is grey.
+
+    Parameters
+    ----------
+    imposed : whether those are meant; then there must be others too
+    """
     from matplotlib.colors import ListedColormap
 
     i = fields.interfaces
+    given = np.array([law in LAWS and LAWS[law].as_one for law in i.laws])
+    if given.any() and not given.all():
+        i = type(i).joined([i], np.flatnonzero(given == imposed))
+    elif imposed:
+        return None
     steps = _chosen(fields.steps, _MOST_INTERFACES)
-    points = _apart(fields)
+    points = _apart(fields, i)
     corners = points[i.triangles]
     lines = points[surface.edges(points, i.triangles, sharp=180.0)]
-    camera = Camera.framing(corners.reshape(-1, 3)).shaped()
+    camera = Camera.framing(corners.reshape(-1, 3), direction=look.direction).shaped()
     columns = len(steps) if len(steps) > 1 else 2
     outline = surface.box_edges(fields.nodes) if len(i.names) == 1 else np.empty((0, 2, 3))
 
     # the middle one of three: what most of the triangle does
     which = np.searchsorted(i.kinds, i.status)
     status = [np.sort(which[step][i.triangles], axis=1)[:, 1] for step in steps]
-    pressure = [i.pressure[step][i.triangles].mean(axis=1) for step in steps]
-    limits, beyond = colour_limits(np.concatenate(pressure))
+    parted = np.isin(i.status, i.kinds[i.kind_names == COUNTED[0]])
+    pressure = [np.where(parted[step][i.triangles].all(axis=1), np.nan, i.pressure[step][i.triangles].mean(axis=1)) for step in steps]
+    area = np.linalg.norm(area_vectors(fields.nodes[i.nodes], i.triangles), axis=1)
+    (low, high), _ = colour_limits(np.concatenate(pressure), np.tile(area, len(steps)))
+    limits = (min(low, 0.0), max(high, 0.0))  # zero has a place on the scale
+    known = np.concatenate(pressure)
+    beyond = (bool(np.nanmin(known, initial=0.0) < limits[0]), bool(np.nanmax(known, initial=0.0) > limits[1]))
     palette = ListedColormap(i.kind_colours.tolist())
     triangles = np.arange(corners.size // 3).reshape(-1, 3)
     plain = View(corners.reshape(-1, 3), triangles, np.empty(0), lines, outline, camera, (-0.5, palette.N - 0.5),
@@ -85,11 +109,14 @@ def interfaces(fields: Fields) -> Panels:
     second = [replace(plain, values=np.repeat(value, 3), limits=limits, beyond=beyond, palette=viridis())
               for value in pressure]
     moved = "   ·   moved apart, seen from outside" if len(i.names) > 1 else ""
-    most = i.friction_traction[steps]
+    most, unit = i.friction_traction[steps], look.units["stress"]
+    kind = " whose jump is imposed" if imposed else ""
+    named = "interface" + "s" * (len(i.names) != 1)
+    grey = "   ·   grey: open" if any(np.isnan(value).any() for value in pressure) else ""
     return Panels(first + second, 2 * _headings(fields, steps), columns,
-                  [(first[0], "status", i.kind_names.tolist()), (second[0], "pressure", [])],
-                  f"{len(i.names)} interfaces{moved}   ·   largest pressure {i.pressure[steps].max():.3g}   ·   "
-                  f"largest tangential traction {np.linalg.norm(most, axis=2).max(initial=0.0):.3g}")
+                  [(first[0], "status", i.kind_names.tolist()), (second[0], "pressure" + (unit and "," + unit), [])],
+                  f"{len(i.names)} {named}{kind}{moved}   ·   largest pressure {i.pressure[steps].max():.3g}{unit}   ·   "
+                  f"largest tangential traction {np.linalg.norm(most, axis=2).max(initial=0.0):.3g}{unit}{grey}")
 
 
 def compose(panels: Panels, pictures: list[np.ndarray] | None, title: str) -> Figure:
@@ -124,9 +151,8 @@ def _headings(fields: Fields, steps: list[int]) -> list[str]:
     return [f"load step {step + 1} of {fields.steps}" if fields.steps > 1 else "" for step in steps]
 
 
-def _apart(fields: Fields) -> np.ndarray:
+def _apart(fields: Fields, i: InterfaceFields) -> np.ndarray:
     """(N, 3) where the interfaces' nodes are drawn: each interface moved away from the structure's centre."""
-    i = fields.interfaces
     points = fields.nodes[i.nodes]
     count = np.diff(i.offsets)
     middle = np.add.reduceat(points, i.offsets[:-1]) / count[:, None]

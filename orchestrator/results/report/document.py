@@ -12,15 +12,35 @@ _STYLE = """body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width:
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
 th, td { text-align: left; vertical-align: top; padding: .25rem 1rem .25rem 0; border-bottom: 1px solid #ddd }
 img { max-width: 100% } em { color: #555; font-size: .9em }
-pre { background: #f6f6f6; padding: 1rem; overflow: auto; max-height: 30rem; font-size: .85em }"""
+pre { background: #f6f6f6; padding: 1rem; overflow: auto; max-height: 30rem; font-size: .85em }
+td[style*="right"], th { white-space: nowrap }
+div.wide { overflow-x: auto }
+strong { background: #fff0c2; color: #7a2e00; padding: .1rem .4rem; border-left: .3rem solid #d55e00 }
+@media print {
+  @page { margin: 15mm }
+  body { font-size: 10pt; max-width: none; margin: 0; padding: 0 }
+  h1, h2, h3 { break-after: avoid } tr, img { break-inside: avoid } thead { display: table-header-group }
+  td, th { padding-right: .5rem } img { max-height: 18cm }
+  pre { max-height: none; overflow: visible; white-space: pre-wrap } div.wide { overflow: visible; font-size: 7.5pt }
+  strong { -webkit-print-color-adjust: exact; print-color-adjust: exact }
+}"""
 # What Markdown would take for code, the end of a table's cell, emphasis (a * that begins it, a _ that ends it),
 # an entity or a link.
 _MARKS = re.compile(r"[\\`|]|\*(?=\S)|_(?!\w)|&(?=#?\w+;)|\](?=[(\[:])")
 
 
+class Marked(str):
+    """Text that is Markdown already."""
+
+    @classmethod
+    def of(cls, text: str) -> Marked:
+        """A sentence that stands out."""
+        return cls(f"**{plain(text)}**")
+
+
 def plain(text: str) -> str:
     """Text that Markdown shows as it is."""
-    return _MARKS.sub(r"\\\g<0>", text)
+    return text if isinstance(text, Marked) else _MARKS.sub(r"\\\g<0>", text)
 
 
 def number(value: float | None) -> str:
@@ -67,5 +87,6 @@ def page(markdown: str, folder: Path, title: str) -> str:
         data = base64.b64encode((folder / part.attrs["src"]).read_bytes()).decode()
         part.attrs["src"] = f"data:image/png;base64,{data}"
     body = parser.renderer.render(blocks, parser.options, {})
+    body = body.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
     return (f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
             f"<style>\n{_STYLE}\n</style>\n</head>\n<body>\n{body}</body>\n</html>\n")

@@ -10,8 +10,6 @@ from orchestrator.results.report.document import heading, number, plain, table
 from orchestrator.results.summary.short_form import hold_sentences, shown_statuses, stabilised_sentences
 from orchestrator.results.summary.summary import jsonable
 
-_MOST = 60  # interfaces with their own rows: of many, those with the largest resultants
-
 
 def law_quantities() -> list[tuple[str, str, str]]:
     """Quantity, its formula and what it tells, as in the report's table of residuals."""
@@ -49,8 +47,6 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
     held = hold_sentences(summary)
     if held:
         parts += [heading("Bodies that are not held"), *(plain(f"{text}.") for text in held)]
-    if resultants:
-        parts += [heading("Interface resultants"), *_resultants(resultants)]
     return parts
 
 
@@ -72,16 +68,3 @@ def _bolts(bolts: list[dict]) -> list[str]:
             for step, (force, shorter, state) in enumerate(zip(bolt["force"], bolt["shortening"], bolt["state"]), 1)]
     return ["Force along the bolt, positive where it is pulled; what tightening has taken off its length.",
             table(("bolt", "load step", "force", "shortening", "state"), rows, numeric=True)]
-
-
-def _resultants(entries: list[dict]) -> list[str]:
-    """Force on side 1, per interface and load step."""
-    size = [max((abs(x or 0.0) for force in entry["resultant"] for x in force), default=0.0) for entry in entries]
-    least = sorted(size, reverse=True)[min(_MOST, len(size)) - 1]
-    kept = [entry for entry, s in zip(entries, size) if s >= least]
-    rows = [(entry["name"], str(step), *map(number, force))
-            for entry in kept for step, force in enumerate(entry["resultant"], 1)]
-    text = "Force of the second body on the first; prescribed nodes on the interface are not counted."
-    if len(kept) < len(entries):
-        text += f" The {_MOST} interfaces with the largest of {len(entries)}; summary.json has all."
-    return [text, table(("interface", "load step", "x", "y", "z"), rows, numeric=True)]

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from pydantic import ValidationError
+
+from orchestrator.config.output import Figures
+from orchestrator.errors import InputError, Problem, Problems
+from orchestrator.results.report.answer import answer, carried, extremes, probes, reactions
 from orchestrator.results.report.interface_section import interface_section, law_quantities
-from orchestrator.results.report.document import heading, listing, number, page, picture, plain, table
+from orchestrator.results.report.document import heading, number, page, picture, plain, table
+from orchestrator.results.report.question import question, settings
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.artist import drawn
 from orchestrator.results.figures.convergence import tolerance
-from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.figures import look_of, write_figures
+from orchestrator.results.figures.look import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows
+from orchestrator.results.summary.units import units_of
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
 from orchestrator.results.summary.workload import (
     PERIODS,
@@ -26,6 +33,7 @@ from orchestrator.results.summary.workload import (
     stage_rows,
     worker_rows,
 )
+from orchestrator.scene.conditions.drawn import check_figures
 
 # quantity, its formula, what it tells
 _QUANTITIES = [
@@ -45,16 +53,20 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
                               "subdomains; grey: the undeformed outline."),
              ("codes.png", "Which code solves what."),
              ("interfaces.png", "The interfaces that are not perfect: status and pressure."),
+             ("jumps.png", "The interfaces whose jump is imposed: pressure."),
+             ("probes.png", "Probes over the load steps."),
              ("convergence.png", "Convergence over the iterations, with the tolerance."),
              ("time.png", "Where the time went: wall clock per stage, and the black box on its own clock.")]
 
 
-def report(directory: str | os.PathLike[str]) -> Path:
+def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None, interactive: bool = False) -> Path:
     """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
 
     Parameters
     ----------
     directory : a results folder
+    figures : how the structure is drawn, as ``output.figures`` in the YAML; None: as the run's configuration says
+    interactive : also write result.html, in which the structure turns
 
     Returns
     -------
@@ -62,30 +74,58 @@ def report(directory: str | os.PathLike[str]) -> Path:
 
     Raises
     ------
-    InputError : missing folder, or not one that a run has written; disk full or folder not writable
+    InputError : missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
+        drawn is there
     """
     solution = Solution.read(directory)
     folder = ResultsFolder(directory)
-    names = {path.name for path in drawn(write_figures, folder, solution.summary, solution.history, solution.fields)}
-    parts = _parts(solution)
+    look = look_of(solution.summary) if figures is None else _look(solution, figures)
+    if interactive:
+        _turning(solution, folder, look)
+    names = {path.name for path in drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)}
     pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in names]
-    parts[3:3] = pictures[:1]  # the structure first, the rest where the text has come to it
-    parts += [heading("Figures"), *pictures[1:]] if pictures[1:] else []
+    first = [name for name, _ in _PICTURES if name in names][:1] == [_PICTURES[0][0]]
+    parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
+    parts += [heading("Figures"), *pictures[first:]] if pictures[first:] else []
     text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"
     folder.write("report.html", page(text, folder.path, str(solution.summary.get("name"))))
     return folder.write("report.md", text)
 
 
-def _parts(solution: Solution) -> list[str]:
-    summary = solution.summary
-    parts = [heading(str(summary.get("name") or "Run"), 1), plain(_in_words(solution)),
-             table(("", ""), [row for row in summary_rows(summary) if row[0] not in ("time", "workers", "codes")])]
-    parts += [heading("How well"), _stopping(solution), heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
-    parts += interface_section(summary)
-    for key, title in (("reactions", "Reactions"), ("energy", "Energy")):
-        if found := {"reactions": _reactions, "energy": _energy}[key](summary.get(key)):
-            parts += [heading(title), found]
-    return parts
+def _look(solution: Solution, figures: Mapping[str, object]) -> Look:
+    """As asked for, where there is something to show."""
+    try:
+        asked = Figures.model_validate(figures)
+    except ValidationError as error:
+        raise InputError([Problem((), f"{entry['input']!r} for {'.'.join(map(str, entry['loc']))}", entry["msg"].lower(),
+                                  "orchestrator report --help") for entry in error.errors()]) from error
+    if solution.fields is not None:
+        problems = Problems()
+        check_figures(solution.fields.nodes, list(solution.fields.parts), asked, (), problems)
+        problems.raise_if_any()
+    return Look.of(asked.model_dump(exclude_none=True), units_of(solution.summary))
+
+
+def _turning(solution: Solution, folder: ResultsFolder, look: Look) -> None:
+    from orchestrator.results.figures.interactive import result_page  # Plotly, for who asks
+
+    if solution.fields is None:
+        raise InputError(Problem((), f"no fields in {folder.path}", "a run with output.fields: true", "run it again, with fields"))
+    folder.write("result.html", result_page(solution.fields, str(solution.summary.get("name")), look))
+
+
+def _parts(solution: Solution, pictures: list[str]) -> list[str]:
+    """Question and answer first; the structure's picture beside the answer."""
+    summary, folder = solution.summary, solution.directory
+    told = {"run", "result", "time", "workers", "codes", "peak stress", "peak displ.", "reactions", "probes", "warning"}
+    rest = [row for row in summary_rows(summary) if row[0] not in told]
+    parts = [heading(str(summary.get("name") or "Run"), 1), *question(summary), *answer(summary), *pictures]
+    parts += [*probes(summary), *reactions(summary), *extremes(folder, summary)]
+    parts += interface_section(summary) + carried(folder, summary)
+    if found := _energy(summary.get("energy")):
+        parts += [heading("Energy"), found]
+    parts += [heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), _stopping(solution)]
+    return parts + [heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
 
 
 def _in_words(solution: Solution) -> str:
@@ -157,14 +197,6 @@ def _workload(summary: Mapping[str, object]) -> list[str]:
     return parts
 
 
-def _reactions(reactions: object) -> str:
-    if not reactions:
-        return ""
-    rows = [(f"boundary[{entry}]", str(step), *(number(component) for component in force))
-            for entry, steps in enumerate(reactions) for step, force in enumerate(steps or (), 1)]
-    return table(("entry", "load step", "x", "y", "z"), rows, numeric=True)
-
-
 def _energy(energy: object) -> str:
     if not isinstance(energy, list) or not energy:
         return ""
@@ -173,8 +205,8 @@ def _energy(energy: object) -> str:
 
 def _configuration(summary: Mapping[str, object]) -> list[str]:
     found = summary.get("versions") or {}
-    parts = [heading("How it was computed"),
-             plain("Versions: " + ", ".join(f"{name} {v}" for name, v in found.items()) + ".")]
-    if summary.get("config"):
-        parts += [heading("Configuration, defaults filled in", 3), listing(json.dumps(summary["config"], indent=1))]
+    parts = [heading("How to do it again"), plain("Versions: " + ", ".join(f"{name} {v}" for name, v in found.items()) + ".")]
+    if rows := settings(summary.get("config") or {}):
+        parts += ["Settings that are not the defaults of `method`, and how the structure was cut and solved; `summary.json` has the "
+                  "whole configuration under `config`.", table(("key", "value"), rows)]
     return parts

@@ -6,11 +6,11 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from orchestrator.config.output import Units
 from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.codes import codes_text
 from orchestrator.results.summary.nonlinear import nonlinear_text
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
+from orchestrator.results.summary.units import units_of
 from orchestrator.results.summary.workload import idle_text, ranks_text
 from orchestrator.wording import some
 
@@ -99,16 +99,6 @@ def answer_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     rows.append(("reactions", "\n".join(texts)))
     rows.append(("probes", "\n".join(_probe_text(probe, units) for probe in jsonable(summary.get("probes")) or ())))
     return rows
-
-
-def units_of(summary: Mapping[str, object]) -> dict[str, str]:
-    """Units of length, force, stress and moment with a space before; empty where none are named."""
-    named = ((summary.get("config") or {}).get("output") or {}).get("units")
-    if not named:
-        return {key: "" for key in ("length", "force", "stress", "moment", "energy")}
-    units = Units.model_validate(named)
-    moment = f" {units.force}·{units.length}"
-    return {"length": f" {units.length}", "force": f" {units.force}", "stress": f" {units.stress}", "moment": moment, "energy": moment}
 
 
 def _peak_text(summary: Mapping[str, object], key: str, what: str, unit: str) -> str | None:

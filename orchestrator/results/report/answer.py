@@ -1,0 +1,129 @@
+"""What a report says next: the answer. Three numbers, whether they are to be trusted, then the rest of what was asked."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+from orchestrator.results.answers.extremes import NAME as EXTREMES
+from orchestrator.results.answers.interfaces import NAME as INTERFACES
+from orchestrator.results.report.document import Marked, heading, number, plain, table
+from orchestrator.results.summary.short_form import answer_rows, summary_rows
+from orchestrator.results.summary.summary import jsonable
+from orchestrator.results.summary.units import units_of
+
+LARGE = 0.1  # an error that stands out
+MOST = 40  # rows of a table; of more, the largest
+_SHOWN = (("|u|", "max"), ("von_mises", "max"), ("s1", "max"), ("s3", "min"))
+_FIRST = {"run", "result", "error bound", "true error", "law residual", "mesh's error"}
+
+
+def answer(summary: Mapping[str, object]) -> list[str]:
+    """The three numbers, and how good they are."""
+    first = [row for row in summary_rows(summary) if row[0] in _FIRST]
+    asked = [row for row in answer_rows(summary) if row[0] != "probes" and row[1]]
+    parts = [heading("The answer"), table(("", ""), [*first[:2], *asked, *first[2:]])]
+    return parts + _doubts(summary)
+
+
+def _doubts(summary: Mapping[str, object]) -> list[str]:
+    """Errors above a tenth, where they cannot be overlooked."""
+    told = []
+    for key, what in (("discretisation_error", "The mesh's own error"), ("true_error", "The true error"),
+                      ("error_bound", "The bound on the iterations' error")):
+        value = jsonable(summary.get(key))
+        if value is not None and value > LARGE:
+            told.append(f"{what} is {value:.0%} (relative, energy norm): stresses may be off by as much or more.")
+    if not summary.get("converged"):
+        told.append("The run has not converged: these numbers are of its last state.")
+    return [Marked.of(text) for text in told]
+
+
+def reactions(summary: Mapping[str, object]) -> list[str]:
+    """Force and moment on every entry of ``boundary``."""
+    forces = summary.get("reactions")
+    if not forces:
+        return []
+    units = units_of(summary)
+    names = summary.get("reaction_names") or [f"boundary[{k}]" for k in range(len(forces))]
+    moments = jsonable(summary.get("reaction_moments")) or {}
+    about = moments.get("about")
+    per_entry = moments.get("moments") or [[()] * len(steps or ()) for steps in forces]
+    rows = [(name, str(step), *map(number, force), *map(number, moment))
+            for name, steps, turned in zip(names, forces, per_entry)
+            for step, (force, moment) in enumerate(zip(steps or (), turned), 1)]
+    head = ["on", "load step", *(f"F{axis}{units['force']}" for axis in "xyz")]
+    head += [f"M{axis}{units['moment']}" for axis in "xyz"] if about else []
+    parts = [heading("Reactions"), table(head, rows, numeric=True)]
+    if about:
+        parts.append(f"Moments about ({', '.join(f'{x:g}' for x in about)}). Of loads, what they add up to.")
+    return parts
+
+
+def probes(summary: Mapping[str, object]) -> list[str]:
+    """A table for every probe: components over load steps."""
+    parts = []
+    for probe in jsonable(summary.get("probes")) or ():
+        where = probe.get("at")
+        place = f" at ({', '.join(f'{x:.6g}' for x in where)})" if isinstance(where, list) else ""
+        kind = "" if probe["quantity"] == "point" else f"{probe['quantity']} of "
+        parts.append(plain(f"{probe['name']}: {kind}{probe['of']}{place}"))
+        if probe.get("why"):
+            parts.append(Marked.of(f"{probe['why']}."))
+            continue
+        columns = probe["values"]
+        rows = [(str(step), *map(number, row)) for step, row in enumerate(zip(*columns.values()), 1)]
+        parts.append(table(("load step", *columns), rows, numeric=True))
+    return [heading("Probes"), *parts] if parts else []
+
+
+def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
+    """Per part the largest displacement and stresses, with their places."""
+    rows = [row for row in _read(folder / EXTREMES) if (row["quantity"], row["extreme"]) in _SHOWN]
+    if not rows:
+        return []
+    units = units_of(summary)
+    largest: dict[str, float] = {}
+    for row in rows:
+        if row["quantity"] == "von_mises":
+            largest[row["part"]] = float(row["value"])
+    kept = sorted(largest, key=largest.__getitem__, reverse=True)[:MOST] or list(dict.fromkeys(row["part"] for row in rows))[:MOST]
+    lines = [(row["part"], row["quantity"], row["extreme"], number(float(row["value"])),
+              *(number(float(row[axis])) for axis in "xyz"), row["load_step"])
+             for part in kept for row in rows if row["part"] == part]
+    text = "The largest displacement and von Mises stress of every part, its largest tension (s1) and compression (s3)."
+    if len(kept) < len(largest):
+        text += f" The {MOST} parts with the largest stress of {len(largest)}; {EXTREMES} has all."
+    unit = f" Displacements in{units['length']}, stresses in{units['stress']}." if units["length"] else ""
+    return [heading("Extremes"), text + unit,
+            table(("part", "quantity", "", "value", "x", "y", "z", "load step"), lines, numeric=True)]
+
+
+def carried(folder: Path, summary: Mapping[str, object]) -> list[str]:
+    """Force, moment and centre of pressure of every interface."""
+    rows = list(_read(folder / INTERFACES))
+    if not rows:
+        return []
+    size: dict[str, float] = {}
+    for row in rows:
+        force = max(abs(float(row[key])) for key in ("fx", "fy", "fz"))
+        size[row["interface"]] = max(size.get(row["interface"], 0.0), force)
+    kept = set(sorted(size, key=size.__getitem__, reverse=True)[:MOST])
+    columns = ("fx", "fy", "fz", "mx", "my", "mz", "pressure_x", "pressure_y", "pressure_z")
+    works = any(float(row["work"]) or float(row["dissipation"]) for row in rows)
+    columns += ("work", "dissipation") if works else ()
+    lines = [(row["interface"], row["load_step"], *(number(float(row[key])) if row[key] else "–" for key in columns))
+             for row in rows if row["interface"] in kept]
+    text = ("Force of the second body on the first, its moment about the interface's centre, and the centre of pressure; "
+            "prescribed nodes on the interface are not counted.")
+    if len(kept) < len(size):
+        text += f" The {MOST} interfaces with the largest forces of {len(size)}; {INTERFACES} has all."
+    return [heading("Interface resultants"), text, table(("interface", "load step", *columns), lines, numeric=True)]
+
+
+def _read(path: Path) -> list[dict[str, str]]:
+    if not path.is_file():
+        return []
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
