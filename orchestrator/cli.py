@@ -108,7 +108,8 @@ def check(config: ConfigFile, overrides: Overrides = None,
 
         try:
             scene = build_scene(loaded.config)
-            find_codes(loaded.config.codes, {s.code for s in scene.subdomains})
+            for code in find_codes(loaded.config.codes, {s.code for s in scene.subdomains}).values():
+                code.check()
             _check_iterations(scene, loaded.config.method)
             print(f"OK: {scene!r}")
             _show_pairs(scene, loaded.config)

@@ -76,6 +76,9 @@ class Code(ABC):
         """What an exit code (negative: killed by that signal) says."""
         return exit_meaning(exit_code, {})
 
+    def check(self) -> None:
+        """Raises InputError for what is wrong with files of its own, as far as it shows before anything is solved."""
+
     def floor(self) -> float:
         """Relative error, in energy, that no iteration takes away, see ``protocol.Traits``."""
         return 0.0

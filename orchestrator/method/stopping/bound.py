@@ -147,7 +147,8 @@ class ErrorBound:
         bounds = self.space.transfer.bounds
         filled = np.flatnonzero(np.diff(bounds))
         starts, counts = bounds[filled], np.diff(bounds)[filled]
-        ratio = one / np.maximum(two, TINY)
+        with np.errstate(over="ignore"):  # beside a side that is held
+            ratio = one / np.maximum(two, TINY)
         if len(filled):
             even = np.maximum.reduceat(ratio, starts) <= UNEVEN * np.minimum.reduceat(ratio, starts)
             one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side)

@@ -59,6 +59,10 @@ class ForeignCode(Code):
 
         return of_steps(self.condensed().loads, self.settings.factors)
 
+    def check(self) -> None:
+        """As ``Code`` says: the part is brought to its joints."""
+        self.condensed()
+
     def own_fields(self, u: Any, force: Any) -> OwnFields:
         """What it ends with, given the displacements (steps, n, 3) of its joints and the forces on them."""
         from orchestrator.blackbox.codes.foreign.own_fields import OwnFields

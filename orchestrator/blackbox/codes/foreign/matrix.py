@@ -32,7 +32,7 @@ class MatrixCode(ForeignCode):
         if K.shape != (3 * len(ids),) * 2:
             raise InputError(Problem((*path, "stiffness"), f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
                                      f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table",
-                                     "write the table of just the matrix's nodes, in its order"))
+                                     "write the table of just the matrix's nodes, in its order; condense rotations of shells and beams out of it"))
         loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, K.shape[0], len(self.settings.factors), path, name)
         apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
         if apart > SYMMETRIC * size:
