@@ -283,7 +283,7 @@ def test_sizes_and_moduli_that_differ_cost_no_iterations(young):
 def test_cuts_through_bodies_change_next_to_nothing():
     """The same sides are slaves, and every slave's node carries one point at most: forces as without the cuts."""
     bodies = {"a": ([1.6, 1.4, 0.5], [-0.3, -0.2, 0]), "b": ([1, 1, 0.5], [0, 0, 0.5])}
-    pulls = []
+    pulls, stages = [], []
     for cut in ("groups", {"groups": True, "split_above": 700}):
         made = blocks(bodies, {n: free_mesh(bodies[n][0], h) for n, h in (("a", 0.2), ("b", 0.15))}, turn=None, subdomains=cut,
                       held=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "displacement": [0.001, 0, -0.002]}],
@@ -291,8 +291,10 @@ def test_cuts_through_bodies_change_next_to_nothing():
         scene = build_scene(made)
         apart = [i for i in scene.interfaces if i.mortar is not None]
         assert all(scene.subdomains[i.subdomains[0]].body == "b" for i in apart), "covered by the larger one"
-        assert abs(sum(i.mortar.area.sum() for i in apart) - 1) < 1e-3, "but for slivers where cuts nearly meet"
+        assert abs(sum(i.mortar.area.sum() for i in apart) - 1) < 1e-2, "but for corners where cuts nearly meet"
         solved = solve(made, scene)
         assert solved.converged
         pulls.append(np.array(solved.reactions[0, 0]))
+        stages.append(solved.iterations)
+    assert stages[1] <= 5 * stages[0], stages
     assert len(scene.subdomains) == 4 and np.abs(pulls[1] - pulls[0]).max() < 1e-3 * np.abs(pulls[0]).max()

@@ -28,7 +28,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
     """
     kept: list[Interface] = []
     if any(i.surfaces is not None for i in found):
-        from orchestrator.scene.interfaces.nonmatching import give_operators
+        from orchestrator.scene.interfaces.carrying import give_operators
 
         give_operators(found, fixed, numbering, [partition.body(i) for i in range(len(partition.names))], problems)
     for interface in found:

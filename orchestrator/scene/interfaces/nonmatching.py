@@ -11,8 +11,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.initial_gap import initial_gap
-from orchestrator.scene.interfaces.mortar.assembly import corner_vectors, covered_around, make_mortar
-from orchestrator.scene.interfaces.mortar.moving import Moving, whole_faces
+from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING
 from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
@@ -23,9 +22,6 @@ from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
-
-# Areas around a node that differ by less than this are alike: the first piece of an interface has the point.
-ALIKE = 1e-6
 
 
 def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list[Patch], partition: Partition,
@@ -101,64 +97,6 @@ def _interface(surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str
         distance = initial_gap(interface.name, surfaces, bulge, (index, apart), problems)
     laws.apply(index, interface, names[0], distance)
     return interface
-
-
-def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering, bodies: list[str],
-                   problems: Problems) -> None:
-    """Makes the operators of all interfaces whose nodes do not match, once it is known what is prescribed.
-
-    A slave's node carries one point at most. Where bodies are cut further, it has it in the piece of the interface in which
-    most around it is covered; where interfaces of several bodies meet, it has none.
-
-    Parameters
-    ----------
-    fixed : (N, 3) bool, prescribed components of split nodes
-    bodies : name of the body of each subdomain
-    """
-    waiting = [i for i in interfaces if i.surfaces is not None]
-    if not waiting:
-        return
-    group = [tuple(bodies[e] for e in i.subdomains) for i in waiting]
-    alike = {pair: number for number, pair in enumerate(dict.fromkeys(map(frozenset, group)))}
-    met = np.zeros((len(alike), numbering.total), dtype=bool)  # nodes of each pair of bodies
-    covered = {pair: np.zeros(numbering.total) for pair in group}  # the largest covered area around slave nodes, by pieces
-    leader = {pair: np.full(numbering.total, -1) for pair in group}
-    vectors = {pair: np.zeros((numbering.total, 3)) for pair in group}
-    for number, (i, pair) in enumerate(zip(waiting, group)):
-        for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
-            met[alike[frozenset(pair)], nodes] = True
-        nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
-        better = area > (1 + ALIKE) * covered[pair][nodes]
-        covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
-        vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
-    crossing, taken = met.sum(axis=0) > 1, np.zeros(numbering.total, dtype=bool)
-    slides = np.full(numbering.total, -1)  # which interface has points on a node that follow the other side
-    known = []
-    for number, (i, pair) in enumerate(zip(waiting, group)):
-        nodes = i.surfaces.nodes[0]
-        joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
-        others = leader[pair][nodes] != number if not i.law.follows else np.zeros(len(nodes), dtype=bool)  # in one piece
-        crossed = crossing[nodes] | others | np.isin(nodes, np.concatenate([[-1], *joined]))
-        free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
-        known.append((bool((crossed | ~free[0].all(axis=1)).all()), crossed, free))
-    # small pieces on which no node is left come last, and take nodes that have no point yet
-    for number in sorted(range(len(waiting)), key=lambda number: known[number][0]):
-        i, (rest, crossed, free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
-        i.free, crossed = free[0], taken[nodes] if rest else crossed
-        if i.law.follows:
-            i.moving = Moving(i.surfaces, free, crossed)
-            i.mortar = i.moving.first()
-            if (slides[nodes] >= 0).any():
-                other = waiting[int(slides[nodes].max())]
-                problems.add(("interfaces", i.entry, "pairing"), f"follow: the same face of {bodies[i.subdomains[0]]} carries the points of "
-                             f"{i.name} and of {other.name}", "a face of its own for each body that slides",
-                             f"slave: {bodies[i.subdomains[1]]}, or pairing: fixed")
-            slides[nodes] = number
-        else:
-            i.mortar = make_mortar(i.surfaces, i.law.perfect, free, crossed, vectors[group[number]][nodes])
-        taken[nodes[i.mortar.points]] = True
-    for i in waiting:
-        i.surfaces = None
 
 
 def _near(one: Body, two: Body, within: float | None) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,147 @@
+"""Which node of a slave carries a point in which interface, and the operators that follow.
+
+A slave's node carries one point at most: several on the same nodes would say nearly the same thing, and what passes between
+them would be settled by many iterations. Where bodies are cut further, it has its point in the piece of the interface in which
+most around it is covered; where interfaces of several bodies meet, it has none.
+
+Pieces of an interface in which no node is covered best are the corners that cuts of either side leave of each other. They
+carry nothing: a point there, on a node that others hold, would double what is said. Measured on a slave of 6 × 6 and a master of
+8 × 8 elements in ragged pieces: 38 iterations to 1e-6 without and 168 with points in such corners, which are 1.4 % of
+the area (contact: 36 and 121); displacements that differ from those of bodies in one piece by 0.5 % and by 0.2 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orchestrator.errors import Problems
+from orchestrator.scene.interfaces.mortar.assembly import corner_vectors, covered_around, make_mortar
+from orchestrator.scene.interfaces.mortar.moving import Moving
+from orchestrator.scene.model import Interface
+from orchestrator.scene.partition.numbering import SplitNumbering
+
+# Areas around a node that differ by less than this are alike: the first piece of an interface has the point.
+ALIKE = 1e-6
+# Share of what two bodies have in common that may carry nothing without a word.
+LITTLE = 0.01
+
+
+def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: SplitNumbering, bodies: list[str],
+                   problems: Problems) -> None:
+    """Makes the operators of all interfaces whose nodes do not match, once it is known what is prescribed; corners of pieces
+    leave the list.
+
+    Parameters
+    ----------
+    fixed : (N, 3) bool, prescribed components of split nodes
+    bodies : name of the body of each subdomain
+    """
+    waiting = [i for i in interfaces if i.surfaces is not None]
+    if not waiting:
+        return
+    held = _Held.of(waiting, [tuple(bodies[e] for e in i.subdomains) for i in waiting], numbering.total)
+    corners = [held.corner(i) for i in range(len(waiting))]
+    if any(corners):
+        _tell(waiting, held.group, corners, problems)
+        interfaces[:] = [i for i in interfaces if not any(i is w and c for w, c in zip(waiting, corners))]
+    known = {}
+    for number, i in enumerate(waiting):
+        if not corners[number]:
+            nodes = i.surfaces.nodes[0]
+            joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
+            crossed = held.crossed(number) | np.isin(nodes, np.concatenate([[-1], *joined]))
+            free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
+            known[number] = bool((crossed | ~free[0].all(axis=1)).all()), crossed, free
+    taken = np.zeros(numbering.total, dtype=bool)
+    # those on which no node is left come last, and take nodes that have no point yet
+    for number in sorted(known, key=lambda number: known[number][0]):
+        i, (rest, crossed, free), nodes = waiting[number], known[number], waiting[number].surfaces.nodes[0]
+        i.free, crossed = free[0], taken[nodes] if rest else crossed
+        if i.law.follows:
+            i.moving = Moving(i.surfaces, free, crossed)
+            i.mortar = i.moving.first()
+        else:
+            i.mortar = make_mortar(i.surfaces, i.law.perfect, free, crossed, held.vectors[held.group[number]][nodes])
+        taken[nodes[i.mortar.points]] = True
+    _refuse_doubles([i for i in waiting if i.moving is not None], numbering.total, bodies, problems)
+    for i in waiting:
+        i.surfaces = None
+
+
+@dataclass
+class _Held:
+    """What the nodes of interfaces hold, interface after interface.
+
+    Parameters
+    ----------
+    waiting : the interfaces
+    group : the bodies that each is between, the slave's first
+    leader : per pair of bodies (N,) the interface in which most is covered around each slave node
+    vectors : per pair of bodies (N, 3) area along the normals of all pieces
+    crossing : (N,) bool, nodes that several pairs of bodies have
+    """
+
+    waiting: Sequence[Interface]
+    group: Sequence[tuple[str, str]]
+    leader: dict[tuple[str, str], np.ndarray]
+    vectors: dict[tuple[str, str], np.ndarray]
+    crossing: np.ndarray
+
+    @classmethod
+    def of(cls, waiting: Sequence[Interface], group: Sequence[tuple[str, str]], total: int) -> _Held:
+        alike = {pair: number for number, pair in enumerate(dict.fromkeys(map(frozenset, group)))}
+        met = np.zeros((len(alike), total), dtype=bool)
+        covered = {pair: np.zeros(total) for pair in group}
+        leader = {pair: np.full(total, -1) for pair in group}
+        vectors = {pair: np.zeros((total, 3)) for pair in group}
+        for number, (i, pair) in enumerate(zip(waiting, group)):
+            for nodes in i.surfaces.overlapping if i.law.follows else i.surfaces.nodes:
+                met[alike[frozenset(pair)], nodes] = True
+            nodes, area = i.surfaces.nodes[0], covered_around(i.surfaces)
+            better = area > (1 + ALIKE) * covered[pair][nodes]
+            covered[pair][nodes[better]], leader[pair][nodes[better]] = area[better], number
+            vectors[pair][nodes] += corner_vectors(i.surfaces.points[0], i.surfaces.triangles[0])
+        return cls(waiting, group, leader, vectors, met.sum(axis=0) > 1)
+
+    def elsewhere(self, number: int) -> np.ndarray:
+        """(n₁,) bool, slave nodes of an interface that are covered best in another piece; none where sides slide on, in one piece."""
+        nodes = self.waiting[number].surfaces.nodes[0]
+        if self.waiting[number].law.follows:
+            return np.zeros(len(nodes), dtype=bool)
+        return self.leader[self.group[number]][nodes] != number
+
+    def crossed(self, number: int) -> np.ndarray:
+        """(n₁,) bool, slave nodes of an interface that carry no point there."""
+        return self.crossing[self.waiting[number].surfaces.nodes[0]] | self.elsewhere(number)
+
+    def corner(self, number: int) -> bool:
+        """Whether other pieces cover all of an interface's nodes better."""
+        corners = self.waiting[number].surfaces.triangles[0][:, :3]
+        return bool(self.elsewhere(number)[corners].all())
+
+
+def _tell(waiting: Sequence[Interface], group: Sequence[tuple[str, str]], corners: Sequence[bool], problems: Problems) -> None:
+    """What share of bodies' faces carries nothing, if it is more than a little."""
+    for pair in dict.fromkeys(group):
+        area = np.array([i.surfaces.segments.area.sum() * (own == pair) for i, own in zip(waiting, group)])
+        lost = float(area[np.array(corners)].sum() / area.sum())
+        if lost > LITTLE:
+            problems.warnings.append(f"{' | '.join(pair)}: cuts through both leave corners of {lost:.1%} of what they have in common in "
+                                     "which no node is covered best: they carry nothing; cut less, or mesh finer")
+
+
+def _refuse_doubles(moving: Iterable[Interface], total: int, bodies: list[str], problems: Problems) -> None:
+    """A face that slides on may carry the points of one interface alone."""
+    first: list[Interface] = []
+    has = np.full(total, -1)
+    for i in moving:
+        nodes = i.moving.surfaces.nodes[0]
+        if (has[nodes] >= 0).any():
+            problems.add(("interfaces", i.entry, "pairing"), f"follow: the same face of {bodies[i.subdomains[0]]} carries the points of "
+                         f"{first[int(has[nodes].max())].name} and of {i.name}", "a face of its own for each body that slides",
+                         f"slave: {bodies[i.subdomains[1]]}, or pairing: fixed")
+        has[nodes] = len(first)
+        first.append(i)
