@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from calculix_case import displacements
 from in_process import IN_PROCESS
 from ring_case import ring
 
@@ -12,6 +11,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.patch import node_areas
+from orchestrator.studies.kit.calculix_whole import displacements
 
 ELEMENTS = ("P1", "P2")
 HELD = {"on": "zmin", "displacement": [0, 0, 0]}

@@ -59,6 +59,8 @@ _LISTED = {
                   "hard cases: solved within the bound, refused or stopped by name, never silently wrong"),
     "meshed_apart": ("robustness.meshed_apart:run",
                      "parts meshed each on its own: pairs, bonded, bolted, shrunk and pressed, beside conforming, Lamé, Hertz"),
+    "bolts": ("robustness.bolts:run",
+              "eight bolts tightened one round after another, beside CalculiX's pre-tension sections on the same mesh"),
     "faults": ("robustness.faults:run",
                "runs killed at random moments and disks full at every stage, then resumed: nothing is lost"),
     "falsified": ("robustness.falsified:run",
