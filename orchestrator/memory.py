@@ -27,6 +27,12 @@ def _library() -> ctypes.CDLL | None:
         return None
 
 
+def trim() -> None:
+    """What is free now goes back."""
+    if (library := _library()) is not None:
+        library.malloc_trim(0)
+
+
 def give_back() -> None:
     """Free memory goes back now, and large arrays from now on when they are freed."""
     if (library := _library()) is not None:

@@ -19,7 +19,7 @@ from orchestrator.config import Config, Loaded
 from orchestrator.config.blackbox import entry_path
 from orchestrator.config.method import Method
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
-from orchestrator.memory import give_back, keep_at_hand
+from orchestrator.memory import give_back, keep_at_hand, trim
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.pseudo_loads import with_pseudo_loads
@@ -170,6 +170,8 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         _check_nonlinear(codes, placement.codes, blackbox, method, bool(reference), team)
         workload = Workload(blackbox.usage, watch, team)
         d = prepare(scene, soles, method, blackbox, workers, watch, savings, part)
+        del soles  # with the models made of them, what set-up has held and nothing else needs
+        trim()
         workload.end("set_up")
 
         chosen = cases.part_of(d)

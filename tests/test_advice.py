@@ -31,7 +31,7 @@ def stopped(config, reason):
 
 def test_too_few_iterations():
     _, advice = stopped(bonded(0.48, max_iterations=5), "max_iterations")
-    assert "--resume" in advice[0] and any("element: P2" in text for text in advice) and len(advice) == 2
+    assert "--resume" in advice[0] and any("element: P2" in text for text in advice) and len(advice) == 2, advice
 
 
 def test_as_many_more_as_it_says():
@@ -82,3 +82,14 @@ def test_documented(reason):
 
 def test_every_stop_has_its_causes():
     assert set(re.findall("^- ``(.+?)``", ending.__doc__, re.MULTILINE)) == {"converged", *CAUSES} - {"guard"}
+
+
+def test_flat_subdomains():
+    """Cut as it says, the same plate converges."""
+    plate = {"name": "t", "mesh": {"box": {"size": [4, 4, 0.16], "cells": [8, 8, 4]}}, "materials": [{"young": 200e3, "poisson": 0.3}],
+             "subdomains": {"grid": [2, 2, 4]}, "blackbox": IN_PROCESS,
+             "boundary": [CLAMP, {"on": "xmax", "traction": [10.0, 0.0, 10.0]}], "method": {"max_iterations": 12}}
+    _, advice = stopped(config_from(plate), "max_iterations")
+    grid = next(re.search(r"\{grid: (\[.*?\])\}", text) for text in advice if "grid" in text)[1]
+    assert grid == "[4, 4, 1]"
+    assert solve(config_from({**plate, "subdomains": {"grid": [4, 4, 1]}, "method": {"max_iterations": 40}})).converged

@@ -99,7 +99,7 @@ class Batch:
             self.far.recall(notes["far"])
         last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
         return Iterated(delivered, local, bound, notes["met"], notes["reason"], memory.iteration,
-                        notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0])], notes["batch"]["left_out"],
+                        notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0].copy())], notes["batch"]["left_out"],
                         self._strayed, self._paired)
 
     def iterate(self, told: Subscriber, earlier: float = 0.0) -> Iterated:
@@ -150,7 +150,7 @@ class Batch:
                 event = replace(event, far_bodies=len(self.far.found))
                 for sentence in sentences(strayed):
                     told.warned(sentence)
-            history.append(replace(event, state=event.state[:0]))  # the states themselves are large
+            history.append(replace(event, state=event.state[:0].copy()))  # the states themselves are large, and views hold them
             told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason)))
             if reason is None and self.anew:
                 with watch("local_stage"):

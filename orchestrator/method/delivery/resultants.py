@@ -21,6 +21,7 @@ from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import traced
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.model import Interface
 
 # Normal forces whose sum is this small beside their magnitudes have no centre: iterations leave as much.
 NO_CENTRE = 1e-6
@@ -57,20 +58,31 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     force, moment, weighted = np.zeros((3, steps, count, 3))
     pressed, size = np.zeros((2, steps, count))
     f = f if space.ties is None else times(sp.csr_array(space.ties.change.T), f)
+    alike: dict[int, list[Interface]] = {}  # all with as many nodes to a facet at once
     for i in scene.interfaces:
-        if i.subdomains[0] not in here:
-            continue
-        points, k = scene.side_points(i, 0), i.index
-        each = np.linalg.norm(area_vectors(points, i.triangles), axis=1)
-        area[k] = each.sum()
-        centre[k] = each @ points[i.triangles[:, :3]].mean(axis=1) / area[k]
-        forces, arm = np.zeros((steps, len(points), 3)), points - centre[k]
-        forces[:, traced(i, 0)] = f[:, space.sides[k][0]]
-        force[:, k] = forces.sum(axis=1)
-        turning = np.tensordot(arm, forces, axes=(0, 1))  # (3, T, 3), of which moments are the antisymmetric part
-        moment[:, k] = (turning[[1, 2, 0], :, [2, 0, 1]] - turning[[2, 0, 1], :, [1, 2, 0]]).T
-        push = np.einsum("tni,ni->tn", forces, node_normals(points, i.triangles) if i.normals is None else i.normals)
-        pressed[:, k], size[:, k], weighted[:, k] = push.sum(axis=1), np.abs(push).sum(axis=1), push @ arm
+        if i.subdomains[0] in here and len(i.nodes[0]):
+            alike.setdefault(i.triangles.shape[1], []).append(i)
+    for chosen in alike.values():
+        k, clouds = [i.index for i in chosen], [scene.side_points(i, 0) for i in chosen]
+        counts = np.array([len(cloud) for cloud in clouds])
+        starts, of, points = np.cumsum(counts) - counts, np.repeat(np.arange(len(k)), counts), np.concatenate(clouds)
+        triangles = np.concatenate([i.triangles + start for i, start in zip(chosen, starts)])
+        facet_of = np.repeat(np.arange(len(k)), [len(i.triangles) for i in chosen])
+        each = np.linalg.norm(area_vectors(points, triangles), axis=1)
+        area[k] = np.bincount(facet_of, weights=each, minlength=len(k))
+        middle = each[:, None] * points[triangles[:, :3]].mean(axis=1)
+        centre[k] = np.stack([np.bincount(facet_of, weights=x, minlength=len(k)) for x in middle.T], axis=1) / area[k][:, None]
+        forces, arm = np.zeros((steps, len(points), 3)), points - centre[k][of]
+        forces[:, np.concatenate([traced(i, 0) for i in chosen])] = f[:, np.concatenate([space.sides[n][0] for n in k])]
+        normals = node_normals(points, triangles)
+        given = [n for n, i in enumerate(chosen) if i.normals is not None]
+        for n in given:
+            normals[starts[n] : starts[n] + counts[n]] = chosen[n].normals
+        push = np.einsum("tni,ni->tn", forces, normals)
+        force[:, k] = np.add.reduceat(forces, starts, axis=1)
+        moment[:, k] = np.add.reduceat(np.cross(arm, forces), starts, axis=1)
+        pressed[:, k], size[:, k] = np.add.reduceat(push, starts, axis=1), np.add.reduceat(np.abs(push), starts, axis=1)
+        weighted[:, k] = np.add.reduceat(push[:, :, None] * arm, starts, axis=1)
     force, moment, weighted, pressed, size, centre, area = space.team.sum(force, moment, weighted, pressed, size, centre, area)
     known = np.abs(pressed) > NO_CENTRE * size
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]

@@ -102,8 +102,9 @@ class ErrorBound:
         first, second = transfer.at_points(direction.whole)
         softness = sp.diags_array(self.softness)
         self.modes = RigidModes(self.space, modes)
-        self.soles = softness @ ((first + second) / 2) @ softness
-        self.reposition = Repositioning(self.space, self.modes, self.soles)
+        soles = softness @ ((first + second) / 2) @ softness
+        self.reposition = Repositioning(self.space, self.modes, soles)
+        self.soles = soles if isinstance(transfer, General) else None  # elsewhere k itself is at hand
         self.balance = Balancing(self.space, self.modes)
         self.weights: np.ndarray | None = None
 

@@ -26,7 +26,6 @@ class RigidModes:
     Attributes
     ----------
     boundary : (B, modes of all ranks) sparse
-    traces : (D + G, modes of all ranks) sparse
     own : int, the modes of this rank's subdomains
     """
 
@@ -38,17 +37,26 @@ class RigidModes:
         dense = np.zeros((RIGID, len(space.global_dof)))
         for part, mode in zip(space.boundary, modes):
             dense[: mode.shape[1], part] = mode.T
-        traces, = space.extended(space.gathered(dense))
-        subdomain = np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary])
+        self._space, self._starts = space, starts
+        self._subdomain = np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary])
         self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or
                                   [np.empty(0, int)])
 
-        def sparse(values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
-            row, field = np.nonzero(values.T)
-            return narrow(sp.csr_array((values[field, row], (row, starts[owner[row]] + field)),
-                                       shape=(values.shape[1], starts[-1])))
+        self.boundary = self._sparse(dense, self._subdomain)
 
-        self.boundary, self.traces = sparse(dense, subdomain), sparse(traces, space.owner)
+    @property
+    def traces(self) -> sp.csr_array:
+        """(D + G, modes of all ranks), formed whenever asked: twice in a run at most. All ranks have to ask."""
+        row = np.repeat(np.arange(len(self._subdomain)), np.diff(self.boundary.indptr))
+        dense = np.zeros((RIGID, len(self._subdomain)))
+        dense[self.boundary.indices - self._starts[self._subdomain[row]], row] = self.boundary.data
+        traces, = self._space.extended(self._space.gathered(dense))
+        return self._sparse(traces, self._space.owner)
+
+    def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
+        row, field = np.nonzero(values.T)
+        return narrow(sp.csr_array((values[field, row], (row, self._starts[owner[row]] + field)),
+                                   shape=(values.shape[1], self._starts[-1])))
 
 
 class Repositioning:

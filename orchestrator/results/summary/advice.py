@@ -16,6 +16,7 @@ from orchestrator.method.delivery.stabilised import Stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
+from orchestrator.scene.soles.difficulty import SLENDER, slenderness
 from orchestrator.wording import some
 from orchestrator.scene.model import Scene
 
@@ -113,6 +114,23 @@ def matter(run: Stopped) -> Iterator[str]:
                "(subdomains: {groups: true})")
 
 
+def shape(run: Stopped) -> Iterator[str]:
+    """Flat or slender subdomains."""
+    scene = run.scene
+    worst = float(slenderness([s.nodes for s in scene.subdomains], scene.mesh.nodes).max(initial=1.0))
+    if worst < SLENDER:
+        return
+    extent, count = np.ptp(scene.mesh.nodes, axis=0), len(scene.subdomains)
+    side = (extent.prod() / count) ** (1 / 3)
+    for axis in np.argsort(extent):  # a side that is shorter than a compact subdomain's is not cut; the others make up for it
+        if extent[axis] < side:
+            others = [other for other in range(3) if extent[other] > extent[axis]]
+            side = (extent[others].prod() / count) ** (1 / len(others)) if others else side
+    grid = [max(1, round(float(length / side))) for length in extent]
+    yield (f"subdomains are up to {worst:.0f} times as long as thick, which slows convergence: cut so that they are about as thick "
+           f"as long and wide, in a box by subdomains: {{grid: {grid}}}, say, else by {{metis: {count}}}")
+
+
 def contact(run: Stopped) -> Iterator[str]:
     """Friction and bodies that come loose."""
     if run.bonded:
@@ -148,7 +166,7 @@ def code(run: Stopped) -> Iterator[str]:
 
 # first word or words of ``stop_reason`` → where the causes are, the likeliest first
 CAUSES: dict[str, list[Callable[[Stopped], Iterator[str]]]] = {
-    "max_iterations": [how_far, settings, matter, contact],
+    "max_iterations": [how_far, settings, matter, shape, contact],
     "diverged": [settings, runaway, contact, code],
     "held by stabilisation alone": [springs],
     "stagnated at rounding": [rounding, settings, matter, code],
