@@ -48,6 +48,11 @@ class Compiled:
                 self._machine = self._compiled(cache=False)
         return self._machine(*arguments)
 
+    @property
+    def called(self) -> bool:
+        """Whether it has been."""
+        return self._machine is not None
+
     def _compiled(self, cache: bool) -> Callable[..., Any]:
         import numba
 
@@ -89,14 +94,15 @@ def in_parts(function: Compiled, size: int, *arguments, part: int = PART) -> lis
     if len(starts) <= 1:
         return [function(0, size, *arguments)]
     results: list = [None] * len(starts)
-    results[0] = function(0, min(part, size), *arguments)  # compiled before several threads want it
-    left = count(1)
+    left = count()
+    if not function.called:  # it is compiled before several threads want it
+        results[next(left)] = function(0, part, *arguments)
 
     def work() -> None:
         while (number := next(left)) < len(starts):
             results[number] = function(starts[number], min(starts[number] + part, size), *arguments)
 
-    helpers = [_helpers().submit(work) for _ in range(min(cores(), len(starts) - 1) - 1)]
+    helpers = [_helpers().submit(work) for _ in range(min(cores(), len(starts)) - 1)]
     try:
         work()
     finally:

@@ -38,7 +38,8 @@ class DenseFields(PairFields):
     def jump(self, y: np.ndarray) -> np.ndarray:
         """(3, Q) T y."""
         result = np.zeros((3, len(self.chosen)))
-        in_parts(spread, len(self.bodies), self.T, self.chosen, self.pairs.bounds, self.both(y), result, part=self.part)
+        in_parts(spread, len(self.bodies), self.T, self.chosen, self.pairs.bounds, self.both(y), result,
+                 part=self.part(len(self.chosen)))
         return result
 
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:

@@ -20,7 +20,8 @@ from orchestrator.method.interface.pairs import Pairs
 
 MONOMIALS = 4
 FIELDS = 3 * MONOMIALS
-WORTH = 4096  # pairs, of which a loop takes much longer than to hand them out to a thread
+WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread
+SLOPES = 4  # how much longer pairs take whose slopes are summed
 
 
 @dataclass
@@ -57,10 +58,9 @@ class PairFields:
         """The same fields at some of the pairs (R,) int, ascending."""
         return replace(self, pairs=self.pairs.some(chosen), chosen=self.chosen[chosen])
 
-    @property
-    def part(self) -> int:
-        """How many interfaces are worth a thread's while."""
-        return max(1, len(self.A) * WORTH // max(1, len(self.chosen)))
+    def part(self, pairs: int) -> int:
+        """How many interfaces are worth a thread's while, that have so many pairs in all."""
+        return max(1, len(self.bodies) * WORTH // max(1, pairs))
 
     @property
     def L(self) -> np.ndarray:
@@ -70,14 +70,16 @@ class PairFields:
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, 12)."""
         F = np.array(F0, order="C")
-        in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F, part=self.part)
+        in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F,
+                 part=self.part(len(self.chosen)))
         return F
 
     def jump(self, y: np.ndarray) -> np.ndarray:
         """(3, Q) T y, what the first body moves in the fields y (bodies, 12), less what the second one does."""
         result = np.empty((3, len(self.chosen)))
         combined = np.matmul(self.A, self.both(y)[:, :, None])[:, :, 0]
-        in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result, part=self.part)
+        in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result,
+                 part=self.part(len(self.chosen)))
         return result
 
     def both(self, y: np.ndarray) -> np.ndarray:
@@ -93,7 +95,7 @@ class PairFields:
         """
         each, result = np.empty((len(self.A), 2, FIELDS)), np.zeros((bodies, FIELDS))
         in_parts(carried, len(each), self.phi, self.chosen, self.pairs.bounds, self.A, np.ascontiguousarray(force), weight, each,
-                 part=self.part)
+                 part=self.part(len(self.chosen)))
         gathered(self.bodies, each, result)
         return result
 
@@ -105,7 +107,7 @@ class PairFields:
         result = np.empty((len(self.A), 2, 2, FIELDS, FIELDS), self.all_L.dtype)
         first = np.searchsorted(answer.active, self.pairs.bounds)
         in_parts(slopes, len(result), PRODUCT[self.all_L.dtype], self.phi, self.all_L, self.chosen, self.turned, answer.active,
-                 first, np.ascontiguousarray(answer.derivative), weight, result, part=self.part)
+                 first, np.ascontiguousarray(answer.derivative), weight, result, part=self.part(SLOPES * len(answer.active)))
         self._collective(answer, weight, result)
         return result
 
