@@ -12,8 +12,8 @@ The laws are written as λ = P(λ + c (d − shift)), which holds for one and he
 meet in a cross point share forces in more than one way, so that the Jacobian is singular: a vanishing
 regularisation of the direction, not of the equations, picks one. Displacements and resultants are unique.
 
-With ten-node tets the pairs are those of the corners, and every node in the middle of an edge of a face in
-contact has the mean displacement of its ends: u = R u, in the place of K and f stand RᵀKR and Rᵀf.
+With ten-node tets the pairs of a face in contact are those of the corners, and every node in the middle of an edge of it
+has the mean displacement of its ends: u = R u, in the place of K and f stand RᵀKR and Rᵀf.
 """
 
 from __future__ import annotations
@@ -240,7 +240,7 @@ class Monolithic:
                 count += len(i.mortar)
                 continue
             n = len(i.global_nodes)
-            free = i.free if i.law.perfect else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
+            free = i.free if i.law.as_one else i.free & np.isin(np.arange(n), i.triangles[:, :3])[:, None]
             dofs = [self.offsets[e] + 3 * nodes[:, None] + np.arange(3) for e, nodes in zip(i.subdomains, i.nodes)]
             row = 3 * count + np.arange(3 * n).reshape(-1, 3)
             for side, sign in ((0, -1.0), (1, 1.0)):
@@ -292,7 +292,7 @@ class Monolithic:
         """R, and the dofs that follow others."""
         size, middle, ends = int(self.offsets[-1]), [], []
         for i in self.scene.interfaces:
-            if i.law.perfect or i.triangles.shape[1] == 3:
+            if i.law.as_one or i.triangles.shape[1] == 3:
                 continue
             for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes)):
                 triangles = i.triangles_on(side)

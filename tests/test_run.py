@@ -270,7 +270,8 @@ def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
     code, *_ = called(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN,
                             "--set", "output.fields=false")
     assert code == 0
-    assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "mine.txt"}
+    assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "extremes.csv",
+                                                                     "interfaces.csv", "mine.txt"}
     assert (out / "mine.txt").read_text() == "old"
 
 
