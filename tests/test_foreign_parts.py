@@ -111,7 +111,7 @@ WRONG_MATRICES = {
     "a place twice": (dict(change=lambda K, t: (K, np.vstack([t, t[:1] + [100, 0, 0, 0]]))), {}, "at one place"),
     "a node missing": (dict(change=lambda K, t: (K, t[:-1])), {}, r"in the table of nodes|rows and columns"),
     "another size": (dict(change=lambda K, t: (K[:-3][:, :-3], t)), {}, "rows and columns"),
-    "a wrong sign": (dict(change=lambda K, t: (-K, t)), {}, "gives way|without stiffness"),
+    "a wrong sign": (dict(change=lambda K, t: (-K, t)), {}, "gives way|no stiffness"),
     "not finite": (dict(change=lambda K, t: (K * np.nan, t)), {}, "not finite"),
     "no faces": ({}, {"facets": None}, "neither facets nor outward"),
     "not flat": ({}, {"facets": None, "outward": [0, 0, 1]}, "off a plane"),

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 
+from orchestrator.blackbox.codes.foreign.schur import Elimination
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
@@ -26,8 +26,6 @@ SYMMETRIC = 1e-6
 DIGITS, WRONG = 1e-13, 3e-4
 # An eigenvalue this far below zero, in units of the largest, is no rounding either; times the share above where that is more.
 NEGATIVE = 1e-9
-# Columns of K_ij that are solved at once; what is left of them, in units of the largest entry, where K_ii can be solved at all.
-TOGETHER, BALANCED = 256, 1e-6
 
 
 @dataclass(frozen=True)
@@ -78,39 +76,20 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     ------
     InputError : what is not on the joints can move by itself
     """
-    inside = np.setdiff1d(np.arange(K.shape[0]), joint)
-    K = sp.csr_array(K)
-    S, b = K[joint][:, joint].toarray(), loads[:, joint].copy()
-    sample = _sample(K, rounding) if rounding else None
-    if not len(inside):
-        return S, b, None if sample is None else sample[joint][:, joint].toarray()
-    carried = np.zeros((K.shape[0], len(joint))) if rounding else None
-    across, inner = sp.csr_array(K[joint][:, inside]), sp.csc_array(K[inside][:, inside])
-    if not (inner.diagonal() > 0).all():
-        raise InputError(Problem(path, f"'{name}': dofs inside without stiffness", "a stiffness of all dofs that are not joints",
-                                 "leave out nodes that nothing is attached to"))
+    if len(joint) == K.shape[0]:  # by whoever has made it
+        sample = _sample(sp.csr_array(K), rounding)[joint][:, joint].toarray() if rounding else None
+        return sp.csr_array(K)[joint][:, joint].toarray(), loads[:, joint].copy(), sample
     try:
-        factor = spla.splu(inner, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        sound, towards = True, sp.csc_array(across.T)
-        for start in range(0, len(joint), TOGETHER):
-            columns = towards[:, start : start + TOGETHER].toarray()
-            moved = factor.solve(columns)
-            S[:, start : start + TOGETHER] -= across @ moved
-            if carried is not None:
-                carried[inside, start : start + TOGETHER] = -moved
-            sound &= bool(np.abs(inner @ moved - columns).max() <= BALANCED * np.abs(K.data).max())
-        b -= (across @ factor.solve(np.ascontiguousarray(loads[:, inside].T))).T
-        sound &= bool(np.isfinite(S).all())
-    except RuntimeError:
-        sound = False
-    if not sound:
-        raise InputError(Problem(path, f"'{name}': with its joints held, something inside can still move", "parts that hang "
-                                 "together, and whose joints hold all of them", "look for pieces that nothing connects, and for "
-                                 "joints on one line"))
-    if carried is None:
-        return (S + S.T) / 2, b, None
-    carried[joint, np.arange(len(joint))] = 1.0
-    return (S + S.T) / 2, b, carried.T @ (sample @ carried)
+        eliminated = Elimination(sp.csr_array(K), joint)
+    except ZeroDivisionError as error:
+        raise InputError(Problem(path, f"'{name}': with its joints held, something inside can still move, or has no stiffness",
+                                 "parts that hang together, and whose joints hold all of them", "look for nodes that nothing is "
+                                 "attached to, for pieces that nothing connects, and for joints on one line")) from error
+    error = None
+    if rounding:
+        moved = eliminated.carried()
+        error = moved.T @ (_sample(sp.csr_array(K), rounding) @ moved)
+    return eliminated.complement, eliminated.loads(loads), error
 
 
 def _sample(K: sp.csr_array, rounding: float) -> sp.csr_array:
