@@ -74,9 +74,16 @@ def elements(kind, cells, at=(0, 0, 0)):
     return nodes * np.array(SIZE) / (2 * np.array(cells)) + np.array(at), place.reshape(len(first), -1)
 
 
-def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0)):
-    """part.inp and loads.inp: joint FLANGE at the far end in x, ROOT at the near one; returns nodes."""
+def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0), turned=False):
+    """part.inp and loads.inp: joint FLANGE at the far end in x, ROOT at the near one; returns nodes.
+
+    Parameters
+    ----------
+    turned : C3D8 numbered so that faces across x are cut along their other diagonal, as those of our tets beyond it are
+    """
     x, cells = elements(kind, cells, at)
+    if turned:
+        cells = cells[:, [4, 5, 1, 0, 7, 6, 2, 3]]
     rows = np.column_stack([np.arange(1, len(cells) + 1), 1 + cells]).tolist()
     text = "*NODE,NSET=NALL\n" + "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(x.tolist(), 1))
     text += f"*ELEMENT,TYPE={kind},ELSET=EALL\n"

@@ -55,6 +55,8 @@ class DeckPart(ForeignPart):
     calculix: Name = Field(description="the deck up to its first *STEP: nodes, elements, sets, matter, supports")
     loads: PerStep | None = Field(None, description=(
         "cards between *STATIC and *END STEP, one file for all load steps or one for each; none: no loads"))
+    nonlinear: bool = Field(False, description=(
+        "whether its matter flows (*PLASTIC): load steps are then replayed from the first one, an increment each"))
     joints: Names = Field(description="names of node sets, *NSET; the part meets others on the elements' faces between their nodes")
 
 

@@ -68,11 +68,18 @@ def body_model(scene: Scene, subdomain: Subdomain) -> Model:
                  origin=Origin(subdomain.nodes, subdomain.cells, scene.mesh.volume, scene.mesh.volumes))
 
 
+def both_alike(scene: Scene, index: int, pair: SolePair) -> bool:
+    """Whether the sole of an interface is one and the same stiffness on both sides: not so where a side takes its diagonal,
+    as parts do whose mesh is not ours and which remember load steps."""
+    return pair[0] is pair[1] and not any(
+        s.foreign and s.remembers for s in (scene.subdomains[e] for e in scene.interfaces[index].subdomains))
+
+
 def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tuple[int, int]]]:
     """One model per different sole, with the (interface, side) it belongs to; interfaces without soles are left out."""
     models = []
     for interface, pair in zip(scene.interfaces, soles):
-        for side in () if pair is None else (0,) if pair[0] is pair[1] else (0, 1):
+        for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (0, 1):
             sole = pair[side]
             region, materials = _regions(np.column_stack([sole.young, sole.poisson]))
             nodes = np.vstack([scene.side_points(interface, side), sole.points])

@@ -29,23 +29,25 @@ class Anderson:
     memory : differences kept
     relaxation : β, the step along the residual
     team : the ranks that share the state
+    forget : times the best residual, above which the memory is dropped
     """
 
     title = "Anderson's acceleration, type II"
 
-    def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE):
+    def __init__(self, weight: np.ndarray, memory: int, relaxation: float, team: Team = ALONE,
+                 forget: float = FORGET):
         self.root, self.team = np.sqrt(weight), team
         self.history = History(memory, self.root, float(relaxation))
         self.gram, self.right = np.zeros((0, 0)), np.zeros(0)  # products of all differences of r, and with the latest r
         self.s = self.r = None
-        self.smallest = np.inf
+        self.smallest, self.forget = np.inf, forget
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation; the best known point is the evaluation itself."""
         s = evaluated.s
         residual, r, square = weighted_residual(s, image, self.root)
         size = self._remember(s, r, square)
-        if size > FORGET * self.smallest:
+        if size > self.forget * self.smallest:
             self.history.clear()
             self.gram, self.right = np.zeros((0, 0)), np.zeros(0)
             self.smallest = size

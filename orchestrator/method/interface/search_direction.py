@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.blackbox.models.assembly import assembled
-from orchestrator.blackbox.models.extended import sole_models
+from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.placed import placed
@@ -113,7 +113,7 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
         if key not in known:
             chosen = np.flatnonzero(free)  # the outer nodes are clamped
             known[key] = stiffness, sp.csr_array(stiffness[chosen][:, chosen])
-        both = soles[index][0] is soles[index][1]
+        both = both_alike(scene, index, soles[index])
         for slot in space.sides[index] if both else (space.sides[index][side],):
             blocks.append(known[key][1])
             slots.append(slot)

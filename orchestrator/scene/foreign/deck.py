@@ -30,6 +30,8 @@ SHAPES = {4: "tetra", 10: "tetra10", 6: "wedge", 15: "wedge15", 8: "hexahedron",
 # Cards of matter and conditions whose answers are not proportional to forces.
 NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
              "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
+# Those of them that a part may have which says that it is nonlinear: its matter flows, at small strains, whatever the time.
+FLOWING = {"PLASTIC", "CYCLIC HARDENING", "DEFORMATION PLASTICITY"}
 # What is said with a step, which is not the part's to say.
 OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
 
@@ -44,9 +46,9 @@ def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
 
 
 def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
-    deck = Deck(Path(part.calculix), (*path, "calculix"))
+    deck = Deck(Path(part.calculix), (*path, "calculix"), part.nonlinear)
     for i, file in enumerate(part.loads or []):
-        _of_loads(Path(file), (*path, "loads", i))
+        _of_loads(Path(file), (*path, "loads", i), part.nonlinear)
     members = [deck.nodes_of(joint, (*path, "joints", i)) for i, joint in enumerate(part.joints)]
     ids = np.unique(np.concatenate(members))
     points = deck.places(ids)
@@ -79,16 +81,17 @@ class Deck:
     ----------
     file : the deck
     path : of its key in the YAML
+    nonlinear : whether its matter may flow
     """
 
-    def __init__(self, file: Path, path: KeyPath):
+    def __init__(self, file: Path, path: KeyPath, nonlinear: bool = False):
         self.path, self.file = path, file
         for card, options, where in headings(file, path):
             if card in OF_STEPS:
                 raise InputError(Problem(path, f"{where}: *{card}", "the deck up to its first *STEP",
                                          "put what stands between *STATIC and *END STEP in a file of its own, loads:, and leave the "
                                          "rest out"))
-            _refuse_nonlinear(card, options, where, path)
+            _refuse_nonlinear(card, options, where, path, nonlinear)
         try:
             self.cards = list(cards(file))
         except InputError as error:
@@ -235,19 +238,21 @@ def headings(file: Path, path: KeyPath, depth: int = 0) -> Iterator[tuple[str, d
             yield from headings(file.parent / options.get("INPUT", ""), path, depth + 1)
 
 
-def _of_loads(file: Path, path: KeyPath) -> None:
+def _of_loads(file: Path, path: KeyPath, nonlinear: bool) -> None:
     """Raises InputError for cards that loads cannot have."""
     for card, options, where in headings(file, path):
-        _refuse_nonlinear(card, options, where, path)
+        _refuse_nonlinear(card, options, where, path, nonlinear)
         if card in OF_STEPS:
             raise InputError(Problem(path, f"{where}: *{card}", "what stands between *STATIC and *END STEP",
                                      "leave this line out: steps are made here"))
 
 
-def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath) -> None:
+def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath, nonlinear: bool) -> None:
     if "NLGEOM" in options:
         raise InputError(Problem(path, f"{where}: NLGEOM on *{card}: large displacements, to which joint forces are not proportional",
                                  "a linear part", "leave NLGEOM out"))
-    if card in NONLINEAR:
+    if card in NONLINEAR - (FLOWING if nonlinear else set()):
+        cure = "write nonlinear: true in its entry, so that load steps are replayed" if card in FLOWING else \
+            "leave the card out, or put the nonlinear part in the orchestrator's own contact laws"
         raise InputError(Problem(path, f"{where}: *{card}, which makes the part nonlinear", "a linear part: its answers are "
-                                 "superposed", "leave the card out, or put the nonlinear part in the orchestrator's own contact laws"))
+                                 "superposed", cure))

@@ -8,6 +8,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.code import ForeignCode
@@ -17,12 +20,28 @@ from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.scene.foreign.read import read_joints
 
+if TYPE_CHECKING:
+    from orchestrator.blackbox.pool.worker import Worker
+
 # Relative: input and stored matrix have 14 digits, condensing costs some of them.
 LINEAR = 1e-6
 
 
 class DeckCode(ForeignCode):
     """A part that is a CalculiX deck."""
+
+    class Settings(ForeignCode.Settings):
+        """What ``parts`` says of one part."""
+
+        @property
+        def brings_loads(self) -> bool:
+            """What flows answers to loads and forces together."""
+            return self.part.loads is not None and not self.part.nonlinear
+
+        @property
+        def remembers(self) -> bool:
+            """As its entry says."""
+            return self.part.nonlinear
 
     def made(self) -> Condensed:
         """As ``ForeignCode`` says."""
@@ -53,6 +72,9 @@ class DeckCode(ForeignCode):
         part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
         k = springs_of(S, free)
         M = S + np.diag(k)
+        if part.nonlinear:
+            self._check_steps()
+            return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))), part_on_joints.error)
         b = np.array([M @ runs.static(k, load) for load in part.loads or []]) if part.loads else np.zeros((1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
         self._probe(runs, M, k, b[0])
@@ -61,12 +83,49 @@ class DeckCode(ForeignCode):
                                      "one file for all load steps, or one for each", "let history multiply a single one"))
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
+    def _check_steps(self) -> None:
+        """Raises InputError for loads of which no load step can be told."""
+        part, steps = self.settings.part, len(self.settings.factors)
+        if part.loads and set(self.settings.factors) != {1.0}:
+            raise InputError(Problem((*self.settings.place, "history"), f"'{self.settings.name}': a history of loads that act on matter that "
+                                     "flows", "the loads of each load step in a file of its own", "write loads: [first.inp, second.inp, …]"))
+        if part.loads and len(part.loads) not in (1, steps):
+            raise InputError(Problem((*self.settings.place, "loads"), f"{len(part.loads)} files of loads for {steps} load steps",
+                                     "one file for all load steps, or one for each", "write one for each"))
+
+    def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
+        """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from the beginning."""
+        joints = self.condensed().joints
+        return self._replayed(springs, forces)[joints.ids - 1].ravel() * ~joints.held.ravel()
+
+    def _replayed(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
+        free = self.condensed().joints.held.ravel() == 0
+        with DeckRuns(self.settings.part, self.settings.place, self.condensed().joints) as runs:
+            try:
+                u = runs.replayed(springs * free, [own * free for own in forces])
+            except Refused as error:
+                raise BlackBoxError(f"load step {len(forces)}: {error} (where it does not converge: smaller load steps)",
+                                    self.settings.name) from error
+        if not np.isfinite(u).all():
+            raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite", self.settings.name)
+        return u
+
+    def worker(self) -> type[Worker]:
+        """As ``Code`` says."""
+        if not self.settings.part.nonlinear:
+            return super().worker()
+        from orchestrator.blackbox.codes.foreign.replay import ReplayWorker
+
+        return ReplayWorker
+
     def own_fields(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
         """As ``ForeignCode`` says, on the deck's own mesh: S u − b act on its joints, and springs k on them are held by k u.
 
         What loads inside do and what the joints do are superposed: a run for each file of loads, and one for each load step.
         """
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)
+        if self.settings.part.nonlinear:
+            return self._own_fields_replayed(u, force)
         k, force = springs_of(part.stiffness, part.free), (u.reshape(steps, -1) @ part.stiffness - self.loads(steps)).reshape(u.shape)
         with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
             own = [runs.everywhere(k, load) for load in self.settings.part.loads or []]
@@ -82,6 +141,18 @@ class DeckCode(ForeignCode):
         displacement, forces = found[:, ids - 1], np.zeros((steps, len(ids), 3))
         forces[:, np.searchsorted(ids, joints.ids)] = force
         return OwnFields(self.settings.name, points, blocks, displacement, forces)
+
+    def _own_fields_replayed(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
+        """The same where matter flows: load steps are replayed, under the forces of the interfaces."""
+        part, joints, steps = self.condensed(), self.condensed().joints, len(u)
+        k = springs_of(part.stiffness, part.free)
+        asked = [force[t].ravel() + k * u[t].ravel() for t in range(steps)]
+        found = np.stack([self._replayed(k, asked[: t + 1]) for t in range(steps)])
+        with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
+            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.blocks()
+        forces = np.zeros((steps, len(ids), 3))
+        forces[:, np.searchsorted(ids, joints.ids)] = force
+        return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)
 
     def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:
         """Raises InputError where forces on the joints do not move them as the stored matrix says."""
