@@ -114,7 +114,7 @@ method:
 
 def _lowest_and_highest(rows: list[SurfaceRow]) -> tuple[SurfaceRow, SurfaceRow]:
     """Of the plane surfaces if there are two, along the longest extent of the surfaces' centres."""
-    plane = [row for row in rows if row.normal is not None]
+    plane = [row for row in rows if row.shape.kind == "plane"]
     chosen = plane if len(plane) > 1 else rows
     centres = np.array([row.centre for row in chosen])
     axis = int(np.ptp(centres, axis=0).argmax())

@@ -125,23 +125,29 @@ def check(config: ConfigFile, overrides: Overrides = None,
 @app.command()
 def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
             overrides: Overrides = None,
-            h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None) -> None:
+            h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
+            html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
+            ) -> None:
     """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
     def action() -> int:
-        from orchestrator.config import located
-        from orchestrator.inspect import inspected
+        from orchestrator.config import load_config, located
+        from orchestrator.inspect import inspected, listed, model_html
 
         if source.suffix.lower() not in (".yaml", ".yml"):
-            print("\n".join(inspected(source, h)))
-            return CONVERGED
-        from orchestrator.config import load_config
-        from orchestrator.inspect import listed
-
-        loaded = load_config(source, overrides or [])
-        try:
-            print("\n".join(listed(loaded.config)))
-        except InputError as error:
-            raise located(error, loaded) from error
+            lines, mesh = inspected(source, h)
+        else:
+            loaded = load_config(source, overrides or [])
+            try:
+                lines, mesh = listed(loaded.config)
+            except InputError as error:
+                raise located(error, loaded) from error
+        print("\n".join(lines))
+        if html is not None:
+            page = model_html(mesh)
+            try:
+                html.write_bytes(page)
+            except OSError as error:
+                raise InputError(Problem((), f"{html}: {error.strerror}", "a place that can be written to", "name another one")) from error
         return CONVERGED
 
     _guarded(action)

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from orchestrator.config import Config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.inspection.content import surfaces_of, volumes_of
+from orchestrator.scene.inspection.content import surfaces_of, units_remark, volumes_of
 from orchestrator.scene.inspection.pairs import pairs_of_mesh, pairs_of_scene
 from orchestrator.scene.inspection.tables import pair_table, surface_table, volume_table
-from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import Mesh
 
 CAD = {".stp", ".step", ".brep"}
 
 
-def inspected(path: Path, h: float | None = None) -> list[str]:
-    """Lines on a mesh file, or on a CAD file whose solids are meshed one by one.
+def inspected(path: Path, h: float | None = None) -> tuple[list[str], Mesh]:
+    """Lines on a mesh file, or on a CAD file whose solids are meshed one by one, and the mesh.
 
     Raises
     ------
     InputError : it cannot be read, or is no sound mesh
     """
-    return _lines(*make_mesh(section_of(path, h)))
+    mesh, faces = make_mesh(section_of(path, h))
+    return _lines(mesh, faces), mesh
 
 
 def section_of(path: Path, h: float | None = None) -> Section:
@@ -35,25 +39,50 @@ def section_of(path: Path, h: float | None = None) -> Section:
     return Section(file=str(path))
 
 
-def listed(config: Config) -> list[str]:
-    """Lines on a configuration: of its scene where it makes one, else of its meshes, and what is wrong.
+def listed(config: Config) -> tuple[list[str], Mesh]:
+    """Lines on a configuration, and its mesh: of its scene where it makes one, else of its meshes, and what is wrong.
 
     Raises
     ------
     InputError : there is no mesh
     """
+    young = [matter.young for matter in config.matter]
     try:
         scene = build_scene(config)
     except InputError as error:
-        mesh = make_mesh(config.mesh) if config.mesh else make_parts(config.parts)
-        return [*_lines(*mesh), "", f"no scene yet, {len(error.problems)} problem"
-                f"{'s' if len(error.problems) > 1 else ''} in the input: orchestrator check tells"]
-    return [*_content(scene.mesh), *pair_table(pairs_of_scene(scene))]
+        mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts)
+        return [*_lines(mesh, faces, young), "", f"no scene yet, {len(error.problems)} problem"
+                f"{'s' if len(error.problems) > 1 else ''} in the input: orchestrator check tells"], mesh
+    mesh, first = scene.mesh, np.unique(scene.mesh.volume, return_index=True)[1]
+    made_of = (scene.materials[m] for m in scene.cell_material[first])
+    matter = {name: f"E {m.young:g}, ν {m.poisson:g}" for name, m in zip(mesh.volumes, made_of)}
+    return [*_content(mesh, young, matter), *pair_table(pairs_of_scene(scene))], mesh
 
 
-def _lines(mesh: Mesh, faces: Faces) -> list[str]:
-    return [*_content(mesh), *pair_table(pairs_of_mesh(mesh, faces)), *(f"remark: {text}" for text in mesh.remarks)]
+def model_html(mesh: Mesh) -> bytes:
+    """The model as a page that turns, see ``results.figures.interactive``: its named surfaces, or without any its volumes' faces.
+
+    Raises
+    ------
+    InputError : as there
+    """
+    from orchestrator.results.figures.interactive import model_page
+
+    named = [(name, triangles) for name, triangles in mesh.surfaces.items() if len(triangles)]
+    if not named:
+        faces = faces_of(mesh.cells[:, :4], len(mesh.nodes))
+        outer = faces.outer
+        part = mesh.volume[faces.owner[outer]]
+        named = [(name, faces.triangles[outer[part == v]]) for v, name in enumerate(mesh.volumes)]
+    return model_page(mesh.nodes, named, mesh.source)
 
 
-def _content(mesh: Mesh) -> list[str]:
-    return [repr(mesh), "", *volume_table(volumes_of(mesh)), "", *surface_table(surfaces_of(mesh)), ""]
+def _lines(mesh: Mesh, faces: Faces, young: Sequence[float] = ()) -> list[str]:
+    return [*_content(mesh, young), *pair_table(pairs_of_mesh(mesh, faces)), *(f"remark: {text}" for text in mesh.remarks)]
+
+
+def _content(mesh: Mesh, young: Sequence[float] = (), matter: Mapping[str, str] | None = None) -> list[str]:
+    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    box = " … ".join("(" + ", ".join(f"{x:.6g}" for x in corner) + ")" for corner in (low, high))
+    return [repr(mesh), f"box {box}, {units_remark(mesh, young)}", "", *volume_table(volumes_of(mesh), matter), "",
+            *surface_table(surfaces_of(mesh)), ""]

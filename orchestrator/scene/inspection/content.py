@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.scene.inspection.shapes import Shape, shape_of
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.model import Mesh
 
-# Facets whose normals differ by less than this from their mean make a plane surface.
-PLANE = 1e-6
+
+# Largest extents of what is built and made, in metres: beyond, one unit is meant for another.
+LARGEST, SMALLEST = 100.0, 1e-3
+# Moduli of matter, from rubber to diamond, in N/m² and in N/mm².
+PASCAL, MEGAPASCAL = (1e7, 1.3e12), (1e1, 1.3e6)
 
 
 @dataclass(frozen=True)
 class VolumeRow:
-    """One named volume: number of tets, volume, mean element size (cube root of six tets' volume), lowest and highest corner."""
+    """One named volume: number of tets, volume, mean element size (cube root of six tets' volume), centre, lowest and highest
+    corner."""
 
     name: str
     tets: int
     volume: float
     size: float
+    centre: np.ndarray
     low: np.ndarray
     high: np.ndarray
 
 
 @dataclass(frozen=True)
 class SurfaceRow:
-    """One named surface: number of triangles, area, centre, and its normal (3,) where it is plane."""
+    """One named surface: number of triangles, area, centre, shape, and names of those that it shares edges with."""
 
     name: str
     triangles: int
     area: float
     centre: np.ndarray
-    normal: np.ndarray | None
+    shape: Shape
+    neighbours: list[str]
 
 
 def volumes_of(mesh: Mesh) -> Iterator[VolumeRow]:
@@ -43,20 +50,60 @@ def volumes_of(mesh: Mesh) -> Iterator[VolumeRow]:
     for index, name in enumerate(mesh.volumes):
         own = mesh.volume == index
         points = mesh.nodes[np.unique(mesh.cells[own, :4])]
-        yield VolumeRow(name, int(own.sum()), float(each[own].sum()), float(np.cbrt(6 * each[own].mean())),
+        centre = each[own] @ mesh.nodes[mesh.cells[own, :4]].mean(axis=1) / each[own].sum()
+        yield VolumeRow(name, int(own.sum()), float(each[own].sum()), float(np.cbrt(6 * each[own].mean())), centre,
                         points.min(axis=0), points.max(axis=0))
 
 
 def surfaces_of(mesh: Mesh) -> Iterator[SurfaceRow]:
     """In the order of the mesh."""
+    beside = _neighbours(mesh)
     for name, triangles in mesh.surfaces.items():
-        vectors = area_vectors(mesh.nodes, triangles)
-        each = np.linalg.norm(vectors, axis=1)
+        each = np.linalg.norm(area_vectors(mesh.nodes, triangles), axis=1)
         area = float(each.sum())
         if not area:
-            yield SurfaceRow(name, len(triangles), 0.0, np.full(3, np.nan), None)
+            yield SurfaceRow(name, len(triangles), 0.0, np.full(3, np.nan), Shape("empty"), [])
             continue
         centre = each @ mesh.nodes[triangles[:, :3]].mean(axis=1) / area
-        mean = vectors.sum(axis=0) / area
-        plane = np.abs(vectors / each[:, None] - mean).max() < PLANE
-        yield SurfaceRow(name, len(triangles), area, centre, mean if plane else None)
+        yield SurfaceRow(name, len(triangles), area, centre, shape_of(mesh.nodes, triangles[each > 0]), beside[name])
+
+
+def _neighbours(mesh: Mesh) -> dict[str, list[str]]:
+    """Per surface those that it shares an edge with."""
+    names = list(mesh.surfaces)
+    edges = [np.unique(np.sort(t[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0) for t in mesh.surfaces.values()]
+    owner = np.repeat(np.arange(len(names)), [len(e) for e in edges])
+    every = np.concatenate(edges) if edges else np.empty((0, 2), int)
+    key = every[:, 0] * len(mesh.nodes) + every[:, 1]
+    order = np.lexsort((owner, key))
+    key, owner = key[order], owner[order]
+    met: dict[str, set[int]] = {name: set() for name in names}
+    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]]) if len(key) else np.empty(0, int)
+    ends = np.r_[starts[1:], len(key)]
+    shared = np.flatnonzero(ends - starts > 1)
+    groups = {tuple(owner[starts[k]:ends[k]].tolist()) for k in shared}
+    for group in groups:
+        for one in group:
+            met[names[one]].update(other for other in group if other != one)
+    return {name: [names[k] for k in sorted(found)] for name, found in met.items()}
+
+
+def units_remark(mesh: Mesh, young: Sequence[float] = ()) -> str:
+    """What the extent of a mesh is in usual units, and whether moduli fit them."""
+    extent = np.ptp(mesh.nodes, axis=0)
+    size = float(extent.max())
+    text = "extent " + " × ".join(f"{x:.6g}" for x in extent)
+    metres = {"m": 1.0, "mm": 1e-3}
+    fits = [unit for unit, factor in metres.items() if SMALLEST <= size * factor <= LARGEST]
+    if not young:
+        return text + (f": of a plausible size in {' and in '.join(fits)}" if fits else
+                       ": implausible in m and in mm; scale: under mesh: takes a factor")
+    stiff = max(young)
+    unit = "m" if PASCAL[0] <= stiff <= PASCAL[1] and stiff > MEGAPASCAL[1] else "mm" if MEGAPASCAL[0] <= stiff <= MEGAPASCAL[1] else ""
+    if not unit:
+        return text
+    meant = "N/m², so that lengths are in m" if unit == "m" else "N/mm², so that lengths are in mm"
+    text += f"; a modulus of {stiff:g} looks like {meant}"
+    if unit in fits:
+        return text
+    return text + f": {size * metres[unit]:g} m is implausible; scale: under mesh: takes a factor, or change the moduli"

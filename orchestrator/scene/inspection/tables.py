@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from orchestrator.scene.inspection.content import SurfaceRow, VolumeRow
 from orchestrator.scene.inspection.pairs import PairRow
+from orchestrator.scene.inspection.shapes import Shape
 
 
-def volume_table(rows: Iterable[VolumeRow]) -> list[str]:
-    """Lines on volumes."""
-    return _columns(("volume", "tets", "volume", "element", "from", "to"),
-                    [(r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.low), _point(r.high)) for r in rows])
+def volume_table(rows: Iterable[VolumeRow], matter: Mapping[str, str] | None = None) -> list[str]:
+    """Lines on volumes.
+
+    Parameters
+    ----------
+    matter : what each is made of, where that is known
+    """
+    heads = ("volume", "tets", "volume", "element", "centre", "from", "to")
+    return _columns(heads + (("material",) if matter else ()), [
+        (r.name, str(r.tets), _number(r.volume), _number(r.size), _point(r.centre), _point(r.low), _point(r.high),
+         *((matter.get(r.name, "-"),) if matter else ())) for r in rows])
 
 
 def surface_table(rows: Iterable[SurfaceRow]) -> list[str]:
-    """Lines on surfaces."""
-    return _columns(("surface", "triangles", "area", "centre", "normal"),
-                    [(r.name, str(r.triangles), _number(r.area), _point(r.centre),
-                      "curved" if r.normal is None else _point(r.normal)) for r in rows])
+    """Lines on surfaces; of a plane the normal, of a cylinder the axis; neighbours of the same volume by what follows the colon."""
+    return _columns(("surface", "triangles", "area", "centre", "kind", "normal, axis", "beside"),
+                    [(r.name, str(r.triangles), _number(r.area), _point(r.centre), _kind(r.shape),
+                      "-" if r.shape.direction is None else _point(r.shape.direction), _short(r.name, r.neighbours) or "-") for r in rows])
+
+
+def _kind(shape: Shape) -> str:
+    return shape.kind if shape.radius is None else f"{shape.kind}, radius {_number(shape.radius)}"
+
+
+def _short(name: str, others: Sequence[str]) -> str:
+    start = name.rpartition(":")[0] + ":"
+    return " ".join(other.removeprefix(start[:-1]) if len(start) > 1 and other.startswith(start) else other for other in others)
 
 
 def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:

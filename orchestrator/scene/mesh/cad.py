@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
@@ -16,6 +17,8 @@ from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 
+# Labels that programs write where nobody has named a solid.
+NOISE = re.compile(r"STEP translator|^=>\[[\d:]+\]$")
 DELAUNAY = 1
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
 # on coarse curved surfaces; there finer circles help, where Delaunay does not.
@@ -177,8 +180,12 @@ def check_h(solids: list[tuple[int, int]], h: float) -> None:
 
 
 def product(dimension: int, tag: int) -> str:
-    """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``."""
-    return gmsh.model.getEntityName(dimension, tag).split("/")[-1].split(" & ")[0].strip()
+    """The last part of a label such as ``Shapes/assembly/NUT::1/nut & & 256``; none where a program has only named itself.
+
+    Such are "Open CASCADE STEP translator 7.1 1:37" and "=>[0:1:1:2]": they tell nothing and change with every export.
+    """
+    label = gmsh.model.getEntityName(dimension, tag).split("/")[-1].split(" & ")[0].strip()
+    return "" if NOISE.search(label) else label
 
 
 def _join(solids: list[tuple[int, int]]) -> dict[int, int]:
