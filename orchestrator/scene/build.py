@@ -129,7 +129,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     within_free(grounds, mesh, problems)
     if not unresolved:
         # A selection that failed holds nothing: a second complaint would only distract.
-        links = [i.cells for i in interfaces if not any(i is g for g in grounds)] + [_one_body(mesh, stand.volume) for stand in mesh.foreign]
+        links = [i.cells for i in interfaces if not any(i is g for g in grounds)] + mesh.one_body
         check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None,
                    held_rows(grounds, mesh))
     probes = []
@@ -172,12 +172,6 @@ def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, bo
     for stand in mesh.foreign:
         held[stand.nodes] |= stand.held.any(axis=1)
     return Matter(young, held)
-
-
-def _one_body(mesh: Mesh, volume: int) -> np.ndarray:
-    """(k, 2) int, cells of a volume, each with the first."""
-    cells = np.flatnonzero(mesh.volume == volume)
-    return np.column_stack([np.full(len(cells), cells[0]), cells])
 
 
 def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray, fixed: np.ndarray,

@@ -87,6 +87,12 @@ class Mesh:
         known[[stand.volume for stand in self.foreign]] = True
         return known[self.volume[cells]]
 
+    @property
+    def one_body(self) -> list[np.ndarray]:
+        """(k, 2) int each, cells that belong together though they share no face: of a part whose mesh is not ours."""
+        found = [np.flatnonzero(self.volume == stand.volume) for stand in self.foreign]
+        return [np.column_stack([np.full(len(cells), cells[0]), cells]) for cells in found]
+
     def __repr__(self) -> str:
         return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "
                 f"{len(self.volumes)} volumes, {len(self.surfaces)} surfaces)")

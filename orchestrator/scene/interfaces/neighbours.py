@@ -45,7 +45,7 @@ def report_neighbours(mesh: Mesh, faces: Faces, bodies: list[Body], found: list[
     found : all interfaces
     asked : whether the user has written the laws' entries
     """
-    cells = [i.cells for i in found]
+    cells = [i.cells for i in found] + mesh.one_body
     joined = {tuple(pair) for pair in np.sort(mesh.volume[np.concatenate(cells)], axis=1).tolist()} if cells else set()
     governing: dict[tuple[int, int], int] = {}
     beside: dict[tuple[int, int], Near] = {}
