@@ -100,6 +100,14 @@ class BoundaryCondition(Part):
         "of a displacement, a traction or a foundation's stiffness: its components are radial, tangential and axial, {axis, at}"))
     history: Name | None = Field(None, description="name of the factors per load step; none: the same at every step")
 
+    @property
+    def stands(self) -> bool:
+        """Whether a ground is behind it: others prescribe components x, y, z of nodes, or load faces."""
+        if self.frame is not None and self.displacement is not None:
+            rows = self.displacement if isinstance(self.displacement[0], list) else [self.displacement]
+            return any(x is None for x in rows[0])
+        return self.foundation is not None or self.coupling is not None
+
 
 class Spin(Part):
     """A steady rotation, whose centrifugal force acts on matter that has a density."""

@@ -9,7 +9,6 @@ from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.covered import loads_on_pairs
-from orchestrator.scene.conditions.ground import add_grounds, held_rows, on_ground, within_free
 from orchestrator.scene.conditions.heat import eigenstrain, thermal_loads
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
@@ -99,7 +98,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
             stays[stand.nodes] = True
         mesh = fitted(mesh, interfaces, stays)
     plain, outside, grounds, stands = mesh, faces, [], {}
-    if not whole and not problems.found and any(map(on_ground, config.boundary)):
+    standing = any(entry.stands for entry in config.boundary)
+    if standing and not whole and not problems.found:
+        from orchestrator.scene.conditions.ground import add_grounds  # soles, and SciPy with them
+
         mesh, partition, numbering, cell_material, grounds, stands = add_grounds(
             mesh, faces, partition, cell_material, config.boundary, boundary, vectors, [factors(e, config) for e in config.boundary], problems)
         interfaces += grounds
@@ -126,12 +128,16 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         split_fixed[np.isin(numbering.nodes, np.arange(stand.nodes.start, stand.nodes.stop))] |= stand.held
     interfaces = leave_free(mesh, interfaces, partition, numbering, split_fixed, config.interfaces, problems)
     bolts = straighten(mesh, interfaces, bolts, problems)
-    within_free(grounds, mesh, problems)
-    if not unresolved:
+    keeps = []
+    if grounds:
+        from orchestrator.scene.conditions.ground import held_rows, within_free
+
+        within_free(grounds, mesh, problems)
+        keeps = held_rows(grounds, mesh)
+    if not unresolved and (grounds or not standing):
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces if not any(i is g for g in grounds)] + mesh.one_body
-        check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None,
-                   held_rows(grounds, mesh))
+        check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None, keeps)
     probes = []
     if config.output.probes:
         from orchestrator.scene.conditions.probes import find_probes

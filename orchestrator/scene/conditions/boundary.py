@@ -13,7 +13,6 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.affine import KINDS, field_of, normal_of
 from orchestrator.scene.conditions.frames import Cylindrical
-from orchestrator.scene.conditions.ground import on_ground
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
@@ -44,7 +43,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                 problems.add(("boundary", i, "on"), f"faces of {name!r}, whose mesh is not this program's", "faces of parts with a mesh",
                              "put supports and loads in the part's own files")
             chosen = chosen[~foreign]
-        if kind not in ("displacement", "motion", "symmetry") or on_ground(entry):
+        if kind not in ("displacement", "motion", "symmetry") or entry.stands:
             inside = chosen[faces.neighbour[chosen] >= 0]
             if len(inside):
                 where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
@@ -52,7 +51,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                              f"first at {where}: a {kind} there has no side to act on", "faces of the outer boundary",
                              "select outer faces; for forces inside the body use loads:")
         triangles, cells = faces.triangles[chosen], np.c_[faces.owner[chosen], faces.neighbour[chosen]]
-        if on_ground(entry):
+        if entry.stands:
             resolved.append(BoundaryEntry(i, "displacement", triangles, cells, np.unique(triangles), np.zeros(3, dtype=bool),
                                           np.zeros((len(factors[i]), 3))))
             continue

@@ -30,14 +30,6 @@ from orchestrator.scene.soles.prisms import prisms
 THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
 
 
-def on_ground(entry: Any) -> bool:
-    """Whether an entry of ``boundary`` stands on a ground: others prescribe components of nodes, or load faces."""
-    if entry.frame is not None and entry.displacement is not None:
-        rows = entry.displacement if isinstance(entry.displacement[0], list) else [entry.displacement]
-        return any(x is None for x in rows[0])
-    return entry.foundation is not None or entry.coupling is not None
-
-
 def add_grounds(mesh: Mesh, faces: Faces, partition: Partition, cell_material: np.ndarray, entries: Sequence[Any],
                 boundary: list[BoundaryEntry], vectors: Sequence[Any], factors: Sequence[Sequence[float]],
                 problems: Problems) -> tuple[Mesh, Partition, SplitNumbering, np.ndarray, list[Interface], dict[int, slice]]:
@@ -51,7 +43,7 @@ def add_grounds(mesh: Mesh, faces: Faces, partition: Partition, cell_material: n
     -------
     mesh, partition, its numbering, material of each cell; the interfaces; per entry, the nodes of its ground
     """
-    standing = [i for i, entry in enumerate(entries) if on_ground(entry) and len(boundary[i].triangles)]
+    standing = [i for i, entry in enumerate(entries) if entry.stands and len(boundary[i].triangles)]
     layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]
     names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], list(mesh.volumes)
     nodes: dict[int, slice] = {}
