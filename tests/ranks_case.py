@@ -47,6 +47,7 @@ CASES = {
                        {"between": ["block 0-1-0", "block 0-1-1"], "law": "pretension", "force": 100.0}],
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
                      {"on": {"plane": "z", "at": 2}, "displacement": [[0, 0, -0.01], [0.004, 0, -0.01]]},
+                     {"on": {"plane": "x", "at": 2}, "foundation": {"normal": 1e4, "tangential": 1e3}},
                      {"on": {"box": [[0, 0, 0.5], [0, 1, 1.5]]}, "displacement": [[1e-3, None, None], [0, None, None]]}],
         "method": {"tolerance": {"error": 1e-6}},
     },

@@ -113,6 +113,9 @@ def grounds(data: Any) -> Iterator[Problem]:
                     f for load in ("force", "moment") for f in coupling.get(load) or []) and coupling.get("kind", "rigid") != "rigid":
                 yield Problem((*path, "coupling"), "nothing prescribed and nothing loaded", "a displacement, rotation, force or moment",
                               "leave the entry out; kind: rigid alone keeps a surface rigid")
+        if bed is not None and entry.get("history") is not None:
+            yield Problem((*path, "history"), "history beside foundation, whose springs are what they are", "a history of what is prescribed or "
+                          "loaded", "remove the history")
         turned = entry.get("displacement") is not None or entry.get("traction") is not None or \
             isinstance(bed, dict) and bed.get("stiffness") is not None
         if entry.get("frame") is not None and not turned:

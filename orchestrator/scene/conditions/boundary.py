@@ -129,7 +129,7 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
             first[label] = np.arange(len(label))
             points = mesh.nodes[numbering.nodes[first[at]]]
             varies = np.einsum("tij,nj->tni", entry.slope, points - entry.about) if entry.frame is None else \
-                np.einsum("ti,nij->tnj", entry.values, entry.frame.directions(points)) - entry.values[:, None]
+                entry.frame.turned(entry.values, points) - entry.values[:, None]
         for c in np.flatnonzero(entry.fixed):
             earlier = setter[at, c]
             there = values[:, at, c]

@@ -11,6 +11,7 @@ from orchestrator.config.turning import unit
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.mesh.quality import format_point
 
+ROUNDING = 1e-14  # of the largest value, what sines and cosines leave of zero
 NEAR = 1e-9  # distance from the axis, over the extent of the points, at which there is no radial direction
 
 
@@ -33,6 +34,11 @@ class Cylindrical:
         size = np.linalg.norm(radial, axis=-1, keepdims=True)
         radial = radial / np.where(size > 0, size, 1.0)
         return np.stack([radial, np.cross(self.axis, radial), np.broadcast_to(self.axis, radial.shape)], axis=-2)
+
+    def turned(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """(steps, k, 3) along x, y and z at points (k, 3), of values (steps, 3) along the directions; rounding counts as zero."""
+        result = np.einsum("ti,kij->tkj", values, self.directions(points))
+        return np.where(np.abs(result) > ROUNDING * np.abs(values).max(initial=0.0), result, 0.0)
 
     def check(self, points: np.ndarray, path: KeyPath, problems: Problems) -> None:
         """Points (k, 3) must not be on the axis."""
