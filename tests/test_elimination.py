@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from orchestrator.method.coarse import elimination
+from orchestrator.method.coarse import elimination, fronts
 from orchestrator.method.coarse.block_pattern import ACCURACY, BlockPattern
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.kept_factors import KeptFactors
@@ -45,8 +45,8 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     assert dense == pytest.approx(expected)
     elimination_of = Elimination(pattern.indptr, pattern.indices, SIZE)
     factors = elimination_of.factors(pattern.matrix(values, 0.25).data)
-    fronts = len(elimination_of.fronts)
-    assert fronts == 4 if calls == np.inf else fronts > (10 if calls else 30)
+    count = len(elimination_of.fronts)
+    assert count == 4 if calls == np.inf else count > (10 if calls else 30)
     right = rng.normal(size=(bodies, SIZE))
     assert factors.solve(right).ravel() == pytest.approx(np.linalg.solve(dense, right.ravel()), rel=1e-8)
     again = elimination_of.factors(pattern.matrix(values, 0.25).data)
@@ -54,6 +54,25 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     refined = pattern.solve(values, right, 0.25)
     assert np.linalg.norm(dense @ refined.ravel() - right.ravel()) <= ACCURACY * np.linalg.norm(right)
     assert not np.array_equal(refined, factors.solve(right))  # single precision has served
+
+
+def test_threads_that_share_the_fronts_give_the_same_bits(monkeypatch):
+    """Each has branches of its own; a band of panels ends within a front, and the last panel of a front is narrower."""
+    monkeypatch.setattr(elimination, "OWN_THREAD", 0.0)
+    monkeypatch.setattr(elimination, "PANEL", 2 * SIZE)
+    ends, bodies = lattice(5)
+    pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(4)
+    blocks = pattern.shifted(rng.normal(size=(len(pattern.indices), SIZE, SIZE)), 20.0)
+    right, found = rng.normal(size=(bodies, SIZE)), []
+    for threads in (1, 3):
+        monkeypatch.setattr(elimination, "cores", lambda: threads)
+        made = Elimination(pattern.indptr, pattern.indices, SIZE)
+        assert len(made.layout.apart) == (0 if threads == 1 else threads)
+        assert sorted(np.concatenate([*made.layout.apart, made.layout.last])) == list(range(len(made.fronts)))
+        assert max(made.layout.sizes[:, 0]) > fronts.WIDE * made.layout.panel
+        found.append(made.factors(blocks).solve(right))
+    assert np.array_equal(*found)
+    assert np.linalg.norm(pattern.matrix_of(blocks) @ found[0].ravel() - right.ravel()) < 1e-12 * np.linalg.norm(right)
 
 
 @pytest.mark.parametrize("soft", [0.0, 1e-12])
@@ -73,8 +92,8 @@ def test_modes_too_soft_for_single_precision_are_solved_in_double(soft):
 def test_few_operations_beside_a_dense_matrix():
     ends, bodies = lattice(8)
     pattern = BlockPattern(ends, bodies, SIZE)
-    fronts = Elimination(pattern.indptr, pattern.indices, SIZE).fronts
-    done = sum(elimination._operations(f.stop - f.start, len(f.rest), SIZE) for f in fronts)
+    made = Elimination(pattern.indptr, pattern.indices, SIZE).fronts
+    done = sum(elimination._operations(f.stop - f.start, len(f.rest), SIZE) for f in made)
     assert done < 0.05 * 2 / 3 * (SIZE * bodies) ** 3
 
 

@@ -5,7 +5,7 @@ A front's matrix is eliminated panel after panel. With P the panel's own square,
     [[P, R], [L, S]]  →  R ← P⁻¹ R,   S ← S − L R
 
 so that all but the inverses are products of BLAS, which is several times as quick at these sizes as LAPACK's triangular
-solutions are. Pivots are sought within P. To be imported where it is used: it takes the compiler along.
+solutions are. What is below and right of a band of panels is changed once for all of them. Pivots are sought within P. To be imported where it is used: it takes the compiler along.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ import numpy as np
 
 from orchestrator.compiled import SUMS, compiled
 from orchestrator.method.coarse.products import gemm
+
+WIDE = 8  # panels of a band: products of matrices that no core's cache holds are as quick as others
+
 
 @numba.njit(nogil=True, fastmath=SUMS)
 def _inverted(P, turn):
@@ -101,19 +104,27 @@ def eliminate(which, product, constants, blocks, panel, sizes, places, enters, e
                         row[j0 + j] += of[j1 + j]
         at, scratch = np.int64(F.ctypes.data), np.empty(panel * n, work.dtype)
         at_scratch = np.int64(scratch.ctypes.data)
-        for p in range(0, a, panel):
-            q = min(p + panel, a)
-            if not _inverted(F[p:q, p:q], turn):
-                return f
-            w, rest = q - p, n - q
-            if rest:
+        for first in range(0, a, WIDE * panel):
+            last = min(first + WIDE * panel, a)
+            for p in range(first, last, panel):
+                q = min(p + panel, last)
+                if not _inverted(F[p:q, p:q], turn):
+                    return f
+                w, rest = q - p, n - q
+                if not rest:
+                    continue
                 for i in range(w):
                     for j in range(rest):
                         scratch[i * rest + j] = F[p + i, q + j]
-                corner, right = at + bytes_of * (n * p + p), at + bytes_of * (n * p + q)
-                below, last = at + bytes_of * (n * q + p), at + bytes_of * (n * q + q)
-                gemm(product, w, rest, w, one, corner, n, at_scratch, rest, nothing, right, n)
-                gemm(product, rest, rest, w, minus, below, n, right, n, one, last, n)
+                right, below = at + bytes_of * (n * p + q), at + bytes_of * (n * q + p)
+                gemm(product, w, rest, w, one, at + bytes_of * (n * p + p), n, at_scratch, rest, nothing, right, n)
+                if q < last:  # rows of this band, then what is below it in its columns
+                    gemm(product, last - q, rest, w, minus, below, n, right, n, one, at + bytes_of * (n * q + q), n)
+                    gemm(product, n - last, last - q, w, minus, at + bytes_of * (n * last + p), n, right, n, one,
+                         at + bytes_of * (n * last + q), n)
+            if last < n:
+                gemm(product, n - last, n - last, last - first, minus, at + bytes_of * (n * last + first), n,
+                     at + bytes_of * (n * first + last), n, one, at + bytes_of * (n * last + last), n)
         L = own_parts[places[f, 0] : places[f, 0] + n * a].reshape(n, a)
         for i in range(n):
             for j in range(a):
