@@ -36,6 +36,9 @@ class Sole(Part):
         "on interfaces that are not perfect: modulus over thickness of the sole, over E/√(h L) with h the local "
         "element size, L the size of the smaller body and E between the two moduli, one to four times the smaller "
         "(the larger under laws that impose the jump); 0.6-2.5 is a flat optimum"))
+    fit: bool = Field(True, description=(
+        "springs where bodies may part begin at contact_ratio; before the iterations two solves tell how stiff the bodies "
+        "behind them are, and springs that are off by more than about a half follow, all by one factor, for another factorisation"))
     thickness: AutoPositive = Field("auto", description="auto: the local element size, shrunk where it would invert")
     poisson: AutoPoisson = Field("auto", description="auto: the matter's own, at most 0.3: a nearly incompressible sole is stiff in the wrong direction")
     allow_extreme: bool = Field(False, description=(

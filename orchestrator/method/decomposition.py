@@ -17,6 +17,7 @@ from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.following import Following
 from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.method.coarse.correction import CoarseCorrection
+from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
@@ -59,6 +60,7 @@ class Decomposition:
     setup_sweeps : back-substitutions per subdomain and load step spent so far
     nonlinear : the subdomains that are; None where none is
     following : the interfaces that are paired anew as they slide, where there are some
+    sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
     """
 
     scene: Scene
@@ -76,6 +78,7 @@ class Decomposition:
     setup_sweeps: float
     nonlinear: Nonlinear | None = None
     following: Following | None = None
+    sole_scale: float = 1.0
 
     @property
     def all_perfect(self) -> bool:
@@ -201,18 +204,29 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
     bound = coarse = None
+
+    def meeting(direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
+        """The pairs, their local stage, and how they are stabilised."""
+        springs = stabilisation(scene, method, scale)
+        pairs = make_pairs(scene, space, direction.whole, springs)
+        return pairs, LawStage(direction, pairs.lawful), springs
+
     if all_perfect:
         local = Exchange(direction, method.search_direction.kplus)
         with watch("bound"):
             external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
             bound = ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, traces)], external)
     else:
-        springs = stabilisation(scene, method)
-        pairs = make_pairs(scene, space, direction.whole, springs)
-        local = LawStage(direction, pairs.lawful)
+        pairs, local, springs = meeting(direction, 1.0)
     guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
     macro = _macro(scene, space, direction, method, guarded, watch, loaded)
     loaded()
+    with watch("search_direction"):
+        suited, scale, spent = fitted(scene, soles, sides, guarded, method, blackbox)
+    if scale != 1:
+        direction, (pairs, local, springs) = suited, meeting(suited, scale)
+        guarded = GuardedTraces(blackbox, direction, guarded.names)
+        macro = _macro(scene, space, direction, method, guarded, watch, loaded)
     floor = _floor(blackbox, own, method, space.team)
     for s in own:
         if s.heated and blackbox.traits(s.code).own_matter:
@@ -223,7 +237,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         load = partial(apply_loads, scene, direction, models, traces, rims, blackbox, part.carried)
         loading = load()
         nonlinear = Nonlinear(blackbox, space, own, traces, [m.fixed.size for m in models], load) if remembers else None
-    sweeps = loading.sweeps
+    sweeps = loading.sweeps + spent / scene.steps
     with watch("macro"):
         if macro is not None:
             sweeps += macro.solve(guarded) / scene.steps
@@ -235,7 +249,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         bound = bound.of(stage, loading, floor)
     following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
-                         stage, local, modes, bound, coarse, sweeps, nonlinear, following)
+                         stage, local, modes, bound, coarse, sweeps, nonlinear, following, scale)
 
 
 def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:

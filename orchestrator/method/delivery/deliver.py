@@ -40,6 +40,7 @@ class Delivered:
     reactions : per boundary entry, per load step, its resultant force
     reaction_moments : (entries, T, 3) their moments about the origin
     resultants : what all interfaces carry
+    sole_scale : factor that contact's soles were given; None where there is no contact
     displacement : (T, n, 3) u_D, the field that the error bound speaks of; where interfaces open, the mean of the sides
     discretisation : its estimated error, if asked for
     joints : per subdomain (T, n_E, 3), what its interfaces' forces add up to at the nodes of a part whose mesh is not ours;
@@ -56,6 +57,7 @@ class Delivered:
     reactions: list[list[list[float]]]
     reaction_moments: np.ndarray
     resultants: Resultants
+    sole_scale: float | None
     displacement: np.ndarray | None = None
     discretisation: Estimate | None = None
     joints: list[np.ndarray | None] = field(default_factory=list)
@@ -97,6 +99,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     return Delivered(iterated, of_all(d, parts), of_all(d, continuous if own is None else own), d.all_perfect,
                      all_interfaces(d, interfaces), laws, carried,
                      acting[:, :, :3].tolist(), acting[:, :, 3:], resultants,
+                     None if d.all_perfect else d.sole_scale,
                      joints=of_all(d, _on_joints(d, iterated.fields.f)) if any(s.foreign for s in d.scene.subdomains) else [])
 
 

@@ -46,6 +46,16 @@ class SearchDirection:
             (whole.data[:own], whole.indices[:own], whole.indptr[: d + 1]), shape=(d, d))
         self.diagonal = self.k.diagonal()
 
+    def scaled(self, factors: np.ndarray) -> SearchDirection:
+        """That of soles whose moduli are multiplied by factors (interfaces of the scene,)."""
+        each = np.ones(self.whole.shape[0])
+        for factor, sides in zip(factors, self.space.sides):
+            for dofs in sides:
+                each[dofs] = factor
+        # no entry couples two interfaces
+        return SearchDirection(sp.csr_array((self.whole.data * np.repeat(each, np.diff(self.whole.indptr)), self.whole.indices,
+                                             self.whole.indptr), shape=self.whole.shape), self.space)
+
     @cached_property
     def solve(self):
         """k⁻¹ applied to rows (T, D), by a factorisation made at the first call."""

@@ -18,10 +18,12 @@ class Segments:
     ----------
     subdomains : (S,) int, the others
     member : (columns,) int, place of each column's subdomain among these
+    slices : the columns of each of them
     """
 
     def __init__(self, parts: Sequence[slice]):
         self.subdomains = np.array([e for e, part in enumerate(parts) if part.stop > part.start], dtype=int)
+        self.slices = [parts[e] for e in self.subdomains]
         self.starts = np.array([parts[e].start for e in self.subdomains], dtype=int)
         self.member = np.repeat(np.arange(len(self.starts)), [parts[e].stop - parts[e].start for e in self.subdomains])
 

@@ -33,28 +33,29 @@ def allowed_residual(tolerance) -> float:
     return math.sqrt(tolerance.indicator) if tolerance.error is None else tolerance.error
 
 
-def stabilisation(scene: Scene, method) -> np.ndarray:
+def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
     """(interfaces,) ε; zero where the law joins its sides.
 
     Parameters
     ----------
     method : ``method`` of the configuration. With ``contact: {stabilisation: auto}`` interfaces alone that touch a loose
         body have one, so that a scene that holds together is left as it is; a number is that of all
+    scale : factor on the soles that ``method`` asks for
     """
     opens = np.array([not i.law.joins for i in scene.interfaces], dtype=bool)
     asked = method.contact.stabilisation
     if not opens.any():
         return np.zeros(len(opens))
     if asked != "auto":
-        return _on_usual_soles(float(asked), method) * opens
+        return _on_usual_soles(float(asked), method, scale) * opens
     loose = loose_bodies(scene)
     touching = np.array([loose[list(i.subdomains)].any() for i in scene.interfaces], dtype=bool)
-    return _on_usual_soles(SHARE * allowed_residual(method.tolerance), method) * (opens & touching)
+    return _on_usual_soles(SHARE * allowed_residual(method.tolerance), method, scale) * (opens & touching)
 
 
-def _on_usual_soles(share: float, method) -> float:
+def _on_usual_soles(share: float, method, scale: float) -> float:
     """ε that makes the springs' rate ε keq what it is on the default soles: soles are how a scene is solved, not what it is."""
-    return min(share * Sole().contact_ratio / method.sole.contact_ratio, STABLEST)
+    return min(share * Sole().contact_ratio / (scale * method.sole.contact_ratio), STABLEST)
 
 
 def cautions(method) -> list[str]:

@@ -51,6 +51,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                                   all(i.law.perfect for i in scene.interfaces) and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
+        "sole_scale": delivered.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative,
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,

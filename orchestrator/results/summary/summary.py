@@ -17,7 +17,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "summary.json"
-KEYS = ["name", "converged", "stop_reason", "advice", "iterations", "sweeps", "newton_steps", "coarse_ends", "indicator", "error_bound",
+KEYS = ["name", "converged", "stop_reason", "advice", "iterations", "sweeps", "newton_steps", "coarse_ends", "sole_scale", "indicator", "error_bound",
         "true_error", "discretisation_error", "tolerance",
         "residuals", "stabilised", "dofs", "subdomains", "interfaces", "interface_nodes", "load_steps", "energy", "peak_stress",
         "peak_displacement", "reactions", "reaction_names", "reaction_moments", "probes",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,3 +35,15 @@ def merge(first: Sole, second: Sole, n: int) -> Sole:
         np.concatenate([first.young, second.young]),
         np.concatenate([first.poisson, second.poisson]),
     )
+
+
+def stiffened(soles: Sequence[tuple[Sole, Sole] | None], factors: np.ndarray) -> list[tuple[Sole, Sole] | None]:
+    """Soles per interface with their moduli multiplied by factors (interfaces,)."""
+    result: list[tuple[Sole, Sole] | None] = []
+    for pair, factor in zip(soles, factors):
+        if pair is None or factor == 1:
+            result.append(pair)
+            continue
+        one = replace(pair[0], young=factor * pair[0].young)
+        result.append((one, one if pair[1] is pair[0] else replace(pair[1], young=factor * pair[1].young)))
+    return result

@@ -247,4 +247,4 @@ def _coarse(d: Decomposition, scene: Scene, method):
     from orchestrator.method.interface.pairing import make_pairs
     from orchestrator.method.interface.stabilisation import stabilisation
 
-    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, stabilisation(scene, method)))
+    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, stabilisation(scene, method, d.sole_scale)))

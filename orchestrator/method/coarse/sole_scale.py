@@ -1,0 +1,203 @@
+"""How stiff contact's soles have to be: what the bodies themselves say, asked of the black box before anything is solved.
+
+With S a body's Schur complement on its interfaces and k its soles', an iteration damps an error of the shape x, S x = σ k x,
+by |1 − σ|/(1 + σ): best are soles that have the softest of what is left to the iterations as far below them as the stiffest is
+above. Bodies' affine fields are not: the coarse contact problem moves them. ``facets_of`` guesses the rest from moduli and
+lengths; here it is measured. The black box applies
+
+    C k = N M⁻¹ Nᵀ k = (S + k)⁻¹ k,    whose eigenvalues are θ = 1/(1 + σ),
+
+and a few steps of Lanczos' method in the inner product of k, all bodies side by side, find the ends of most of what there is.
+Where √(σ_min σ_max) is so far off that it is worth another factorisation, all soles are made stiffer or softer by one
+factor, and looked at again.
+
+A factor for each interface gained nothing over the one for all, and lost an assembly whose bodies are hard to measure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.method.coarse.problem import of_all
+from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.linear.answers import GuardedTraces
+from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.facets import between
+from orchestrator.scene.soles.sole import Sole, stiffened
+
+# Each costs a back-substitution per body, a load step's share of an iteration. One sees no ends; three and more find single
+# bodies' softest bending, which slows no contact.
+STEPS = 2
+# √(σ_min σ_max), as so few steps find it, where soles are best. Measured, iterations there over the least of all scales: cubes
+# 1.15, 15 grains 1.0, 27 grains 1.0, flange 1.18, stack 1.05, bolted assembly 1.0, punch 1.2.
+BEST = 2.5
+FLAT = 4 / 3  # off by less is not worth a factorisation: it stands for about 3/2 in k
+NEAR = 1.15  # soles that are changed are brought this near to the best
+LOADS = 3  # times that soles are changed at most: after the first each follows from a secant
+NOTCH = 2 ** (1 / 8)  # factors are powers of it, so that rounding, as of ranks or units, leaves them as they are
+# Of log √(σ_min σ_max) over log k: at first, and what secants may say. −1 if all ends were found; −0.3 … −0.9 measured
+SLOPE, STEEPEST, FLATTEST = -0.75, -1.0, -0.3
+DEPENDENT = 1e-10  # eigenvalue of a Gram matrix, over the largest, that counts as zero
+
+
+def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]], sides: Sequence[Sequence[tuple[int, int]]], guarded: GuardedTraces,
+           method, blackbox: BlackBox) -> tuple[SearchDirection, float, int]:
+    """Springs as stiff as suits the bodies where these may part, if ``method`` wants that.
+
+    Parameters
+    ----------
+    soles : per interface, as they are loaded
+    sides : per subdomain, its (interface, side) pairs
+    guarded : what answers for them
+    blackbox : what bodies with other soles are loaded into
+
+    Returns
+    -------
+    as ``fit``
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    """
+    direction = guarded.direction
+    own, team = [scene.subdomains[e] for e in direction.space.subdomains], direction.space.team
+    opens = np.array([not i.law.joins for i in scene.interfaces], dtype=bool)
+    anywhere, = team.max(opens.any())
+    if not anywhere or not method.sole.fit or method.coarse == "none" or method.sole.contact != "springs":
+        return direction, 1.0, 0
+
+    def load(factors: np.ndarray) -> None:
+        changed = stiffened(soles, factors)
+        blackbox.load([extended_model(scene, s, sides[s.index], changed) for s in own])
+
+    def answering(other: SearchDirection) -> GuardedTraces:
+        return guarded if other is direction else GuardedTraces(blackbox, other, guarded.names)
+
+    quick = not team.max(any(not blackbox.traits(s.code).keeps_models for s in own))[0]
+    return fit(scene, direction, answering, opens, load, quick)
+
+
+def fit(scene: Scene, direction: SearchDirection, guarded: Callable[[SearchDirection], GuardedTraces], wanted: np.ndarray,
+        load: Callable[[np.ndarray], None], again: bool) -> tuple[SearchDirection, float, int]:
+    """Soles that suit the bodies behind them.
+
+    Parameters
+    ----------
+    direction : of the soles as they are loaded
+    guarded : direction → the black box with these
+    wanted : (interfaces of the scene,) bool, whose soles may change
+    load : (interfaces,) factors on the soles' moduli → None; bodies are loaded with these
+    again : whether to look again at soles that have been changed: not worth it where every answer costs a factorisation
+
+    Returns
+    -------
+    direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
+    """
+    usual, scale, sweeps, found = direction, 1.0, 0, []
+    while True:
+        off = _off(scene, guarded(direction), wanted)
+        sweeps += STEPS
+        found.append(np.log([scale, off]))
+        if abs(np.log(off)) <= np.log(FLAT if len(found) == 1 else NEAR) or len(found) > LOADS:
+            return direction, scale, sweeps
+        slope = SLOPE
+        if len(found) > 1:
+            run, rise = found[-1] - found[-2]
+            slope = np.clip(rise / run, STEEPEST, FLATTEST)
+        notches = round((np.log(scale) - np.log(off) / slope) / np.log(NOTCH))
+        if NOTCH**notches == scale:
+            return direction, scale, sweeps
+        scale = NOTCH**notches
+        factors = np.where(wanted, scale, 1.0)
+        load(factors)
+        direction = usual.scaled(factors)
+        if not again:
+            return direction, scale, sweeps
+
+
+def _off(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> float:
+    """√(σ_min σ_max) over the best: the mean of the wanted interfaces, 1 where nothing can be said."""
+    space = blackbox.direction.space
+    known, middle = of_all(space.team, space.subdomain_count, space.subdomains, _middles(scene, blackbox)).T
+    mine = [i.subdomains for i in scene.interfaces
+            if wanted[i.index] and i.subdomains[0] in space.subdomains and known[list(i.subdomains)].all()]
+    one, two = middle[np.array(mine, dtype=int).reshape(-1, 2)].T
+    total, count = space.team.sum(float(np.log(between(one, two)).sum()), len(mine))
+    return float(np.exp(total / count) / BEST) if count else 1.0
+
+
+def _middles(scene: Scene, blackbox: GuardedTraces) -> np.ndarray:
+    """(own bodies, 2) of each whether anything is left to the iterations, and √(σ_min σ_max) of that."""
+    direction, of = blackbox.direction, blackbox.owned
+    space = direction.space
+    U, V, start = _fields(scene, blackbox)
+
+    def rest(v: np.ndarray) -> np.ndarray:
+        """(1, D) v without affine fields."""
+        return v - np.sum(U * of.spread(of.sums(V * v)), axis=0)
+
+    def size(v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """k v, and the norm of each body's part (S,)."""
+        kv = direction.times(v)
+        return kv, np.sqrt(np.maximum(of.sums(v[0] * kv[0]), 0.0))
+
+    v = rest(start)
+    kv, norm = size(v)
+    alive = norm > np.sqrt(DEPENDENT) * size(start)[1]
+    theta, before = np.zeros((STEPS, STEPS, len(norm))), []
+    exists = alive
+    for j in range(STEPS):
+        inverse = of.spread(np.divide(1, norm, out=np.zeros_like(norm), where=alive))
+        v, kv = v * inverse, kv * inverse
+        before.append((v, kv))
+        image = rest(blackbox.answered(space.loads(kv))[1])
+        # a space that is exhausted has no other ends
+        theta[j, j] = np.where(alive, of.sums(image[0] * kv[0]), theta[j - 1, j - 1])
+        for _ in range(2):
+            for w, kw in before:
+                image = image - of.spread(of.sums(image * kw)) * w
+        v = image
+        kv, norm = size(v)
+        alive = alive & (norm > np.sqrt(DEPENDENT) * theta[0, 0])
+        if j + 1 < STEPS:
+            theta[j, j + 1] = theta[j + 1, j] = np.where(alive, norm, 0.0)
+    result = np.zeros((len(space.subdomains), 2))
+    if len(norm):
+        ends = np.linalg.eigvalsh(theta.transpose(2, 0, 1)[exists])[:, [0, -1]]
+        tiny = np.finfo(float).eps
+        sigma = np.maximum(1 / np.maximum(ends, tiny) - 1, tiny)
+        result[of.subdomains[exists]] = np.column_stack([np.ones(len(sigma)), np.sqrt(sigma.prod(axis=1))])
+    return result
+
+
+def _fields(scene: Scene, blackbox: GuardedTraces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The bodies' affine fields on their traces, orthonormal in k: U and V = k U, (12, D) each; (1, D) a displacement to start from.
+
+    The latter depends on where nodes are in their body alone, and is as rough as the mesh.
+    """
+    direction, all_of = blackbox.direction, blackbox.all
+    space = direction.space
+    x, component = scene.mesh.nodes[space.global_dof // 3].T, space.global_dof % 3
+    high, low = (sign * np.maximum.reduceat(sign * x, all_of.starts, axis=1) if len(all_of.starts) else x for sign in (1, -1))
+    size = np.maximum(np.max(high - low, axis=0) / 2, np.finfo(float).tiny)
+    x = (x - all_of.spread((high + low) / 2)) / all_of.spread(size)
+    fields = np.zeros((13, len(component)))
+    at = np.arange(len(component))
+    for m, monomial in enumerate([np.ones(len(component)), *x]):
+        fields[3 * m + component, at] = monomial
+    # waves that no mesh resolves: numbers at random, but the same ones for whoever asks
+    phase = np.array([[7919.0, 6101.0, 4801.0], [5869.0, 7687.0, 5303.0], [6637.0, 4441.0, 7207.0]])[component]
+    held = space.loads(direction.diagonal[None])[0]
+    fields[12] = np.cos(np.sum(phase * x.T, axis=1)) / np.sqrt(np.where(held > 0, held, 1.0))
+    traces = space.trace(fields)
+    U, V = traces[:12], direction.times(traces[:12])
+    for part in blackbox.owned.slices:
+        value, vector = np.linalg.eigh(U[:, part] @ V[:, part].T)
+        keep = value > DEPENDENT * value.max(initial=0.0)
+        turn = np.where(keep, vector / np.sqrt(np.where(keep, value, 1.0)), 0.0).T
+        U[:, part], V[:, part] = turn @ U[:, part], turn @ V[:, part]
+    return U, V, traces[12:]

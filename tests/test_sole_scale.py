@@ -1,0 +1,68 @@
+"""Soles of contact follow the bodies behind them, wherever they begin."""
+
+import numpy as np
+import pytest
+from contact_case import BOTTOM, PATH, contact
+from method_case import box_of, prepared
+
+from orchestrator.method.coarse.sole_scale import FLAT, NEAR, NOTCH
+from orchestrator.method.interface.search_direction import assemble_search_direction
+from orchestrator.savings import Savings
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.soles.make import make_soles
+from orchestrator.scene.soles.sole import stiffened
+
+USUAL = 1.2
+
+
+def three(ratio=USUAL, unit=1.0, law="contact", **sole):
+    """Three blocks, one on the other: the one in the middle is loose. Lengths in any unit."""
+    size = [0.5 * unit, 0.5 * unit, 1.5 * unit]
+    return contact(0.2, law=[{"law": law, **({"friction": 0.2} if law == "contact" else {})}],
+                   mesh={"box": {"size": size, "cells": [2, 2, 6]}}, subdomains={"grid": [1, 1, 3]},
+                   materials=[{"young": 200e3 / unit**2, "poisson": 0.3}],
+                   boundary=[BOTTOM, {"on": {"plane": "z", "at": size[2]},
+                                      "displacement": (unit * np.array(PATH)).tolist()}],
+                   method={"tolerance": {"error": 1e-6}, "sole": {"contact_ratio": ratio, "allow_extreme": True, **sole}})
+
+
+def stiffness(d):
+    return d.stage.direction.diagonal.mean()
+
+
+def made(config):
+    with box_of(config) as blackbox:
+        return prepared(config, build_scene(config), blackbox)
+
+
+def test_soles_end_alike_wherever_they_begin():
+    ends = {factor: made(three(USUAL * factor)) for factor in (0.03, 1, 30)}
+    slack = NEAR ** (1 / 0.3)  # what is measured changes by at least the 0.3rd power of k
+    for factor, d in ends.items():
+        assert 1 / slack <= stiffness(d) / stiffness(ends[1]) <= slack * FLAT ** (1 / 0.3)
+        assert round(np.log(d.sole_scale) / np.log(NOTCH), 9) % 1 == 0
+    assert ends[0.03].sole_scale > 5 and ends[30].sole_scale < 0.2
+    assert ends[1].setup_sweeps <= min(ends[0.03].setup_sweeps, ends[30].setup_sweeps)
+
+
+def test_units_and_switch():
+    """The factor is the same in metres; none is looked for where soles are to be left, or nothing can part."""
+    scale = made(three(0.03)).sole_scale
+    assert scale == made(three(0.03, unit=1e-3)).sole_scale != 1
+    assert made(three(0.03, fit=False)).sole_scale == made(three(0.03, law="perfect")).sole_scale == 1
+
+
+def test_what_is_loaded_is_what_the_method_reckons_with():
+    """A loose body that its soles push by k U moves by U; and k is what the black box assembles."""
+    config = three(0.03)
+    with box_of(config) as blackbox:
+        scene = build_scene(config)
+        d = prepared(config, scene, blackbox)
+        assert d.sole_scale > 2
+        direction, middle = d.stage.direction, d.space.owner == 1
+        rigid = np.where(middle & (d.space.dof % 3 == 0), 1.0, 0.0)[None]
+        moved = d.space.trace(d.stage.solve(d.space.loads(direction.times(rigid))))
+        assert moved[:, middle] == pytest.approx(rigid[:, middle], abs=1e-9)
+        soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.sole_scale))
+        again = assemble_search_direction(scene, d.space, soles, blackbox, 1, True, Savings())
+        assert abs(again.whole - direction.whole).max() <= 1e-12 * abs(direction.whole).max()
