@@ -15,10 +15,13 @@ from orchestrator.scene.soles.sole import stiffened
 USUAL = 1.2
 
 
-def three(ratio=USUAL, unit=1.0, law="contact", **sole):
+CONTACT = {"law": "contact", "friction": 0.2}
+
+
+def three(ratio=USUAL, unit=1.0, law=(CONTACT,), **sole):
     """Three blocks, one on the other: the one in the middle is loose. Lengths in any unit."""
     size = [0.5 * unit, 0.5 * unit, 1.5 * unit]
-    return contact(0.2, law=[{"law": law, **({"friction": 0.2} if law == "contact" else {})}],
+    return contact(law=list(law),
                    mesh={"box": {"size": size, "cells": [2, 2, 6]}}, subdomains={"grid": [1, 1, 3]},
                    materials=[{"young": 200e3 / unit**2, "poisson": 0.3}],
                    boundary=[BOTTOM, {"on": {"plane": "z", "at": size[2]},
@@ -49,7 +52,7 @@ def test_units_and_switch():
     """The factor is the same in metres; none is looked for where soles are to be left, or nothing can part."""
     scale = made(three(0.03)).sole_scale
     assert scale == made(three(0.03, unit=1e-3)).sole_scale != 1
-    assert made(three(0.03, fit=False)).sole_scale == made(three(0.03, law="perfect")).sole_scale == 1
+    assert made(three(0.03, fit=False)).sole_scale == made(three(0.03, law=[{"law": "perfect"}])).sole_scale == 1
 
 
 def test_what_is_loaded_is_what_the_method_reckons_with():
@@ -66,3 +69,14 @@ def test_what_is_loaded_is_what_the_method_reckons_with():
         soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.sole_scale))
         again = assemble_search_direction(scene, d.space, soles, blackbox, 1, True, Savings())
         assert abs(again.whole - direction.whole).max() <= 1e-12 * abs(direction.whole).max()
+
+
+def test_bonds_of_the_same_bodies_keep_their_soles():
+    """What rests on them is felt; they themselves are as they were."""
+    laws = [CONTACT, {"between": ["block 0-0-1", "block 0-0-2"], "law": "perfect"}]
+    (usual, fitted) = (made(three(0.03, law=laws, fit=value)) for value in (False, True))
+    ratio = fitted.stage.direction.diagonal / usual.stage.direction.diagonal
+    bonded = np.zeros(len(ratio), dtype=bool)
+    bonded[np.concatenate(fitted.space.sides[1])] = True
+    assert 2 < fitted.sole_scale < 100
+    assert ratio[bonded] == pytest.approx(1.0) and ratio[~bonded] == pytest.approx(fitted.sole_scale)

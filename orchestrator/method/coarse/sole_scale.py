@@ -97,32 +97,34 @@ def fit(scene: Scene, direction: SearchDirection, guarded: Callable[[SearchDirec
     -------
     direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
     """
-    usual, scale, sweeps, found = direction, 1.0, 0, []
+    scale, directions, found, sweeps = 1.0, {1.0: direction}, {}, 0  # by factor, the latest last
     while True:
-        off = _off(scene, guarded(direction), wanted)
+        found[scale] = np.log(_off(scene, guarded(directions[scale]), wanted))
         sweeps += STEPS
-        found.append(np.log([scale, off]))
-        if abs(np.log(off)) <= np.log(FLAT if len(found) == 1 else NEAR) or len(found) > LOADS:
-            return direction, scale, sweeps
+        best = min(found, key=lambda known: abs(found[known]))
+        if best != scale:  # what is measured does not follow the soles: it is no guide
+            load(np.where(wanted, best, 1.0))
+            return directions[best], best, sweeps
+        if abs(found[scale]) <= np.log(FLAT if len(found) == 1 else NEAR) or len(found) > LOADS:
+            return directions[scale], scale, sweeps
         slope = SLOPE
         if len(found) > 1:
-            run, rise = found[-1] - found[-2]
-            slope = np.clip(rise / run, STEEPEST, FLATTEST)
-        notches = round((np.log(scale) - np.log(off) / slope) / np.log(NOTCH))
-        if NOTCH**notches == scale:
-            return direction, scale, sweeps
-        scale = NOTCH**notches
-        factors = np.where(wanted, scale, 1.0)
+            before = [*found][-2]
+            slope = np.clip((found[scale] - found[before]) / np.log(scale / before), STEEPEST, FLATTEST)
+        following = NOTCH ** round((np.log(scale) - found[scale] / slope) / np.log(NOTCH))
+        if following in directions:
+            return directions[scale], scale, sweeps
+        scale, factors = following, np.where(wanted, following, 1.0)
         load(factors)
-        direction = usual.scaled(factors)
+        directions[scale] = direction.scaled(factors)
         if not again:
-            return direction, scale, sweeps
+            return directions[scale], scale, sweeps
 
 
 def _off(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> float:
     """√(σ_min σ_max) over the best: the mean of the wanted interfaces, 1 where nothing can be said."""
     space = blackbox.direction.space
-    known, middle = of_all(space.team, space.subdomain_count, space.subdomains, _middles(scene, blackbox)).T
+    known, middle = of_all(space.team, space.subdomain_count, space.subdomains, _middles(scene, blackbox, wanted)).T
     mine = [i.subdomains for i in scene.interfaces
             if wanted[i.index] and i.subdomains[0] in space.subdomains and known[list(i.subdomains)].all()]
     one, two = middle[np.array(mine, dtype=int).reshape(-1, 2)].T
@@ -130,11 +132,19 @@ def _off(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> float:
     return float(np.exp(total / count) / BEST) if count else 1.0
 
 
-def _middles(scene: Scene, blackbox: GuardedTraces) -> np.ndarray:
-    """(own bodies, 2) of each whether anything is left to the iterations, and √(σ_min σ_max) of that."""
+def _middles(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> np.ndarray:
+    """(own bodies, 2) of each whether anything is left to the iterations on the wanted interfaces, and √(σ_min σ_max) of that.
+
+    On its other interfaces a body rests on their soles, as it does in the iterations.
+    """
     direction, of = blackbox.direction, blackbox.owned
     space = direction.space
-    U, V, start = _fields(scene, blackbox)
+    on = np.zeros(len(space.owner))
+    for i in np.flatnonzero(wanted):
+        for dofs in space.sides[i]:
+            on[dofs] = 1.0
+    on = on[: space.size]
+    U, V, start = _fields(scene, blackbox, on)
 
     def rest(v: np.ndarray) -> np.ndarray:
         """(1, D) v without affine fields."""
@@ -154,7 +164,7 @@ def _middles(scene: Scene, blackbox: GuardedTraces) -> np.ndarray:
         inverse = of.spread(np.divide(1, norm, out=np.zeros_like(norm), where=alive))
         v, kv = v * inverse, kv * inverse
         before.append((v, kv))
-        image = rest(blackbox.answered(space.loads(kv))[1])
+        image = rest(on * blackbox.answered(space.loads(kv))[1])
         # a space that is exhausted has no other ends
         theta[j, j] = np.where(alive, of.sums(image[0] * kv[0]), theta[j - 1, j - 1])
         for _ in range(2):
@@ -174,8 +184,9 @@ def _middles(scene: Scene, blackbox: GuardedTraces) -> np.ndarray:
     return result
 
 
-def _fields(scene: Scene, blackbox: GuardedTraces) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The bodies' affine fields on their traces, orthonormal in k: U and V = k U, (12, D) each; (1, D) a displacement to start from.
+def _fields(scene: Scene, blackbox: GuardedTraces, on: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The bodies' affine fields on some of their traces, ``on`` (D,) 0 or 1, orthonormal in k: U and V = k U, (12, D) each;
+    (1, D) a displacement to start from.
 
     The latter depends on where nodes are in their body alone, and is as rough as the mesh.
     """
@@ -191,9 +202,9 @@ def _fields(scene: Scene, blackbox: GuardedTraces) -> tuple[np.ndarray, np.ndarr
         fields[3 * m + component, at] = monomial
     # waves that no mesh resolves: numbers at random, but the same ones for whoever asks
     phase = np.array([[7919.0, 6101.0, 4801.0], [5869.0, 7687.0, 5303.0], [6637.0, 4441.0, 7207.0]])[component]
-    held = space.loads(direction.diagonal[None])[0]
+    held = space.loads(on * direction.diagonal[None])[0]
     fields[12] = np.cos(np.sum(phase * x.T, axis=1)) / np.sqrt(np.where(held > 0, held, 1.0))
-    traces = space.trace(fields)
+    traces = on * space.trace(fields)
     U, V = traces[:12], direction.times(traces[:12])
     for part in blackbox.owned.slices:
         value, vector = np.linalg.eigh(U[:, part] @ V[:, part].T)
