@@ -39,7 +39,7 @@ class AlgebraWorker(Worker):
         except la.LinAlgError as error:
             raise BlackBoxError("factorising failed: its stiffness and its soles together are not positive", model.name) from error
         self.models[index] = model, free, factor, _followed(model, len(part.joints.points))
-        self.count([0.0, time.thread_time() - begin, 0.0])
+        self.count([self.code.seconds, time.thread_time() - begin, 0.0])
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         begin, answers = time.thread_time(), {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -51,7 +52,12 @@ class ForeignCode(Code):
 
     def condensed(self) -> Condensed:
         """The same, made once per process for each part."""
-        return _kept(_Key(type(self), self.settings))
+        return _kept(_Key(type(self), self.settings))[0]
+
+    @property
+    def seconds(self) -> float:
+        """CPU seconds that bringing it there has taken, of this process and of the programs that it has started."""
+        return _kept(_Key(type(self), self.settings))[1]
 
     def loads(self, steps: int) -> Any:
         """(steps, 3n) its own loads on its joints."""
@@ -93,7 +99,7 @@ class _Key:
         part = settings.part
         names = [name for key in part.files if (named := getattr(part, key)) is not None
                  for name in (named if isinstance(named, list) else [named])]
-        self.text = part.model_dump_json() + settings.name + kind.__name__ + "".join(map(_stamp, names))
+        self.text = part.model_dump_json() + settings.name + str(len(settings.factors)) + kind.__name__ + "".join(map(_stamp, names))
 
     def __hash__(self) -> int:
         return hash(self.text)
@@ -103,8 +109,6 @@ class _Key:
 
 
 def _stamp(file: str) -> str:
-    import os
-
     try:
         about = os.stat(file)
     except OSError:
@@ -113,5 +117,7 @@ def _stamp(file: str) -> str:
 
 
 @lru_cache(maxsize=32)
-def _kept(key: _Key) -> Condensed:
-    return key.kind(key.settings).made()
+def _kept(key: _Key) -> tuple[Condensed, float]:
+    begin = os.times()
+    made, end = key.kind(key.settings).made(), os.times()
+    return made, sum(end[:4]) - sum(begin[:4])
