@@ -136,6 +136,12 @@ def test_a_form_that_says_uniform_shares_matrices_and_one_that_does_not_does_not
     assert counts[0] == 4 > counts[1]
 
 
+def test_a_form_that_varies_and_says_uniform_is_found_out(tmp_path):
+    graded = PLAIN.replace("real myE", "func myGrade = 1 + .1*x;\nreal myE", 1).replace("(Density(u, v))", "(myGrade*Density(u, v))")
+    with pytest.raises(BlackBoxError, match="differs from it by a translation alone.*leave uniform: true out"):
+        solve(config_from(problem(written(tmp_path, graded), uniform=True)))
+
+
 WRONG = {
     "not symmetric": (ISOTROPIC + "macro Stiffness(u, v) int3d(Th, mine, qfV = qfV2)(Density(u, v) + 1e-3*myE*dy(u#x)*v#z) // EOM\n",
                       "not symmetric"),

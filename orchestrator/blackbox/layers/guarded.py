@@ -93,7 +93,8 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
     if not symmetry <= PATCH:
         return f"a stiffness that is not symmetric: |K − Kᵀ| is {symmetry:.1e} |K|"
     if not rigid <= allowed:
-        return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {_place(model, node)}"
+        why = " (supports inside it; or a form that is not symmetric in u and v, of which one triangle is taken)" if own_matter else ""
+        return f"a stiffness by which rigid motions cost force: {rigid:.1e} of |K| near {_place(model, node)}{why}"
     if not strain <= allowed:
         return (f"a stiffness that is not that of the model's mesh and materials: uniform strains need other forces, by "
                 f"{strain:.1e} of |K| near {_place(model, node)} (other moduli or units, a plane state, an element that "

@@ -17,7 +17,10 @@ from orchestrator.blackbox.cost import copies
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.models.congruence import representatives
 from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.errors import BlackBoxError
 from orchestrator.savings import Savings
+
+ALIKE = 1e-8  # relative: stiffnesses of the same tets at other places, whose coordinates are rounded
 
 
 class SharedModels(Layer):
@@ -55,9 +58,23 @@ class SharedModels(Layer):
             times = copies(len(models[kind].trace), len(members) * self.steps, len(members), self.workers, self.explicit)
             self.model_of[members] = len(loaded) + np.arange(len(members)) * times // len(members)
             loaded += [models[kind]] * times
+            if len(members) > 1 and self.traits(models[kind].code).own_matter:
+                self._prove([models[member] for member in {0: members[0], len(members) // 2: members[len(members) // 2],
+                                                           len(members) - 1: members[-1]}.values()])
         self.savings.add("congruent", "factorisations", len(models) - len(loaded))
         cases = self.steps * np.bincount(self.model_of, minlength=len(loaded))
         super().load([replace(model, cases=int(count)) for model, count in zip(loaded, cases)])
+
+    def _prove(self, models: Sequence[Model]) -> None:
+        """Raises BlackBoxError where models that are to share a stiffness have different ones: a code's own matter may vary
+        from place to place whatever it says of itself."""
+        first, *others = self.inner.stiffness([replace(model, name=f"{model.name}, once more") for model in models])
+        for model, other in zip(models[1:], others):
+            apart = abs(first - other).max() / (abs(first).max() or 1.0)
+            if not apart <= ALIKE:
+                raise BlackBoxError(f"its stiffness is not that of {models[0].name}, which differs from it by a translation alone: by "
+                                    f"{apart:.1e}. Its matter varies from place to place: leave uniform: true out of the form's entry, "
+                                    "or translation_invariant = True out of the solver's class", model.name)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says; the last answers are remembered."""
