@@ -158,7 +158,7 @@ def _status_text(summary: Mapping[str, object]) -> str | None:
         return None
     steps = len(counts[names[0]])
     when = f"  (node pairs, load step {steps} of {steps})" if steps > 1 else "  (node pairs)"
-    return ", ".join(f"{counts[name][-1]:,} {name}" for name in names) + when
+    return ", ".join(f"{counts[name][-1]:,} {name}" for name in names if any(counts[name])) + when
 
 
 def bolt_sentences(summary: Mapping[str, object]) -> list[str]:
