@@ -53,6 +53,7 @@ class Bound:
     sweeps : back-substitutions spent
     errors : (T,) like ``relative`` (like ``a`` where only that was asked for), of each step by itself; infinite
         where other steps depend on it
+    least : of a bound that is larger than what was asked about, and therefore not known (infinite), what it is at least
     """
 
     relative: float
@@ -62,6 +63,7 @@ class Bound:
     correction: np.ndarray
     sweeps: int = 0
     errors: np.ndarray | float = np.inf
+    least: float = 0.0
 
     @classmethod
     def joined(cls, batches: Sequence[Bound]) -> Bound:
@@ -156,12 +158,13 @@ class ErrorBound:
                         for side in (one, two))
         return np.stack([one, two]) / np.maximum(one + two, TINY)
 
-    def __call__(self, fields: Admissible, complete: bool = True) -> Bound:
+    def __call__(self, fields: Admissible, complete: bool = True, useful: float = np.inf) -> Bound:
         """Evaluate the bound of a linear stage.
 
         Parameters
         ----------
         complete : False leaves out b, and with it all back-substitutions
+        useful : a bound above it need not be known: it is infinite then, and ``least`` what has been reached
         """
         c = self.reposition(fields.extended[0])
         u = fields.u + times(self.modes.boundary, c)
@@ -180,8 +183,18 @@ class ErrorBound:
         change, balanced = self.balance(self._balancing_forces(fields, u))
         h = self.space.loads(change)
         cross, = self.team.sum(dots(delta, h))
-        b2, sweeps = dual_energy(self.stage, h, a2 - 2 * cross, (ROUNDING * size) ** 2)
-        squares = a2 + b2 - 2 * cross
+        rest, least = a2 - 2 * cross, 0.0
+
+        def beyond(reached: np.ndarray) -> bool:
+            """Whether the bound is above what is useful: b² is approached from below."""
+            nonlocal least
+            least = _relative(self._largest(rest + reached), size)
+            return least > useful
+
+        b2, sweeps = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, beyond)
+        squares = rest + b2
+        if least > useful:
+            return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps, least=least)
         if not balanced:
             return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps)
         gap = self._largest(squares)

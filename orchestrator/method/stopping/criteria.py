@@ -80,7 +80,7 @@ class Verdict:
     @property
     def approached(self) -> float:
         """How far the measure has come towards the tolerance; where it is not known, its first part."""
-        return self.bound.a if math.isnan(self.measure) and self.bound is not None else self.measure
+        return self.measure if math.isfinite(self.measure) or self.bound is None else self.bound.a
 
 
 class Criterion(Protocol):
@@ -141,8 +141,9 @@ class ErrorCriterion:
         imbalance = measures().force_imbalance
         due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value)
         if due or not self.spare:
-            bound = self.d.bound(fields)
-            self.ratio = bound.relative / imbalance if np.isfinite(bound.relative) and imbalance > 0 else 0.0
+            bound = self.d.bound(fields, useful=self.value if self.spare else np.inf)
+            known = bound.relative if np.isfinite(bound.relative) else bound.least
+            self.ratio = known / imbalance if imbalance > 0 else 0.0
             self.done[:] = bound.errors <= self.value
         elif self.ratio == 0:
             self.done[:] = bound.errors <= CLEAR * self.value

@@ -6,6 +6,8 @@ box applies, so that S p = (S + k) p − k p, of which the first term follows by
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from orchestrator.method.interface.segments import Segments
@@ -17,7 +19,8 @@ CANCELLED = 1e-13  # of a sum of large terms, what rounding leaves
 SLOWEST = 0.95  # rate of the conjugate gradients assumed at worst
 
 
-def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float) -> tuple[np.ndarray, int]:
+def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible: float,
+                beyond: Callable[[np.ndarray], bool] = lambda total: False) -> tuple[np.ndarray, int]:
     """(T,) hᵀS⁺h over all subdomains, and the back-substitutions spent.
 
     The iterates approach from below; the geometric tail of the steps is added, and for the
@@ -29,6 +32,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
     negligible : sum over the steps that is not worth being told from zero
+    beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
+        the true one is larger
     """
     space = stage.space
     if not space.team.max(h.any())[0]:
@@ -52,6 +57,8 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         rz_old = rz
         steps.append(float(gained.sum()))
         tail = _tail(steps)
+        if beyond(total):
+            return total, sweeps
         worth = max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
         if max(steps[-1], tail) <= RELATIVE_TAIL * worth:
             share = gained / max(steps[-1], np.finfo(float).tiny)
