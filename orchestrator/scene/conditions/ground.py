@@ -24,8 +24,6 @@ from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition
-from orchestrator.scene.soles.facets import Facets
-from orchestrator.scene.soles.prisms import prisms
 
 THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
 
@@ -43,6 +41,9 @@ def add_grounds(mesh: Mesh, faces: Faces, partition: Partition, cell_material: n
     -------
     mesh, partition, its numbering, material of each cell; the interfaces; per entry, the nodes of its ground
     """
+    from orchestrator.scene.soles.facets import Facets  # with it comes SciPy, which checks do without
+    from orchestrator.scene.soles.prisms import prisms
+
     standing = [i for i, entry in enumerate(entries) if entry.stands and len(boundary[i].triangles)]
     layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]
     names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], list(mesh.volumes)
