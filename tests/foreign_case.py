@@ -36,7 +36,7 @@ def stiffness(nodes, cells, young=200e3):
     return Matter(nodes, cells, np.full(len(cells), young), np.full(len(cells), 0.3)).stiffness()
 
 
-def write_matrix(folder, digits=17, change=lambda K, nodes: (K, nodes), clamp=True, loads=(1.0, 2.0, -3.0)):
+def write_matrix(folder, digits=17, change=lambda K, nodes: (K, nodes), clamp=True, loads=(1.0, 2.0, -3.0), turned=False):
     """K.mtx, nodes.csv, facets.csv, f.mtx of the block, its end x = 0 clamped, its joint at x = 2; returns K, nodes and forces."""
     x, t = tets()
     kept = np.flatnonzero(x[:, 0] > 0) if clamp else np.arange(len(x))
@@ -49,7 +49,7 @@ def write_matrix(folder, digits=17, change=lambda K, nodes: (K, nodes), clamp=Tr
     scipy.io.mmwrite(folder / "K.mtx", sp.coo_matrix(changed), precision=digits, symmetry="general")
     scipy.io.mmwrite(folder / "f.mtx", f[:, None], precision=17)
     (folder / "nodes.csv").write_text("id,x,y,z\n" + "".join(f"{int(r[0])},{r[1]!r},{r[2]!r},{r[3]!r}\n" for r in table.tolist()))
-    (folder / "facets.csv").write_text("".join(" ".join(str(1 + i) for i in row) + "\n" for row in joint))
+    (folder / "facets.csv").write_text("".join(" ".join(str(1 + i) for i in row[:: -1 if turned else 1]) + "\n" for row in joint))
     return K, x[kept], f
 
 
@@ -92,10 +92,25 @@ def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, c
     for name, place in (("FLANGE", x[:, 0].max()), ("ROOT", x[:, 0].min())):
         text += f"*NSET,NSET={name}\n" + "".join(f"{i},\n" for i in 1 + np.flatnonzero(x[:, 0] == place))
     text += matter + ("*INITIAL CONDITIONS,TYPE=TEMPERATURE\nNALL,20.\n" if heat else "")
+    more = more if isinstance(more, str) else more(x)
     (folder / "part.inp").write_text(text + (f"*BOUNDARY\n{clamp}" if clamp else "") + more)
     warm = "".join(f"{i},{20 + 50 * p[0] + 30 * p[1] * p[2]!r}\n" for i, p in enumerate(x.tolist(), 1))
     (folder / "loads.inp").write_text(loads or (f"*TEMPERATURE\n{warm}" if heat else "") + "*CLOAD\nFLANGE,3,-5.\n")
     return x
+
+
+def more_inside(x):
+    """Cards of a skin of shells, an equation and a node that nothing has, on a block of bricks, and of a
+    support on one of its joint's nodes."""
+    def at(*point):
+        return 1 + int(np.argmin(np.linalg.norm(x - np.array(point), axis=1)))
+
+    third = SIZE[0] / 3
+    skin = "".join(f"{100 + i},{at(i * third, 0, 1)},{at((i + 1) * third, 0, 1)},{at((i + 1) * third, 1, 1)},{at(i * third, 1, 1)}\n"
+                   for i in (0, 1))
+    return (f"*ELEMENT,TYPE=S4,ELSET=SKIN\n{skin}*MATERIAL,NAME=FOIL\n*ELASTIC\n70e3,.3\n*SHELL SECTION,ELSET=SKIN,MATERIAL=FOIL\n.02\n"
+            "*NODE\n777,9.,9.,9.\n"
+            f"*EQUATION\n2\n{at(2 * third, 0, 0)},2,1.,{at(2 * third, 1, 0)},2,-1.\n*BOUNDARY\n{at(SIZE[0], 0, 0)},1,3\n")
 
 
 def restart_displacements(path, name):

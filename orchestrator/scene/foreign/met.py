@@ -33,8 +33,9 @@ def report_joints(mesh: Mesh, interfaces: list[Interface], numbering: SplitNumbe
         points = mesh.nodes[stand.first : stand.first + stand.joints]
         problems.add(("interfaces",), f"{name!r} meets no other part: its joints reach from {format_point(points.min(axis=0))} to "
                      f"{format_point(points.max(axis=0))}" + _beside(points, others),
-                     "joints that lie on faces of other parts, and an entry of interfaces between them",
-                     "move the other parts to it (parts: move), make units of length the same, or name it under interfaces")
+                     "joints that lie on faces of other parts and look at them, and an entry of interfaces between them",
+                     "name it under interfaces, move the other parts to it (parts: move), make units of length the same; faces are "
+                     "given anticlockwise seen from outside, outward: points out of the part")
 
 
 def _beside(points: np.ndarray, others: np.ndarray) -> str:

@@ -68,7 +68,7 @@ class DeckCode(ForeignCode):
                                      "joint nodes whose displacements are unknowns of their own", "make the joint's nodes the "
                                      "independent side of the tie or equation, or take other nodes for the joint"))
         S = np.zeros((len(dofs), len(dofs)))
-        S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name)[0]
+        S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name, loose=True)[0]  # the probe tells
         part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
         k = springs_of(S, free)
         M = S + np.diag(k)

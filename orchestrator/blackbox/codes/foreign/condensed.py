@@ -64,13 +64,14 @@ class Condensed:
 
 
 def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPath, name: str,
-             rounding: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+             rounding: float = 0.0, loose: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """S (j, j) and b (cases, j) of a stiffness (n, n) and loads (cases, n) on the dofs ``joint`` (j,).
 
     Parameters
     ----------
     rounding : relative error of K's entries; where there is one, a sample E of random signs comes third, brought to the
         joints as the stiffness is: Tᵀ E T, T = [1; −K_ii⁻¹ K_ij]
+    loose : whether something inside may move by itself, see ``schur``
 
     Raises
     ------
@@ -80,7 +81,7 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
         sample = _sample(sp.csr_array(K), rounding)[joint][:, joint].toarray() if rounding else None
         return sp.csr_array(K)[joint][:, joint].toarray(), loads[:, joint].copy(), sample
     try:
-        eliminated = Elimination(sp.csr_array(K), joint)
+        eliminated = Elimination(sp.csr_array(K), joint, loose)
     except ZeroDivisionError as error:
         raise InputError(Problem(path, f"'{name}': with its joints held, something inside can still move, or has no stiffness",
                                  "parts that hang together, and whose joints hold all of them", "look for nodes that nothing is "

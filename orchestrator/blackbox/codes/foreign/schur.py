@@ -14,12 +14,19 @@ import scipy.sparse.linalg as spla
 
 # A pivot below this share of its diagonal entry is rounding: what is eliminated there can move by itself.
 PIVOT = 1e-12
+# Share of the diagonal that makes a pivot other than zero, where one is: rounding.
+LEAST = 1e-15
 # What a solution may leave of a right-hand side of order one, in units of what its terms add up from.
 BACKWARD = 1e-9
 
 
 class Elimination:
     """K (n, n) without the dofs ``last`` (j,).
+
+    Parameters
+    ----------
+    loose : parts of what is eliminated may move by themselves, as a bar between two nodes turns about itself: with a pivot ε
+        of mere rounding they leave rounding²/ε in the complement
 
     Raises
     ------
@@ -30,7 +37,7 @@ class Elimination:
     complement : (j, j) the Schur complement, symmetric
     """
 
-    def __init__(self, K: sp.csr_array, last: np.ndarray):
+    def __init__(self, K: sp.csr_array, last: np.ndarray, loose: bool = False):
         inside = np.setdiff1d(np.arange(K.shape[0]), last)
         diagonal = K.diagonal()
         if not (diagonal[inside] > 0).all():
@@ -39,14 +46,16 @@ class Elimination:
         self.order, self.count = np.concatenate([inside[_dissected(K, inside)], last]), len(inside)
         held = sp.csc_array(K[self.order][:, self.order] + sp.diags_array(np.r_[np.zeros(len(inside)), shift]))
         try:
-            self.factor = spla.splu(held, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-        except RuntimeError as error:  # exactly singular
-            raise ZeroDivisionError from error
+            self.factor = _factorised(held)
+        except RuntimeError as error:  # a pivot is exactly zero
+            if not loose:
+                raise ZeroDivisionError from error
+            self.factor = _factorised(held + sp.diags_array(LEAST * held.diagonal()))
         rows, columns = (place[self.count :] for place in (self.factor.perm_r, self.factor.perm_c))
         L, U = (sp.csr_array(x) for x in (self.factor.L, self.factor.U))
         place = self.factor.perm_c[: self.count]
         if not np.array_equal(self.factor.perm_r, self.factor.perm_c) or \
-                not (U.diagonal()[place] > PIVOT * held.diagonal()[: self.count]).all():
+                not (loose or (U.diagonal()[place] > PIVOT * held.diagonal()[: self.count]).all()):
             raise ZeroDivisionError  # a pivot that is no diagonal one was tiny, too
         right = np.random.default_rng(0).uniform(-1.0, 1.0, len(self.order))
         left = np.abs(held @ (found := self.factor.solve(right)) - right).max()
@@ -69,6 +78,10 @@ class Elimination:
         moved = np.empty((n, j))
         moved[self.order] = self.factor.solve(unit)
         return moved
+
+
+def _factorised(held: sp.sparray) -> spla.SuperLU:
+    return spla.splu(sp.csc_array(held), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def _dissected(K: sp.csr_array, inside: np.ndarray) -> np.ndarray:
