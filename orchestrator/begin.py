@@ -81,6 +81,7 @@ boundary:                           # EDIT: what is held and what acts
   - {{on: {json.dumps(held.name)}, displacement: [0, 0, 0]}}      # the lowest plane surface; null leaves a component free
   - {{on: {json.dumps(loaded.name)}, resultant: {{force: [0, 0, -1]}}}}   # the highest; or traction: [..], pressure: 1, motion: {{..}}
 {_joints(pairs)}
+blackbox: {{element: auto}}         # ten-node tets (P2) unless the mesh is too large for them; P1: four-node ones
 method:
   tolerance: {{error: 1.0e-6}}        # bonded: guaranteed bound on the energy error; with contact, the laws' residual
 """

@@ -112,6 +112,8 @@ def check(config: ConfigFile, overrides: Overrides = None,
                 code.check()
             _check_iterations(scene, loaded.config.method)
             print(f"OK: {scene!r}")
+            if scene.element is not None:
+                print(f"element: {scene.element}")
             _show_pairs(scene, loaded.config)
             for sentence in [*scene_cautions(scene), *stabilisation_cautions(loaded.config.method)]:
                 print(f"warning: {sentence}")

@@ -13,7 +13,10 @@ from orchestrator.config import config_from
 from orchestrator.results.answers.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh import element
 
 EXACT = 1e-9  # of quantities of order 1: what iterations to 1e-11 leave of them
 FORCE, MOMENT, LENGTH, YOUNG = 3.0, 2.0, 4.0, 1000.0
@@ -170,3 +173,22 @@ def test_points_where_parts_meet_take_a_word(tmp_path):
     path.write_text(GOOD + "  probes: [{at: [0.5, 0.5, 1], part: top}, {on: top/zmin, part: top, of: stress}]\n")
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0, done.stderr
+
+
+def test_the_element_is_chosen_and_says_why(monkeypatch):
+    """Bending, ν, size: each in words; what was chosen is what is solved, to the last bit."""
+    def chosen(size=(4, 1, 1), cells=(4, 2, 2), poisson=0.0):
+        changes = {"mesh": {"box": {"size": list(size), "cells": list(cells)}}, "materials": [{"young": YOUNG, "poisson": poisson}], "output": {}}
+        return build_scene(config_from(bar(blackbox=IN_PROCESS | {"element": "auto"}, **changes)))
+
+    thin, soft, thick = chosen(), chosen(poisson=0.49), chosen((1, 1, 1), (12, 12, 12))
+    assert "too stiff in bending" in str(thin.element) and "lock" in str(soft.element) and "more accuracy" in str(thick.element)
+    assert all(scene.mesh.cells.shape[1] == 10 for scene in (thin, soft, thick))
+    monkeypatch.setattr(element, "LARGEST", 100)
+    large, both = chosen(poisson=0.3), chosen(poisson=0.49)
+    assert large.mesh.cells.shape[1] == 4 and str(large.element).startswith("P1: ten-node tets would have") and "across box" in str(large.element)
+    assert "element: P2 is better" in str(both.element)
+    monkeypatch.undo()
+    one, other = (solve(config_from(bar(blackbox=IN_PROCESS | {"element": name}, output={}))) for name in ("auto", "P2"))
+    assert (one.displacement == other.displacement).all() and one.summary["element"].startswith("P2: ") and other.summary["element"] is None
+    assert dict(summary_rows(one.summary))["element"] == one.summary["element"]

@@ -32,8 +32,9 @@ class CodeSettings(Part):
         "the finite element code, or a solver of your own; none: the one that is the fastest here"))
     on: Names = Field(
         ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
-    element: Literal["P1", "P2"] = Field("P1", description=(
-        "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending"))
+    element: Literal["P1", "P2", "auto"] = Field("P1", description=(
+        "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending; auto: P2 unless the "
+        "mesh is too large for it, and says why"))
     transport: Literal["pipe", "file"] = Field("pipe", description=(
         "pipe: persistent processes that keep their factors; file: one run per request, for closed codes, or one "
         "for the interface compliance where that is cheaper"))

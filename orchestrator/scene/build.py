@@ -57,7 +57,13 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     [(0, 1), (1, 2), (2, 3)]
     """
     mesh, faces = make_mesh(config.mesh, kept) if config.mesh else make_parts(config.parts, kept)
-    if config.codes[0].element == "P2":
+    element, choice = config.codes[0].element, None
+    if element == "auto":
+        from orchestrator.scene.mesh.element import choose_element
+
+        choice = choose_element(mesh, faces, *assign_materials(mesh, config.matter, Problems()))
+        element = choice.element
+    if element == "P2":
         check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
                      "use a coarser mesh, or element: P1")
         mesh, faces = quadratic(mesh, faces)
@@ -165,7 +171,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
         s.heated = bool(thermal[:, s.cells].any())
     _contact_areas(mesh, subdomains, interfaces)
     return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, thermal, probes=probes)
+                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, thermal, probes=probes, element=choice)
 
 
 def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from orchestrator.scene.conditions.affine import nodal
+from orchestrator.scene.mesh.element import LOCKING
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Scene
 from orchestrator.wording import some
 
-LOCKING = 0.45  # Poisson's ratio from which four-node tets move visibly too little
 FLAT = 1e-9  # share of a force, along an axis, that is rounding
 
 

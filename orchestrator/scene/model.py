@@ -322,6 +322,7 @@ class Scene:
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
+    element : which one was chosen, and why, where that was left open, see ``mesh.element``
     thermal : (steps, m, 4) α ΔT at the corners of every cell, of a whole scene; None where nothing is heated
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it
@@ -346,6 +347,7 @@ class Scene:
     overview: Overview | None = None
     number: np.ndarray | None = None
     probes: list = field(default_factory=list)
+    element: object = None
 
     def side_nodes(self, interface: Interface, side: int) -> np.ndarray:
         """(n,) global ids of an interface's nodes on side 0 (the first) or 1."""

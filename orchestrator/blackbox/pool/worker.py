@@ -53,7 +53,7 @@ class Worker:
 
     def __init__(self, code: Code, folder: Path, number: int):
         self.code, self.folder, self.number = code, folder, number
-        self.element, self.timeout = code.settings.element, code.settings.timeout
+        self.timeout = code.settings.timeout
         self.seconds = dict.fromkeys(STAGES, 0.0)
         self.calls, self.working = 0, 0.0  # tasks, and seconds spent on them
         self.peak_mb = 0.0

@@ -19,13 +19,13 @@ class Asking:
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
         """As ``Worker`` says."""
         model = self.code.told(model)
-        return self._about(index, model, messages.stiffness(index, self.element, model), "the stiffness matrix was not obtained",
+        return self._about(index, model, messages.stiffness(index, model), "the stiffness matrix was not obtained",
                            lambda reply: messages.check_stiffness(reply, index, model.fixed.size))
 
     def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
         """As ``Worker`` says."""
         model = self.code.told(model)
-        return self._about(index, model, messages.own_loads(index, self.element, model, steps), "its own loads were not obtained",
+        return self._about(index, model, messages.own_loads(index, model, steps), "its own loads were not obtained",
                            lambda reply: messages.check_own_loads(reply, index, steps, model.fixed.size))
 
     def _about(self, index: int, model: Model, request: Buffers, otherwise: str, read: Callable[[Reply], Any]) -> Any:

@@ -35,7 +35,7 @@ class FileWorker(Asking, StatelessWorker):
     def load(self, index: int, model: Model) -> None:
         model = self.code.told(model)
         self.write_mesh(index, model)
-        self._load_requests[index] = messages.load(index, self.element, model)
+        self._load_requests[index] = messages.load(index, model)
         self.tallies[index] = Tally(model.name, len(model.trace))
         # solved once for the check only: a model that is not held is found now, as with any transport
         self._converse(index, model.name, "loading failed", self._load_requests[index], self._read_load)

@@ -16,7 +16,7 @@ from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.elasticity import lame
 
 LOAD, TRACES, FIELDS, STIFFNESS, QUIT, OWN_LOADS, ADVANCE = 1, 2, 3, 4, 5, 6, 7
-ELEMENTS = {"P1": 1, "P2": 2}
+ELEMENTS = {4: 1, 10: 2}  # by nodes of a tet
 # Of the ten nodes of a tet in our order, that of the messages, FreeFEM's: its edges are 01, 02, 03, 12, 13, 23.
 EDGE_ORDER = [0, 1, 2, 3, 4, 6, 7, 5, 8, 9]
 # Relative residuals of a probe solve. Measured: below 1e-9 on sound models, above 5e-3 on singular ones.
@@ -58,11 +58,11 @@ def _op(op: int) -> bytes:
     return np.int64(op).tobytes()
 
 
-def load(index: int, element: str, model: Model) -> Buffers:
+def load(index: int, model: Model) -> Buffers:
     """Assemble the mesh file of the model, clamp and factorise it."""
     fixed = np.flatnonzero(model.fixed)
-    head = [index, ELEMENTS[element], model.fixed.size, len(model.trace), len(fixed)]
-    return [_op(LOAD), _ints(np.concatenate([head, model.trace, fixed, _numbers(element, model)])),
+    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size, len(model.trace), len(fixed)]
+    return [_op(LOAD), _ints(np.concatenate([head, model.trace, fixed, _numbers(model)])),
             *_reals(lame(*model.materials.T))]
 
 
@@ -72,16 +72,16 @@ def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
     return [_op(op), _ints(head), *_reals([forces for _, forces in jobs])]
 
 
-def stiffness(index: int, element: str, model: Model) -> Buffers:
+def stiffness(index: int, model: Model) -> Buffers:
     """Assemble the mesh file with nothing clamped and send the matrix."""
-    head = [index, ELEMENTS[element], model.fixed.size]
-    return [_op(STIFFNESS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(*model.materials.T))]
+    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size]
+    return [_op(STIFFNESS), _ints(np.concatenate([head, _numbers(model)])), *_reals(lame(*model.materials.T))]
 
 
-def own_loads(index: int, element: str, model: Model, steps: int) -> Buffers:
+def own_loads(index: int, model: Model, steps: int) -> Buffers:
     """Nodal forces of the loads that the code's own model has, at every load step."""
-    head = [index, ELEMENTS[element], model.fixed.size, steps]
-    return [_op(OWN_LOADS), _ints(np.concatenate([head, _numbers(element, model)])), *_reals(lame(*model.materials.T))]
+    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size, steps]
+    return [_op(OWN_LOADS), _ints(np.concatenate([head, _numbers(model)])), *_reals(lame(*model.materials.T))]
 
 
 def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
@@ -89,9 +89,9 @@ def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
     return [_op(ADVANCE), _ints([index, int(commit)]), *_reals([forces])]
 
 
-def _numbers(element: str, model: Model) -> np.ndarray:
+def _numbers(model: Model) -> np.ndarray:
     """Node numbers of every tet in ``EDGE_ORDER``, from which a code learns ours; none for P1, where they agree."""
-    return np.empty(0, int) if element == "P1" else model.cells[:, EDGE_ORDER].ravel()
+    return np.empty(0, int) if model.cells.shape[1] == 4 else model.cells[:, EDGE_ORDER].ravel()
 
 
 def farewell() -> Buffers:

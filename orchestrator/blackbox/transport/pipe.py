@@ -40,7 +40,7 @@ class PipeWorker(Asking, Worker):
     def load(self, index: int, model: Model) -> None:
         model = self.code.told(model)
         path = self.write_mesh(index, model)
-        request = messages.load(index, self.element, model)
+        request = messages.load(index, model)
         try:
             deadline = self.deadline()
             self.channel.write(request, deadline)

@@ -38,7 +38,7 @@ def _in_words(summary: Mapping[str, object], config: Mapping[str, object]) -> st
     made = f"mesh: {source}" if source else f"{len(config.get('parts') or ())} parts"
     code = config.get("blackbox") or {}
     codes = code if isinstance(code, list) else [code]
-    element = {"P1": "four-node", "P2": "ten-node"}.get(str(codes[0].get("element")), "")
+    element = {"P1": "four-node", "P2": "ten-node"}.get(str(summary.get("element") or codes[0].get("element"))[:2], "")
     size = f"{summary['dofs']:,} dofs, " if summary.get("dofs") else ""
     return (f"What displacements, stresses and forces follow from these supports and loads? {made[0].upper()}{made[1:]}; "
             f"{size}{element + ' tets, ' if element else ''}{summary.get('load_steps') or 1} load step(s).")

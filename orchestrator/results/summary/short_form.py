@@ -77,6 +77,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
                                for key, word in (("dofs", "dof"), ("subdomains", "subdomain"),
                                                  ("interfaces", "interface"), ("load_steps", "load step"))
                                if shown(key))),
+            ("element", shown("element", "{}")),
             ("time", _time_text(summary)),
             ("codes", codes_text(summary)),
             ("workers", idle_text(summary.get("workload"))),
