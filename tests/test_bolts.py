@@ -69,8 +69,11 @@ def clamp(tmp_path, friction: float = 0.2, **changes) -> dict:
     meshio.write(path, meshio.Mesh(points, [("tetra", cells)], cell_data={"gmsh:physical": [group], "gmsh:geometrical": [group]},
                                    field_data={name: np.array([i, 3]) for i, name in enumerate(names, 1)}), "gmsh22", binary=False)
     held = [{"on": {"box": [[side, 0, 0.5], [side, 1, 2]]}, "displacement": [0, 0, 0]} for side in (0, 3)]
+    # one side pulled evenly, the other, as much, at a point that it follows
+    pulled = [{"on": {"box": [[side, 0, 2], [side, 1, 3.5]]}, **load, "history": "late"} for side, load in (
+        (0, {"traction": [0, 0, 10]}), (3, {"coupling": {"force": [0, 0, 15.0]}}))]
     return {"name": "clamp", "mesh": {"file": str(path)}, "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
-            "boundary": [*held, *({"on": {"box": [[side, 0, 2], [side, 1, 3.5]]}, "traction": [0, 0, 10], "history": "late"} for side in (0, 3))],
+            "boundary": [*held, *pulled],
             "histories": {"late": [0, 0, 1], "tighten": [0.5, 1, 1]}, "interfaces": [{"law": "contact", "friction": friction}],
             "bolts": [{"on": "bolt", "cut": {"plane": "z", "at": 2.0}, "force": 400.0, "history": "tighten"}],
             "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-8}}, **changes}
