@@ -45,12 +45,9 @@ class Coupling(Law):
     name = "coupling"
     formula = "rigid: u = R q;  distributed: q = G⁻¹ Rᵀ A u, f = A R G⁻¹ Q;  q or Q given"
     meaning = "a surface and a point: it moves with it, or in the mean"
-    joins, has_history = True, False
+    # nodes in the middle of edges follow the point like all others
+    as_one, joins, has_history = True, True, False
     statuses = (COUPLED, BONDED)
-
-    @property
-    def as_one(self) -> bool:
-        return self.rigid
 
     @property
     def imposed(self) -> float:

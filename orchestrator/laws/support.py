@@ -42,7 +42,8 @@ class Support(Law):
 
     name = "support"
     formula, meaning = "f·e = k A (g − u·e), or u·e = g, in directions e", "a rigid ground: springs, or directions that are held"
-    joins, has_history = True, False
+    # nodes in the middle of edges stand on the ground too: nothing presses, so that nothing has to be kept plane
+    as_one, joins, has_history = True, True, False
     statuses = (SUPPORTED, GUIDED, CARRIED, BONDED)
 
     @property
