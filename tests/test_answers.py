@@ -92,6 +92,28 @@ def test_tension_and_bending_of_a_bar(element, tmp_path):
     assert close([float(row["fx"]) for row in rows["interfaces"]], FORCE) and rows["interfaces"][0]["law"] == "perfect"
 
 
+@pytest.mark.parametrize("element, law", [("P1", {"law": "contact", "friction": 0.5}), ("P2", {"law": "perfect"})])
+def test_resultants_are_in_equilibrium_where_meshes_do_not_match(element, law):
+    """Force and moment of the interface, of the support, and of probes on either side: one and the same."""
+    block = {"size": [1, 1, 0.5], "cells": [2, 2, 1]}
+    found = solve(config_from({
+        "name": "blocks", "subdomains": "groups", "materials": [{"young": 100.0, "poisson": 0.3, "expansion": 1e-3}], "interfaces": [law],
+        "parts": [{"name": "base", "mesh": {"box": block}}, {"name": "top", "mesh": {"box": {**block, "cells": [3, 3, 1]}}, "move": {"translate": [0, 0, 0.5]}}],
+        "boundary": [{"on": "base/zmin", "displacement": [0, 0, 0]},
+                     {"on": "top/zmax", "resultant": {"force": [0.1, 0, -2], "moment": [0.05, 0.1, 0.02]}}],
+        "loads": [{"on": "base", "temperature": 5.0}], "blackbox": IN_PROCESS | {"element": element}, "method": {"tolerance": {"error": 1e-9}},
+        "output": {"probes": [{"on": name, "part": name.split("/")[0], "quantity": "resultant", "about": [0, 0, 0]}
+                              for name in ("top/zmin", "base/zmin", "base/xmin")]}}))
+    table = found.answers.interfaces.resultants
+    side = 1 if found.answers.interfaces.sides[0][0] == "base" else -1
+    carried = np.concatenate([table.force[0, 0], table.moment[0, 0] + np.cross(table.centre[0], table.force[0, 0])])
+    support = np.concatenate([found.summary["reactions"][0][0], found.summary["reaction_moments"]["moments"][0][0]])
+    on_top, below, free = (np.array(list(probe["values"].values()))[:, 0] for probe in found.summary["probes"])
+    assert close(support[:3], [-0.1, 0, 2], 1e-10)
+    assert close(-side * carried, support, 1e-10) and close(on_top, support, 1e-10) and close(below, support, 1e-10)
+    assert close(free, 0.0, 1e-10)
+
+
 def test_friction_turns_work_into_heat():
     """A block is pressed by N, pushed over its base by d: D = μ N d; the interface carries N, μ N."""
     block = {"size": [1, 1, 0.5], "cells": [2, 2, 1]}

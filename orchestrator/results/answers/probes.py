@@ -5,8 +5,9 @@ A resultant is all that acts on the body through the nodes of a surface,
     R = Σ_n (K u − p)_n + Σ_faces ∫ t,      M = Σ (x − x₀) × …,
 
 with K u of the tets around its nodes, p all their loads, t the tractions on the faces themselves: supports, loads and what
-interfaces carry there. What holds a node of the rim counts where its entry of ``boundary`` has faces of the surface too;
-where several such entries hold a node, for the last, as among the reactions.
+interfaces carry there. What holds a node of the rim, and what an interface carries there, counts where that entry of
+``boundary``, or that interface, has faces of the surface too; where several such entries hold a node, for the last, as among
+the reactions.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ def _resultant(probe: Surface, scene: Scene, fields: Fields, parts: Sequence[np.
     on = [np.isin(pack(entry.triangles[:, :3], count), mine) for entry in scene.boundary]
     held_by = np.concatenate([s.held_by for s in scene.subdomains])[used]
     others = (held_by >= 0) & ~np.array([*(faces.any() for faces in on), False])[held_by]
-    here = chosen[used]
+    here, others = chosen[used], others | ((held_by < 0) & _elsewhere(probe, scene, mine, ends)[used][:, None])
     forces, arm = np.where(others, 0.0, held - loads)[:, here], points[here] - probe.about
     total = np.concatenate([forces.sum(axis=1), np.cross(arm, forces).sum(axis=1)], axis=1)
     for entry, faces in zip(scene.boundary, on):
@@ -140,6 +141,24 @@ def _resultant(probe: Surface, scene: Scene, fields: Fields, parts: Sequence[np.
             some = replace(entry, triangles=entry.triangles[faces], cells=entry.cells[faces])
             total += wrench(some, scene.mesh.nodes, probe.about)
     return _told(probe, "resultant", "force", RESULTANT, total, at=probe.about)
+
+
+def _elsewhere(probe: Surface, scene: Scene, mine: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces.
+
+    Parameters
+    ----------
+    mine : keys of the surface's faces; ends : where the subdomains' copies begin
+    """
+    on, beside = np.zeros((2, int(ends[-1])), dtype=bool)
+    volumes = [scene.mesh.volume[s.cells[0]] for s in scene.subdomains]
+    for i in scene.interfaces:
+        if i.law.perfect and i.mortar is None and (not len(probe.within) or np.isin([volumes[e] for e in i.subdomains], probe.within).all()):
+            continue  # both sides are counted
+        for side, e in enumerate(i.subdomains):
+            faces = scene.side_nodes(i, side)[i.triangles_on(side)[:, :3]]
+            (on if np.isin(pack(faces, len(scene.mesh.nodes)), mine).any() else beside)[ends[e] + i.nodes[side]] = True
+    return beside & ~on
 
 
 def columns(probes: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, list[float] | None]]:
