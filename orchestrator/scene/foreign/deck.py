@@ -13,6 +13,7 @@ import numpy as np
 
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.foreign.deck_cards import check_deck, check_loads
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Row, cards, numbers
 
@@ -27,13 +28,6 @@ _EDGES = {10: {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9}
 _CORNERS = {4: _TET, 10: _TET, 8: _HEX, 20: _HEX, 6: _WEDGE, 15: _WEDGE}
 # meshio's names, by number of nodes
 SHAPES = {4: "tetra", 10: "tetra10", 6: "wedge", 15: "wedge15", 8: "hexahedron", 20: "hexahedron20"}
-# Cards of matter and conditions whose answers are not proportional to forces.
-NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
-             "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
-# Those of them that a part may have which says that it is nonlinear: its matter flows, at small strains, whatever the time.
-FLOWING = {"PLASTIC", "CYCLIC HARDENING", "DEFORMATION PLASTICITY"}
-# What is said with a step, which is not the part's to say.
-OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
 
 
 def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
@@ -48,7 +42,7 @@ def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
 def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     deck = Deck(Path(part.calculix), (*path, "calculix"), part.nonlinear)
     for i, file in enumerate(part.loads or []):
-        _of_loads(Path(file), (*path, "loads", i), part.nonlinear)
+        check_loads(Path(file), (*path, "loads", i), part.nonlinear)
     members = [deck.nodes_of(joint, (*path, "joints", i)) for i, joint in enumerate(part.joints)]
     ids = np.unique(np.concatenate(members))
     points = deck.places(ids)
@@ -86,19 +80,15 @@ class Deck:
 
     def __init__(self, file: Path, path: KeyPath, nonlinear: bool = False):
         self.path, self.file = path, file
-        for card, options, where in headings(file, path):
-            if card in OF_STEPS:
-                raise InputError(Problem(path, f"{where}: *{card}", "the deck up to its first *STEP",
-                                         "put what stands between *STATIC and *END STEP in a file of its own, loads:, and leave the "
-                                         "rest out"))
-            _refuse_nonlinear(card, options, where, path, nonlinear)
+        check_deck(file, path, nonlinear)
         try:
             self.cards = list(cards(file))
         except InputError as error:
             raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
         tables = [numbers(rows) for card, _, rows in self.cards if card == "NODE"]
         if any(len(table) % 4 for table in tables) or not tables:
-            raise InputError(Problem(path, f"{file}: nodes without three coordinates, or none", "*NODE with number, x, y, z"))
+            raise InputError(Problem(path, f"{file}: nodes without three coordinates, or none", "*NODE with number, x, y, z",
+                                     "name the file that has the nodes, or that includes it"))
         table = np.vstack([table.reshape(-1, 4) for table in tables])
         ids = table[:, 0].astype(int)
         last = np.unique(ids[::-1], return_index=True)  # CalculiX takes the last
@@ -218,41 +208,3 @@ class Deck:
                 if kind.startswith("ISO") and len(values) >= 2:
                     return float(values[0]), float(min(values[1], 0.49))
         return None, 0.3
-
-
-def headings(file: Path, path: KeyPath, depth: int = 0) -> Iterator[tuple[str, dict[str, str], str]]:
-    """Keyword, options and place of every card, those without lines too; of files that are included as well."""
-    try:
-        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise InputError(Problem(path, f"{file}: {error.strerror}", "a file that is there")) from error
-    for number, line in enumerate(lines, 1):
-        text = line.strip()
-        if not text.startswith("*") or text.startswith("**"):
-            continue
-        head, *rest = (word.strip() for word in text[1:].split(","))
-        options = {key.strip().upper(): value.strip() for key, _, value in (word.partition("=") for word in rest)}
-        card = " ".join(head.upper().split())
-        yield card, options, f"{file}:{number}"
-        if card == "INCLUDE" and depth < 20:
-            yield from headings(file.parent / options.get("INPUT", ""), path, depth + 1)
-
-
-def _of_loads(file: Path, path: KeyPath, nonlinear: bool) -> None:
-    """Raises InputError for cards that loads cannot have."""
-    for card, options, where in headings(file, path):
-        _refuse_nonlinear(card, options, where, path, nonlinear)
-        if card in OF_STEPS:
-            raise InputError(Problem(path, f"{where}: *{card}", "what stands between *STATIC and *END STEP",
-                                     "leave this line out: steps are made here"))
-
-
-def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath, nonlinear: bool) -> None:
-    if "NLGEOM" in options:
-        raise InputError(Problem(path, f"{where}: NLGEOM on *{card}: large displacements, to which joint forces are not proportional",
-                                 "a linear part", "leave NLGEOM out"))
-    if card in NONLINEAR - (FLOWING if nonlinear else set()):
-        cure = "write nonlinear: true in its entry, so that load steps are replayed" if card in FLOWING else \
-            "leave the card out, or put the nonlinear part in the orchestrator's own contact laws"
-        raise InputError(Problem(path, f"{where}: *{card}, which makes the part nonlinear", "a linear part: its answers are "
-                                 "superposed", cure))

@@ -18,7 +18,8 @@ from orchestrator.blackbox.codes.calculix.code import CalculiX
 from orchestrator.blackbox.codes.calculix.files import Unreadable
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.foreign.deck import Deck, headings
+from orchestrator.scene.foreign.deck import Deck
+from orchestrator.scene.foreign.deck_cards import headings
 from orchestrator.scene.foreign.joints import Joints
 
 JOB = "orchestrator-job"
