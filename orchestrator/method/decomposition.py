@@ -116,6 +116,11 @@ class Decomposition:
         bound = self.bound and self.bound.batch(steps, stage, loading)
         return replace(self, loading=loading, stage=stage, local=local, coarse=coarse, bound=bound)
 
+    def foreseen(self, step: int) -> Decomposition:
+        """With pseudo-loads of the load step before at this one: as if nothing more would flow."""
+        self.nonlinear.foresee(step)
+        return self.reloaded()
+
     def reloaded(self) -> Decomposition:
         """With the loads that the subdomains have by now: pseudo-loads are among them where matter is nonlinear."""
         if self.nonlinear is None:

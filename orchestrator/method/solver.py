@@ -24,6 +24,8 @@ from orchestrator.timing import Stopwatch
 
 TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
 INCREMENT = 4
+# What a load step of nonlinear matter begins with is elastic to this residual, or after so many iterations as good as it will be.
+FORESEEN, MOST_FORESEEN = 1e-2, 100
 
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(), *,
@@ -56,6 +58,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
         if d.following is not None and ended:
             previous = d.following.begin(batch.d.local.pairs, ended[-1].fields, ended[-1].local)
             d = d.paired_as(batch.d)
+        if d.nonlinear is not None:
+            d = d.foreseen(number)
         view, listener = d, told
         if len(batches) > 1 or d.nonlinear is not None:
             view = d.batch(steps, previous)
@@ -71,12 +75,13 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
             state[steps] = ended[-1].fields.s[-1:]
         if number == len(start.ended) and start.latest:
             batch.recall(start.latest)
-        elif ended:
-            batch.begin(state[steps], max(ended[-1].iterations, start.iteration), max(ended[-1].sweeps, start.sweeps))
-            if number == len(start.ended) and d.coarse is not None:
-                batch.d.coarse.problem.recall(start.ended[-1])
         else:
-            batch.begin(state[steps], start.iteration, start.sweeps)
+            done = max([start.iteration, *(b.iterations for b in ended[-1:])]), max([start.sweeps, *(b.sweeps for b in ended[-1:])])
+            if ended and number == len(start.ended) and d.coarse is not None:
+                batch.d.coarse.problem.recall(start.ended[-1])
+            if d.nonlinear is not None:
+                state[steps] = _foreseen(view, method, state[steps], numbers[steps], watch)
+            batch.begin(state[steps], *done)
         if begun is None:
             begun = batch.iteration
         batch.end_at(begun + method.max_iterations - (len(batches) - 1 - number))  # one is left to each that follows
@@ -89,6 +94,20 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
                         sum(math.isnan(event.error_bound) for event in result.history))
     told.finished(Finished(result.converged, result.stop_reason, result.iterations))
     return result
+
+
+def _foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int], watch: Stopwatch) -> np.ndarray:
+    """State (1, D) to begin a load step with where matter is nonlinear: the elastic answer to what the step adds, roughly.
+
+    Nobody is asked what matter truly does, and nobody is told. Without it, parts would be asked under forces that nothing bears,
+    as where a body is to slide and has not been let go yet.
+    """
+    elastic = replace(view, stage=view.stage.under(view.loading.boundary, view.loading.known), following=None)
+    rough = method.model_copy(update={"tolerance": method.tolerance.model_copy(update={"error": FORESEEN})})
+    batch = Batch(elastic, rough, (0, 1, 1), numbers, watch, None, None)
+    batch.begin(s, 0, 0.0)
+    batch.end_at(MOST_FORESEEN)
+    return batch.iterate(Subscriber()).fields.s
 
 
 def batches_of(steps: int, perfect: bool, size: int | str) -> list[slice]:

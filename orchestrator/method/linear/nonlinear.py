@@ -59,6 +59,12 @@ class Nonlinear:
             s.loads[step] = self.external[e][step] + pseudo[: s.loads[step].size].reshape(-1, 3)
         return {e: answer[0, self.traces[e]] for e, answer in answers.items()}
 
+    def foresee(self, step: int) -> None:
+        """Give a load step the pseudo-loads of the one before: what has flown stays."""
+        for e in self.members:
+            before = self.own[e].loads[step - 1] - self.external[e][step - 1] if step else 0.0
+            self.own[e].loads[step] = self.external[e][step] + before
+
     def _advance(self, step: int, robin: np.ndarray, commit: bool) -> dict[int, np.ndarray]:
         given = {}
         for e in self.members:
