@@ -8,7 +8,7 @@ from orchestrator.scene.mesh.geometry import area_vectors
 
 
 def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) local mesh size at the nodes of a patch: √(2 × mean area of the adjacent facets).
+    """(n,) local mesh size at the nodes of a patch: √(2 × mean area of the adjacent facets); 0 where there is none.
 
     On a structured patch of right triangles this is the length of their legs.
 
@@ -19,7 +19,7 @@ def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     area = np.linalg.norm(area_vectors(points, triangles), axis=1)
     count = np.bincount(triangles.ravel(), minlength=len(points))
     total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
-    return np.sqrt(2 * total / count)
+    return np.sqrt(2 * total / np.maximum(count, 1))
 
 
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
