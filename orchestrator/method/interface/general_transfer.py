@@ -15,13 +15,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.method.interface.mortar_rows import of_mortar, picks
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Interface
-
-# Forces of points are read from mass matrices that condition well: their solutions' far entries fade below this.
-FADED = 1e-14
 
 
 @dataclass(frozen=True)
@@ -62,11 +60,11 @@ class General:
         own = [none]
         for interface, (one, two) in zip(interfaces, sides):
             if interface.mortar is None:
-                first, second = _picks(one, size), _picks(two, size)
+                first, second = picks(one, size), picks(two, size)
                 blocks.append((first, second, first))
                 own.append(one)
             else:
-                blocks.append(_of_mortar(interface.mortar, one, two, size))
+                blocks.append(of_mortar(interface.mortar, one, two, size))
                 own.append(one[interface.mortar.dofs])
         joined = [sp.csr_array(sp.vstack(same)) if blocks else sp.csr_array((0, size)) for same in zip(*blocks)] or \
             [sp.csr_array((0, size))] * 3
@@ -79,7 +77,7 @@ class General:
         """The same with other operators of some interfaces, of as many points, by their place in the scene."""
         blocks = [[G[a:b] for a, b in zip(self.bounds[:-1], self.bounds[1:])] for G in (self.G1, self.G2, self.E)]
         for index, mortar in mortars.items():
-            for place, block in zip(blocks, _of_mortar(mortar, *self.sides[index], self.total)):
+            for place, block in zip(blocks, of_mortar(mortar, *self.sides[index], self.total)):
                 place[index] = block
         G1, G2, E = (sp.csr_array(sp.vstack(same)) for same in blocks)
         return replace(self, G1=G1, G2=G2, E=E)
@@ -296,29 +294,3 @@ def make_transfer(interfaces: Sequence[Interface], sides: Sequence[tuple[np.ndar
     if all(interface.mortar is None for interface in interfaces):
         return Matching.of(sides, size)
     return General.of(interfaces, sides, size)
-
-
-def _picks(dofs: np.ndarray, size: int) -> sp.csr_array:
-    return sp.csr_array((np.ones(len(dofs)), dofs, np.arange(len(dofs) + 1)), shape=(len(dofs), size))
-
-
-def _placed(G: sp.csr_array, dofs: np.ndarray, size: int) -> sp.csr_array:
-    """An operator on a side's components, on its trace dofs."""
-    G = sp.csr_array(G)
-    return sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size))
-
-
-def _of_mortar(mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
-    """Rows of G₁, G₂ and E."""
-    return _placed(mortar.first, one, size), _placed(mortar.second, two, size), _placed(_reads(mortar), one, size)
-
-
-def _reads(mortar: Mortar) -> sp.csr_array:
-    """(3p, 3n₁) sparse: own⁻ᵀ hatsᵀ; empty rows where a point carries nothing now."""
-    own = mortar.own
-    if mortar.diagonal:
-        share = own.diagonal()
-        return sp.csr_array(sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0)) @ mortar.hats.T)
-    inverse = np.linalg.inv(own[::3, ::3].toarray()).T  # the same for every component
-    inverse[np.abs(inverse) < FADED * np.abs(inverse).max()] = 0.0
-    return sp.csr_array(sp.kron(inverse, sp.eye_array(3), format="csr") @ mortar.hats.T)

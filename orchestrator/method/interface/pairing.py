@@ -16,7 +16,7 @@ from orchestrator.laws.status import table
 from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_areas, pair_normals
 from orchestrator.method.interface.pairs import Pairs, Run
-from orchestrator.method.interface.point_traces import NodeCompliance, inverses, search_stiffness
+from orchestrator.method.interface.node_compliance import NodeCompliance, inverses, search_stiffness
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.scene.model import Interface, Scene

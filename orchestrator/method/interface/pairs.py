@@ -13,7 +13,8 @@ from orchestrator.laws.points import Answer, Collective, Points
 from orchestrator.laws.status import Status
 from orchestrator.method.interface import pair_loops
 from orchestrator.method.interface.general_transfer import General
-from orchestrator.method.interface.point_traces import GeneralTraces, NodeCompliance, PairTraces
+from orchestrator.method.interface.node_compliance import NodeCompliance
+from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
 from orchestrator.method.interface.transfer import Matching
 from orchestrator.scene.model import Interface
 
