@@ -76,7 +76,7 @@ def test_a_matrix_is_a_part(tmp_path):
 def test_condensed_by_whoever_made_it(tmp_path):
     """The Schur complement with the joint's nodes alone, flat and without faces, is the same part."""
     K, x, f = write_matrix(tmp_path)
-    whole = solve(config_from(data(matrix(tmp_path))))
+    whole = solve(config_from(data(matrix(tmp_path), 1e-10)))
     on = np.flatnonzero(x[:, 0] == 2)
     joint = (3 * on[:, None] + np.arange(3)).ravel()
     rest, K = np.setdiff1d(np.arange(3 * len(x)), joint), K.toarray()
@@ -86,7 +86,7 @@ def test_condensed_by_whoever_made_it(tmp_path):
 
     scipy.io.mmwrite(tmp_path / "K.mtx", K[np.ix_(joint, joint)] - K[np.ix_(joint, rest)] @ across[:, :-1], precision=17)
     scipy.io.mmwrite(tmp_path / "f.mtx", (f[joint] - K[np.ix_(joint, rest)] @ across[:, -1])[:, None], precision=17)
-    alone = solve(config_from(data(matrix(tmp_path, facets=None, outward=[1, 0, 0]))))
+    alone = solve(config_from(data(matrix(tmp_path, facets=None, outward=[1, 0, 0]), 1e-10)))
     assert np.abs(block_of(alone)[1] - block_of(whole)[1]).max() <= 1e-9 * np.abs(block_of(whole)[1]).max()
 
 
@@ -141,7 +141,7 @@ def test_a_deck_is_a_part(tmp_path, kind, cells):
     """Orthotropic, turned and heated; against one CalculiX run of both, joined by *EQUATION with the same operators. Where
     nodes match, one of the joint's is held by the deck, and there are shells and an equation inside."""
     x = write_deck(tmp_path, kind, cells, HEAT, heat=True, more=more_inside if kind == "C3D8" else "")
-    solution = solve(config_from(data(deck(tmp_path), 1e-10)))
+    solution = solve(config_from(data(deck(tmp_path), 2e-10)))
     block, u = block_of(solution)
     exact, inside = in_one_run(tmp_path, solution, block, len(x))
     assert solution.converged and solution.scene.interfaces[0].matching == (kind == "C3D8")
@@ -149,7 +149,7 @@ def test_a_deck_is_a_part(tmp_path, kind, cells):
     own = own_fields(solution, "hull")
     assert own.blocks[0][0] == {"C3D8": "hexahedron", "C3D20R": "hexahedron20", "C3D10": "tetra10"}[kind]
     assert np.abs(own.displacement[0, : len(x)] - inside).max() <= 1e-9 * np.abs(inside).max()
-    assert kind == "C3D8" or np.abs(own.force[0].sum(axis=0) - [10, 0, 5]).max() <= 1e-8
+    assert kind == "C3D8" or np.abs(own.force[0].sum(axis=0) - [10, 0, 5]).max() <= 1e-7
     assert np.abs(solution.reactions[0, 0] - [10, 0, 5]).max() <= 1e-12  # the load, and nothing of what the deck holds
 
 
