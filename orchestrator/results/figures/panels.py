@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.events import COUNTED
 from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
@@ -24,6 +23,8 @@ from orchestrator.scene.mesh.geometry import area_vectors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from orchestrator.method.delivery.interface_fields import InterfaceFields
 
 _MOST = 6  # panels of load steps; of more steps, evenly many are shown
 _MOST_INTERFACES = 4  # likewise, above each other: status and pressure
