@@ -146,9 +146,11 @@ def test_half_a_tolerance_moves_solutions_by_less_than_two(case):
     assert not np.array_equal(held.parts[0], free.parts[0])
     force, other = (np.array(s.summary["reactions"]) for s in (held, free))
     assert np.abs(force - other).max() <= 2 * tolerance * np.abs(other).max()
-    if case != "ten grains":
-        largest = max(np.abs(u).max() for u in free.parts)
-        assert max(np.abs(a - b).max() for a, b in zip(held.parts, free.parts)) <= 2 * tolerance * largest
+    largest = max(np.abs(u).max() for u in free.parts)
+    # of ten grains one lets go; places of the others are those of two runs, each as far from its end as springs move it
+    lost, times = {name for names in held.summary["detached"] for name in names}, 4 if case == "ten grains" else 2
+    assert max(np.abs(a - b).max() for s, a, b in zip(held.scene.subdomains, held.parts, free.parts)
+               if s.name not in lost) <= times * tolerance * largest
 
 
 def test_what_springs_carried_is_told_and_below_the_tolerance():
