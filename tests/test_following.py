@@ -116,6 +116,14 @@ def test_a_block_that_slides_off_is_carried_no_more():
     assert force[1] < 0.75 * force[0] and force[2] == pytest.approx(force[0], rel=0.05)
 
 
+def test_nonlinear_parts_do_not_slide_on():
+    made = sliding([[0, 0, 0]])
+    scene = build_scene(made)
+    scene.subdomains[0].remembers = True
+    with pytest.raises(InputError, match="nonlinear"):
+        solve(made, scene)
+
+
 @pytest.mark.parametrize("changes, told", [
     ({"parts": None, "mesh": {"box": {"size": [1, 1, 2], "cells": [1, 1, 2]}}, "subdomains": {"grid": [1, 1, 2]},
       "interfaces": [{"law": "contact", "pairing": "follow"}],

@@ -179,6 +179,9 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
     InputError : the macro problem is singular
     """
     savings, share = savings or Savings(), method.skip.congruent
+    if any(i.law.follows for i in scene.interfaces) and any(s.remembers for s in scene.subdomains):
+        raise InputError(Problem(("interfaces",), "pairing: follow beside parts whose matter is nonlinear",
+                                 "one of the two: both go from load step to load step by themselves", "write pairing: fixed"))
     if any(i.moving is not None for i in scene.interfaces):  # they change, and the scene is its owner's
         scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])
     part = part or Part.of_all(scene)

@@ -56,6 +56,10 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
                      "cut further", "bodies in one piece each: a node has one piece to slide on",
                      "leave split_above out, or write pairing: fixed")
         return
+    if follows and any(stand.volume == b.volume for stand in mesh.foreign for b in pair):
+        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, of which one has a mesh that is "
+                     "not ours", "parts with meshes of ours: where nodes of another's have gone was not tried", "write pairing: fixed")
+        return
     for patch in found:
         more = tuple(whole_faces(skins(b), own) for b, own in zip(pair, patch.facets)) if follows else None
         slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen, more)
