@@ -59,7 +59,7 @@ class CodeSettings(Part):
 
 
 def _own() -> str:
-    return "or your own solver: " + ", ".join(kind.forms for kind in CODES.own()) + "; matrices and decks are parts, parts: [{matrix: …}]"
+    return "or your own solver: " + ", ".join(kind.forms for kind in CODES.own()) + "; matrices, decks and programs are parts, parts: [{matrix: …}]"
 
 
 _BY_CODE = ByName(CodeSettings, "code", CODES, lambda code: code.Settings, _own)

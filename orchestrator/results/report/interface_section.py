@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from orchestrator.method.stopping.law_residuals import STABILISATION
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.report.document import heading, number, plain, table
 from orchestrator.results.summary.short_form import hold_sentences, shown_statuses, stabilised_sentences
@@ -18,6 +18,7 @@ def law_quantities() -> list[tuple[str, str, str]]:
         ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
          "forces in equilibrium against forces that obey the laws"),
         (STABILISATION, "max |f̂ − law(F)| / A / max |f| / A", "what springs carry that hold loose bodies in place"),
+        (FIXED_POINT, "‖F(s) − s‖ / ‖F(s)‖, in the same norm", "what nonlinear parts truly do against what is extrapolated"),
         ("imbalance", "‖f₁ + f₂‖ / ‖f‖, in the same norm", "forces the sides do not balance"),
         *((measure.name, measure.formula, measure.meaning) for law in LAWS.values() for measure in law.measures)]
 
