@@ -19,6 +19,9 @@ from orchestrator.scene.soles.prisms import prisms
 
 # Thickness over the size of the faces: thin beside the part, thick beside rounding.
 THICKNESS = 0.25
+# Along this direction, of no symmetry, the layer gets thinner to either side: inner nodes that lay on a plane could turn about
+# axes in it when held along that plane, as the part cannot.
+SLANTED = np.array([0.45, 0.6, 0.66])
 
 
 def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
@@ -41,8 +44,9 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
                                  "nodes between which faces of elements lie: of each face all nodes, those in the middle of "
                                  "edges too", "leave these nodes out of the joint, or put the rest of their face in it"))
     count = len(joints.triangles)
+    thinner = 1 - 0.5 * ((joints.points - joints.centre) @ SLANTED / joints.size) ** 2
     facets = Facets(joints.points, joints.triangles, np.ones(count), np.zeros(count),
-                    THICKNESS * local_size(joints.points, joints.triangles))
+                    THICKNESS * thinner * local_size(joints.points, joints.triangles))
     layer = prisms(facets, -1)
     nodes = np.vstack([joints.points, layer.points])
     components = components_held(joints, layer.points)

@@ -48,8 +48,8 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
     asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite))
-    if asked.slave is None and asked.as_one and mesh.foreign:
-        asked = replace(asked, slave=_quadratic(mesh, pair))
+    if asked.slave is None and mesh.foreign and (quadratic := _quadratic(mesh, pair)) is not None:
+        asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
     chosen = _for_all_pieces(mesh, pair, skins, partition, laws, index, matter, asked)
     if follows and any(partition.body(b.subdomain) != partition.names[b.subdomain] for b in pair):
         problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, pieces of bodies that are "
@@ -68,8 +68,11 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
 
 
 def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
-    """Which of two bodies is a part of quadratic elements whose mesh is not ours: its nodes' forces are then any, and its
-    functions between nodes, which are not the triangles', are not asked for. None: neither, or both."""
+    """Which of two bodies is a part of quadratic elements whose mesh is not ours; None: neither, or both.
+
+    Bonded it is the slave: its nodes' forces are then any, and its functions between nodes, which are not the triangles', are
+    not asked for. Under a law that opens it is the master: uniform pressure is tension at the corners of its faces.
+    """
     known = [any(stand.quadratic and stand.volume == b.volume for stand in mesh.foreign) for b in pair]
     return known.index(True) if sum(known) == 1 else None
 
