@@ -3,6 +3,9 @@
 import shutil
 import subprocess
 import sys
+import tempfile
+import threading
+import time
 from functools import cache
 from pathlib import Path
 
@@ -12,6 +15,7 @@ from in_process import IN_PROCESS
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
+from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
 from orchestrator.blackbox.codes.foreign.finishing import finish_parts
 from orchestrator.blackbox.codes.foreign.program import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
@@ -232,6 +236,33 @@ def test_wrong_entries_of_programs_are_told(tmp_path):
         (tmp_path / "facets.csv").write_text("1 3 2\n")
         condensed(program(tmp_path, end="joint = [(*row, name) for row, name in zip(joint, ('a', 'a', 'b', 'b'))]"),
                   facets=str(tmp_path / "facets.csv"), outward=None)
+
+
+def test_whoever_interrupts_a_run_does_not_wait_for_a_program(tmp_path, monkeypatch):
+    """Its pool ends what it has started, from another thread; no folder is left."""
+    run, begun = program(tmp_path, end="open(%r, 'w').close(); time.sleep(60)" % str(tmp_path / "begun")), time.monotonic()
+    code = ProgramCode(ProgramCode.Settings(code="program", part=ProgramPart(run=run, outward=[0, 0, -1]), name="it",
+                                            place=("parts", 1, "program"), factors=(1.0,)))
+    failures, folder = [], tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+
+    def ask():
+        try:
+            code.made()
+        except InputError as error:
+            failures.append(str(error))
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    while not (tmp_path / "begun").exists() and time.monotonic() - begun < 30:
+        time.sleep(0.01)
+    worker = AlgebraWorker(code, tmp_path, 0)
+    worker.kill()
+    worker.release()
+    asking.join(timeout=30)
+    assert not asking.is_alive() and "killed by signal 9" in failures[0]
+    assert not list(folder.iterdir())
 
 
 # Bars that flow, kinematic hardening; cases are load steps. Four corners of a block are the joint, three points are held.

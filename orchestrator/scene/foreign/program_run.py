@@ -18,7 +18,7 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,19 @@ from orchestrator.parallel.launcher import without_launcher
 SPRINGS, FORCES, DISPLACEMENTS, JOINT = "springs.txt", "forces.txt", "displacements.txt", "joint.txt"
 TAIL = 2000  # bytes of what it printed last
 LINES = 400_000  # of forces in one call: more cases are more calls
+_running: set[subprocess.Popen] = set()
+
+
+def end_all() -> None:
+    """End all programs that run now; from any thread."""
+    for process in list(_running):
+        _end(process)
+
+
+def _end(process: subprocess.Popen) -> None:
+    """The whole group: a script may have started others."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 class ProgramRuns:
@@ -139,17 +152,16 @@ class ProgramRuns:
             except OSError as error:
                 raise self.wrong(f"{self.part.run} cannot be started: {error.strerror}", "a program, or a script whose first line "
                                  "is #! and an interpreter that is there", "look at its first line") from error
+            _running.add(process)
             try:
                 code = process.wait(self.part.timeout)
             except subprocess.TimeoutExpired:
                 raise self.wrong(f"no answer within {self.part.timeout:g} s", "an answer within timeout", "raise timeout in its entry, "
                                  "or look for what it waits for: it has no input but its files") from None
-            finally:  # the whole group: a script may have started others
-                try:
-                    os.killpg(process.pid, signal.SIGKILL)
-                except ProcessLookupError:
-                    pass
+            finally:
+                _end(process)
                 process.wait()
+                _running.discard(process)
             if code:
                 log.seek(max(0, os.fstat(log.fileno()).st_size - TAIL))
                 said = log.read().decode(errors="replace").strip().splitlines()[-5:]

@@ -28,6 +28,11 @@ class AlgebraWorker(Worker):
         super().__init__(*arguments)
         self.models: dict[int, tuple] = {}  # the model, its free dofs, their factor, and which nodes follow which
 
+    def kill(self) -> None:
+        """As ``Worker`` says."""
+        super().kill()
+        self.code.kill()
+
     def load(self, index: int, model: Model) -> None:
         begin = time.thread_time()
         part = self.code.condensed()

@@ -80,6 +80,9 @@ class ForeignCode(Code):
         """As ``Code`` says."""
         return self.condensed().floor
 
+    def kill(self) -> None:
+        """End what it may have started and not waited for yet; from any thread."""
+
     def worker(self) -> type[Worker]:
         """As ``Code`` says."""
         from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
