@@ -132,6 +132,7 @@ def test_friction_turns_work_into_heat():
     side = 1 if table.sides[0][0] == "base" else -1
     assert close(resultants.force[:, 0], -side * held, 1e-7) and close(resultants.force[:, 0, 2], -side * normal, 1e-6)
     assert close(np.abs(resultants.force[2, 0, 0]), slip * normal, 1e-6)
+    assert (table.pressure[1:] >= normal).all() and close(table.pressure[0], found.interfaces.pressure[0].max())
     on_top = np.array([found.summary["probes"][0]["values"][key] for key in ("fx", "fy", "fz")]).T
     assert close(on_top, held, 1e-7)
     # the second push slides the block as a whole, but for what its tipping has left to be sheared

@@ -17,7 +17,7 @@ from orchestrator.scene.model import Scene
 
 NAME = "interfaces.csv"
 COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",
-           "pressure_x", "pressure_y", "pressure_z", "area", "work", "dissipation")
+           "pressure_x", "pressure_y", "pressure_z", "pressure_max", "area", "work", "dissipation")
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class InterfaceTable:
     ----------
     names, sides, laws : (I,) texts, pairs of texts, texts
     resultants : forces and moments on side 1
+    pressure : (T, I) the largest at a node; nan of bonded interfaces, where stresses tell
     work, dissipation : (T, I) since the unloaded state, nothing where sides cannot move; see ``work``
     """
 
@@ -35,6 +36,7 @@ class InterfaceTable:
     sides: list[tuple[str, str]]
     laws: list[str]
     resultants: Resultants
+    pressure: np.ndarray
     work: np.ndarray
     dissipation: np.ndarray
 
@@ -43,11 +45,13 @@ class InterfaceTable:
         """Of a solved scene."""
         every = scene.interfaces
         taken, lost = np.zeros((2, scene.steps, len(every)))
+        pressure = np.full((scene.steps, len(every)), np.nan)
         moving = [i.index for i in every if not i.law.perfect]
         if fields is not None:
+            pressure[:, moving] = np.maximum.reduceat(fields.pressure, fields.offsets[:-1], axis=1)
             taken[:, moving], lost[:, moving] = work(fields, np.array([every[i].law.has_history for i in moving]))
         return cls([i.name for i in every], [tuple(scene.subdomains[e].name for e in i.subdomains) for i in every],
-                   [i.law.name for i in every], resultants, taken, lost)
+                   [i.law.name for i in every], resultants, pressure, taken, lost)
 
     def write(self, folder: ResultsFolder) -> Path:
         """Writes the file; places without a centre of pressure are empty.
@@ -61,7 +65,7 @@ class InterfaceTable:
         writer.writerow(COLUMNS)
         steps = len(self.work)
         numbers = np.concatenate([
-            r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre,
+            r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre, self.pressure[:, :, None],
             np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]],
             axis=2)
         for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)):

@@ -112,10 +112,11 @@ def carried(folder: Path, summary: Mapping[str, object]) -> list[str]:
     kept = set(sorted(size, key=size.__getitem__, reverse=True)[:MOST])
     columns = ("fx", "fy", "fz", "mx", "my", "mz", "pressure_x", "pressure_y", "pressure_z")
     works = any(float(row["work"]) or float(row["dissipation"]) for row in rows)
-    columns += ("work", "dissipation") if works else ()
-    lines = [(row["interface"], row["load_step"], *(number(float(row[key])) if row[key] else "–" for key in columns))
+    columns += ("pressure_max",) * any(row.get("pressure_max") for row in rows) + ("work", "dissipation") * works
+    lines = [(row["interface"], row["load_step"], *(number(float(row[key])) if row.get(key) else "–" for key in columns))
              for row in rows if row["interface"] in kept]
-    text = ("Force of the second body on the first, its moment about the interface's centre, and the centre of pressure; "
+    text = ("Force of the second body on the first, its moment about the interface's centre, the centre of pressure, the largest pressure at a "
+            "node; "
             "prescribed nodes on the interface are not counted.")
     if len(kept) < len(size):
         text += f" The {MOST} interfaces with the largest forces of {len(size)}; {INTERFACES} has all."
