@@ -196,3 +196,22 @@ def of_one_run(folder):
     (folder / "all.inp").write_text(text)
     subprocess.run(["ccx", "all"], cwd=folder, check=True, capture_output=True)
     return restart_displacements(folder / "all.rout", "STEEL"), x
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
+def test_a_deck_that_flows_in_frictional_contact(tmp_path):
+    """Pressed and dragged aside, back: statuses and forces are those of the same elements and matter in Python."""
+    write_deck(tmp_path, "C3D4", (2, 1, 1), matter=PLASTIC)
+    pressed = {"name": "pressed", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+               "method": {"tolerance": {"error": 1e-5}}, "interfaces": [{"between": "auto", "law": "contact", "friction": 0.3}]}
+    block = {"name": "block", "mesh": {"box": {"size": [1, 1, 1], "cells": [1, 1, 1]}}, "move": {"translate": [2, 0, 0]}}
+    dragged = {"on": "block/xmax", "displacement": [[-0.003, 0.002, 0], [-0.001, 0, 0]]}
+    deck = {"name": "hull", "deck": {"calculix": str(tmp_path / "part.inp"), "joints": "FLANGE", "nonlinear": True}}
+    same = {"name": "hull", "mesh": {"box": {"size": [2, 1, 1], "cells": [2, 1, 1]}}}
+    flows = {**IN_PROCESS_PLASTIC, "options": {"yield_stress": 200.0, "hardening": 2000.0}, "on": "hull"}
+    theirs = solve(config_from({**pressed, "parts": [deck, block], "boundary": [dragged], "blackbox": IN_PROCESS}))
+    ours = solve(config_from({**pressed, "parts": [same, block], "blackbox": [IN_PROCESS, flows],
+                              "boundary": [dragged, {"on": "hull/xmin", "displacement": [0, 0, 0]}]}))
+    assert theirs.converged and ours.converged and theirs.summary["status_counts"] == ours.summary["status_counts"]
+    assert np.abs(theirs.reactions[0] - ours.reactions[0]).max() <= 1e-4 * np.abs(ours.reactions[0]).max()
+    assert sum(ours.summary["status_counts"]["slip"]) > 0
