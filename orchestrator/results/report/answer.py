@@ -115,9 +115,8 @@ def carried(folder: Path, summary: Mapping[str, object]) -> list[str]:
     columns += ("pressure_max",) * any(row.get("pressure_max") for row in rows) + ("work", "dissipation") * works
     lines = [(row["interface"], row["load_step"], *(number(float(row[key])) if row.get(key) else "–" for key in columns))
              for row in rows if row["interface"] in kept]
-    text = ("Force of the second body on the first, its moment about the interface's centre, the centre of pressure, the largest pressure at a "
-            "node; "
-            "prescribed nodes on the interface are not counted.")
+    text = ("Force of the second body on the first, its moment about the interface's centre, the centre of pressure, the "
+            "largest pressure at a node; prescribed nodes on the interface are not counted.")
     if len(kept) < len(size):
         text += f" The {MOST} interfaces with the largest forces of {len(size)}; {INTERFACES} has all."
     return [heading("Interface resultants"), text, table(("interface", "load step", *columns), lines, numeric=True)]
