@@ -125,7 +125,7 @@ class Solver(Adapter):
     ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], 0.999 * f",
      "advance\\(\\) returned forces that are not those it was given on free dofs"),
     ("def commit(self, p): pass\n    def advance(self, p, f): return f[:3], f", "returned 3 displacements"),
-])
+], ids=["no advance", "no commit", "softer than elastic", "forces left over", "another size"])
 def test_nonlinear_solvers_that_break_their_word(tmp_path, body, words):
     """Each by its own message; a response that differs from the elastic one is no fault."""
     (tmp_path / "mine.py").write_text(UNSOUND.format(body=body))
