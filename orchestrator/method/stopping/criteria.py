@@ -143,7 +143,7 @@ class ErrorCriterion:
         if due or not self.spare:
             bound = self.d.bound(fields, useful=self.value if self.spare else np.inf)
             known = bound.relative if np.isfinite(bound.relative) else bound.least
-            self.ratio = known / imbalance if imbalance > 0 else 0.0
+            self.ratio = known / imbalance if imbalance > 0 and np.isfinite(known) else 0.0  # nothing strained yet: infinite
             self.done[:] = bound.errors <= self.value
         elif self.ratio == 0:
             self.done[:] = bound.errors <= CLEAR * self.value
