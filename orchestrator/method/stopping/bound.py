@@ -181,6 +181,8 @@ class ErrorBound:
             return Bound(np.nan, _relative(a, size), energy, moved, delta, errors=self._each(a2, size))
 
         change, balanced = self.balance(self._balancing_forces(fields, u))
+        if not balanced:  # no energy belongs to such forces, and nothing is reached from below
+            return Bound(np.inf, _relative(a, size), energy, moved, delta)
         h = self.space.loads(change)
         cross, = self.team.sum(dots(delta, h))
         rest, least = a2 - 2 * cross, 0.0
@@ -195,8 +197,6 @@ class ErrorBound:
         squares = rest + b2
         if least > useful:
             return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps, least=least)
-        if not balanced:
-            return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps)
         gap = self._largest(squares)
         errors = self._each(squares, size - gap)
         return Bound(_relative(gap, size) + self.floor, _relative(a, size), energy, moved, delta, sweeps, errors)

@@ -139,11 +139,11 @@ class ErrorCriterion:
             eta = measures().indicator
             return Verdict(eta <= self.value, eta, bound)
         imbalance = measures().force_imbalance
-        due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= self.value)
+        due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(self.value))
         if due or not self.spare:
             bound = self.d.bound(fields, useful=self.value if self.spare else np.inf)
             known = bound.relative if np.isfinite(bound.relative) else bound.least
-            self.ratio = known / imbalance if imbalance > 0 and np.isfinite(known) else 0.0  # nothing strained yet: infinite
+            self.ratio = _of_size(known) / imbalance if np.isfinite(known) and imbalance > 0 else 0.0
             self.done[:] = bound.errors <= self.value
         elif self.ratio == 0:
             self.done[:] = bound.errors <= CLEAR * self.value
@@ -165,6 +165,12 @@ class ErrorCriterion:
         """As the protocol says."""
         if notes["value"] == self.value:
             self.ratio, self.done[:] = notes["ratio"], notes["done"]
+
+
+def _of_size(relative: float) -> float:
+    """An error relative to ‖u_exact‖ ≥ ‖u_D‖ − error, relative to ‖u_D‖: which falls with the forces' imbalance, as the other does not
+    while it is large."""
+    return relative / (1 + relative)
 
 
 class LawCriterion:
