@@ -89,7 +89,7 @@ BAD = {
     "long path": ({"mesh": "mesh: {file: " + "a" * 5000 + ".msh}"}, "no file"),
     "path with a zero": ({"mesh": 'mesh: {file: "a\\0.msh"}'}, "no file"),
     "folder for a mesh": ({"mesh": "mesh: {file: .}"}, "no file"),
-    "hexahedra": ({"mesh": "mesh: {file: bricks.vtu}"}, "no tetrahedra but hexahedron"),
+    "hexahedra": ({"mesh": "mesh: {file: bricks.vtu}"}, "too distorted to be split"),
     "twenty nodes": ({"mesh": "mesh: {file: twenty.msh}"}, "element: P2"),
     "empty group": ({"mesh": "mesh: {file: groups.msh}", "loaded": "  {on: empty, traction: [1, 0, 0]}]"}, "without triangles"),
     "volume for a surface": ({"mesh": "mesh: {file: groups.msh}", "loaded": "  {on: body, traction: [1, 0, 0]}]"}, "only a volume"),

@@ -211,7 +211,9 @@ def test_tets_of_twenty_nodes(tmp_path):
 def test_other_solid_elements(tmp_path):
     mesh = small()
     meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("hexahedron", np.arange(8)[None])]).write(tmp_path / "a.vtu")
-    assert "hexahedron" in one_problem(from_file, tmp_path / "a.vtu").found
+    assert "1 of 1 hexahedra are too distorted" in one_problem(from_file, tmp_path / "a.vtu").found
+    meshio.Mesh(mesh.nodes, [("tetra", mesh.cells), ("hexahedron64", np.arange(64)[None] % 8)]).write(tmp_path / "a.msh", file_format="gmsh22")
+    assert "not known here: hexahedron64" in one_problem(from_file, tmp_path / "a.msh").found
 
 
 # --- validity -------------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ class Mesh(Part):
     beam: Beam | None = Field(None, description="a structured beam: {size, h}")
     box: Box | None = Field(None, description="a structured box: {size, cells}")
     polycrystal: Polycrystal | None = Field(None, description="Voronoi grains: {grains, size, h, seed, lloyd}")
-    file: Name | None = Field(None, description="a mesh file with tetrahedra, relative to the YAML file")
+    file: Name | None = Field(None, description="a mesh file of solid elements, relative to the YAML file")
     step: Name | None = Field(None, description="a STEP or BREP file, relative to the YAML file")
     h: Size | None = Field(None, description=(
         "element size for `step`; none: the mesher derives one from the shape; with `conforming: false` also by solid, "

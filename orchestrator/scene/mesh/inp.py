@@ -1,6 +1,6 @@
 """CalculiX's and Abaqus's .inp files: nodes, elements and the sets that have names.
 
-Element sets name volumes and shells, element surfaces (S1 … S4 of tets) and node sets name boundary faces: of a node set
+Element sets name volumes and shells, element surfaces (S1 … S6) and node sets name boundary faces: of a node set
 those that have all their corners in it. Everything else of a deck (matter, steps, equations) is left to where it belongs.
 """
 
@@ -14,10 +14,16 @@ import numpy as np
 from orchestrator.scene.mesh.inp_cards import Row, cards, numbers, problem
 
 # type of element → meshio's word, nodes
-_SHAPES = {4: ("tetra", 4), 10: ("tetra10", 10), 6: ("wedge", 6), 15: ("wedge15", 15), 8: ("hexahedron", 8), 20: ("hexahedron20", 20)}
-_FLAT = {"3": ("triangle", 3), "6": ("triangle6", 6), "4": ("quad", 4), "8": ("quad8", 8)}
+_SHAPES = {4: ("tetra", 4), 10: ("tetra10", 10), 5: ("pyramid", 5), 6: ("wedge", 6), 15: ("wedge15", 15), 8: ("hexahedron", 8), 20: ("hexahedron20", 20)}
+_FLAT = {"3": ("triangle", 3), "6": ("triangle6", 6), "4": ("quad", 4), "8": ("quad8", 8), "9": ("quad9", 9)}
 _LINES = {"B31": ("line", 2), "T3D2": ("line", 2), "B32": ("line3", 3), "T3D3": ("line3", 3)}
-_FACES = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])  # of a tet, S1 … S4
+# S1, S2, … of each shape
+_FACES = {"tetra": [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]],
+          "hexahedron": [[0, 1, 2, 3], [4, 7, 6, 5], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6, 7, 3], [3, 7, 4, 0]],
+          "wedge": [[0, 1, 2], [3, 5, 4], [0, 3, 4, 1], [1, 4, 5, 2], [2, 5, 3, 0]],
+          "pyramid": [[0, 1, 2, 3], [0, 4, 1], [1, 4, 2], [2, 4, 3], [3, 4, 0]]}
+_NONE = np.empty(0, dtype=int)
+_NO_NODE = -1  # fourth node of a triangle
 
 
 def read_inp(path: Path) -> meshio.Mesh:
@@ -42,7 +48,7 @@ class _Deck:
         self.numbers: dict[str, list[np.ndarray]] = {}
         self.elements: dict[str, list[np.ndarray]] = {}  # sets, by name
         self.points: dict[str, list[np.ndarray]] = {}
-        self.surfaces: dict[str, list[tuple[str, int]]] = {}  # (element or set, face)
+        self.surfaces: dict[str, list[tuple[str, int, Row]]] = {}  # (element or set, face, where it says so)
 
     def take(self, card: str, options: dict[str, str], rows: list[Row]) -> None:
         """One card with its lines."""
@@ -63,9 +69,9 @@ class _Deck:
             faces = self.surfaces.setdefault(options.get("NAME", ""), [])
             for row in rows:
                 side = row.words[1].upper() if len(row.words) > 1 else ""
-                if side not in ("S1", "S2", "S3", "S4"):
-                    row.fail(f"a face {side or 'that is not named'}", "S1, S2, S3 or S4 of a tetrahedron")
-                faces.append((row.words[0], int(side[1]) - 1))
+                if side not in ("S1", "S2", "S3", "S4", "S5", "S6"):
+                    row.fail(f"a face {side or 'that is not named'}", "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
+                faces.append((row.words[0], int(side[1]) - 1, row))
 
     def _elements(self, options: dict[str, str], rows: list[Row]) -> None:
         kind, count = _shape(options.get("TYPE", ""), rows)
@@ -107,41 +113,51 @@ class _Deck:
         sets = {name: np.unique(np.concatenate(parts)) for name, parts in self.elements.items() if name}
         cells = [meshio.CellBlock(kind, table) for kind, table in blocks.items()]
         named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in sets.items()}
-        faces = self._faces(blocks, numbers, sets, place)
-        if faces:
-            cells.append(meshio.CellBlock("triangle", np.vstack(list(faces.values()))))
-            ends = np.cumsum([0] + [len(f) for f in faces.values()])
-            for name in named:
-                named[name].append(np.empty(0, dtype=int))
-            for i, name in enumerate(faces):
-                empty = [np.empty(0, dtype=int) for _ in blocks]
-                known = named.get(name, [*empty, None])
-                named[name] = [*known[:-1], np.arange(ends[i], ends[i + 1])]
+        for name, faces in self._faces(blocks, numbers, sets, place).items():
+            for kind, width in (("triangle", 3), ("quad", 4)):
+                of_kind = faces[(faces[:, 3] == _NO_NODE) == (width == 3), :width]
+                # A surface that holds nothing is there, empty.
+                if len(of_kind) or (kind == "triangle" and not len(faces)):
+                    cells.append(meshio.CellBlock(kind, of_kind))
+                    named.setdefault(name, []).extend([_NONE] * (len(cells) - 1 - len(named.get(name, []))))
+                    named[name].append(np.arange(len(of_kind)))
+        for members in named.values():
+            members += [_NONE] * (len(cells) - len(members))
         return meshio.Mesh(nodes[:, 1:], cells, cell_sets=named)
 
     def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray], sets: dict[str, np.ndarray],
                place: np.ndarray) -> dict[str, np.ndarray]:
-        """Corners (f, 3) of the faces of each surface and node set."""
-        kinds = [kind for kind in ("tetra", "tetra10") if kind in blocks]
-        if not kinds:
+        """Corners (f, 4) of the faces of each surface and node set, of triangles with _NO_NODE as the fourth."""
+        solids = [(kind, shape) for kind in blocks for shape in _FACES if kind.rstrip("0123456789") == shape]
+        if not solids:
             return {}
-        tets, ids = (np.concatenate(parts) for parts in ([blocks[k][:, :4] for k in kinds], [numbers[k] for k in kinds]))
+        table, ids = np.full((sum(len(blocks[k]) for k, _ in solids), 6, 4), _NO_NODE), np.concatenate([numbers[k] for k, _ in solids])
+        there, start = np.zeros(table.shape[:2], dtype=bool), 0
+        for kind, shape in solids:
+            rows = slice(start, start := start + len(blocks[kind]))
+            for side, corners in enumerate(_FACES[shape]):
+                table[rows, side, : len(corners)] = blocks[kind][:, corners]
+                there[rows, side] = True
         order = np.argsort(ids)
         upper, found = {name.upper(): members for name, members in sets.items()}, {}
         for name, entries in self.surfaces.items():
-            chosen = [np.empty((0, 3), dtype=int)]
-            for word, side in entries:
+            chosen = [np.empty((0, 4), dtype=int)]
+            for word, side, row in entries:
                 members = upper.get(word.upper(), np.array([int(word)]) if word.isdigit() else np.empty(0, dtype=int))
                 at = order[np.clip(np.searchsorted(ids[order], members), 0, len(ids) - 1)]
-                chosen.append(tets[at[ids[at] == members]][:, _FACES[side]])
+                at = at[ids[at] == members]
+                if not there[at, side].all():
+                    row.fail(f"a face S{side + 1} of an element that has fewer", "S1 … S4 of a tetrahedron, … S5 of a prism, … S6 of a hexahedron")
+                chosen.append(table[at, side])
             found[name] = np.concatenate(chosen)
-        every = tets[:, _FACES].reshape(-1, 3)
+        every = table[there]
         _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
         outer = every[first[count == 1]]
         for name, parts in self.points.items():
             if not name or name in found or name in sets:
                 continue
-            inside = np.zeros(int(place.max(initial=0)) + 1, dtype=bool)
+            inside = np.zeros(int(place.max(initial=0)) + 2, dtype=bool)
+            inside[_NO_NODE] = True
             members = np.unique(np.concatenate(parts))
             members = place[members[(members >= 0) & (members < len(place))]]
             inside[members[members >= 0]] = True
@@ -161,4 +177,4 @@ def _shape(word: str, rows: list[Row]) -> tuple[str, int]:
     for head in ("STRI", "CPS", "CPE", "CAX", "M3D", "S"):
         if kind.startswith(head) and kind[len(head):len(head) + 1] in _FLAT:
             return _FLAT[kind[len(head)]]
-    rows[0].fail(f"elements of type {word or '(none)'}", "C3D4 or C3D10, and shells or beams that are passed over")
+    rows[0].fail(f"elements of type {word or '(none)'}", "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")

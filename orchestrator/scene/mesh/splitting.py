@@ -1,0 +1,140 @@
+"""Hexahedra, prisms and pyramids split into tets, quads into triangles, such that neighbours' diagonals agree.
+
+The pulling triangulation (De Loera, Rambau & Santos, Triangulations, 2010, 4.3.2; Dompierre, Labbé, Vallet & Camarero, How to
+subdivide pyramids, prisms and hexahedra into tetrahedra, 1999): with all nodes of the mesh in one order, the diagonal of
+every quad starts at its first node, and the tets of a cell join its first node to the triangles of the faces that lack it.
+A hexahedron gives six, a prism three, a pyramid two. The order is that of the coordinates, not of the numbers: a renumbered
+mesh is split the same way, and so are bodies that touch node to node without sharing nodes.
+"""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
+from orchestrator.scene.mesh.geometry import tet_volumes
+from orchestrator.scene.mesh.quality import format_point
+
+# Faces of each shape in VTK's order of nodes, anticlockwise seen from outside.
+FACES = {
+    "hexahedron": [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
+    "wedge": [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
+    "pyramid": [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
+}
+WORDS = {"hexahedron": "hexahedra", "wedge": "prisms", "pyramid": "pyramids"}
+# Of the whole mesh's extent: places closer than that are one in the order of the nodes.
+NEAR = 1e-9
+
+
+def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
+    """The mesh with tets and triangles alone in the place of linear cells of other shapes, and what to say of it.
+
+    Cell data and cell sets go with the pieces. Tets of hexahedra that have fewer corners (nodes that are given twice) and
+    would be nothing are left out.
+
+    Raises
+    ------
+    InputError : cells that are too distorted to be split, with the place of the first; a quad that tets beside it
+        cut along its other diagonal
+    """
+    kinds = {block.type for block in raw.cells}
+    if not kinds & {*FACES, "quad"}:
+        return raw, []
+    order = _order(np.asarray(raw.points, dtype=float))
+    blocks, parents, quads, said = [], [], [], []
+    for block in raw.cells:
+        cells, kind = np.asarray(block.data, dtype=np.int64), block.type
+        if kind == "quad":
+            pieces, parent = _two(cells, order)
+            kind = "triangle"
+        elif kind in FACES:
+            pieces, parent = _tets(cells, kind, order)
+            pieces, parent = _turned(raw.points, pieces, parent, cells, kind, source)
+            quads += [cells[:, face] for face in FACES[kind] if len(face) == 4]
+            kind = "tetra"
+        else:
+            pieces, parent = cells, np.arange(len(cells))
+        blocks.append(meshio.CellBlock(kind, pieces))
+        parents.append(parent)
+    counts = {kind: sum(len(b.data) for b in raw.cells if b.type == kind) for kind in FACES}
+    if any(counts.values()):
+        if "tetra" in kinds:
+            _check_diagonals(raw, np.vstack(quads), order, source)
+        pieces = sum(len(piece.data) for piece, block in zip(blocks, raw.cells) if block.type in FACES)
+        said.append(" and ".join(f"{count:,} {WORDS[kind]}" for kind, count in counts.items() if count)
+                    + f" are split into {pieces:,} tetrahedra; blackbox: {{element: P2}} makes these far less stiff in bending")
+    data = {name: [np.asarray(values)[parent] for values, parent in zip(arrays, parents)] for name, arrays in raw.cell_data.items()}
+    sets = {name: [None if members is None else np.flatnonzero(np.isin(parent, np.asarray(members, dtype=np.int64)))
+                   for members, parent in zip(arrays, parents)] for name, arrays in raw.cell_sets.items() if not name.startswith("gmsh:")}
+    return meshio.Mesh(raw.points, blocks, cell_data=data, cell_sets=sets, field_data=raw.field_data), said
+
+
+def _order(points: np.ndarray) -> np.ndarray:
+    """(n,) place of each node in the order of coordinates, x before y before z; the number decides among those that are alike."""
+    low, size = points.min(axis=0), np.ptp(points, axis=0).max()
+    x, y, z = np.round((points - low) / (NEAR * size if size > 0 else 1.0)).T
+    place = np.empty(len(points), dtype=np.int64)
+    place[np.lexsort((z, y, x))] = np.arange(len(points))
+    return place
+
+
+def _from_first(face: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """The nodes (k, 3 or 4) of faces in the same sense of rotation, each from its first node on."""
+    width = face.shape[1]
+    return np.take_along_axis(face, (order[face].argmin(axis=1)[:, None] + np.arange(width)) % width, axis=1)
+
+
+def _two(quads: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (2 k, 3) of quads, and the quad of each."""
+    rolled = _from_first(quads, order)
+    return rolled[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3), np.repeat(np.arange(len(quads)), 2)
+
+
+def _tets(cells: np.ndarray, kind: str, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tets (t, 4) of cells, ordered by the cell (t,) of each."""
+    first = np.take_along_axis(cells, order[cells].argmin(axis=1)[:, None], axis=1)[:, 0]
+    tets, parents = [], []
+    for face in FACES[kind]:
+        rolled = _from_first(cells[:, face], order)
+        lacks = np.flatnonzero(rolled[:, 0] != first)  # where it has it, it is the first of the face too
+        for i in range(len(face) - 2):
+            tets.append(np.column_stack([first, rolled[:, [0, i + 1, i + 2]]])[lacks])
+            parents.append(lacks)
+    tets, parent = np.concatenate(tets), np.concatenate(parents)
+    ascending = np.sort(tets, axis=1)
+    whole = (ascending[:, 1:] != ascending[:, :-1]).all(axis=1)
+    tets, parent = tets[whole], parent[whole]
+    by_cell = np.argsort(parent, kind="stable")
+    return tets[by_cell], parent[by_cell]
+
+
+def _turned(points: np.ndarray, tets: np.ndarray, parent: np.ndarray, cells: np.ndarray, kind: str,
+            source: str) -> tuple[np.ndarray, np.ndarray]:
+    """The tets, positive all; a block whose cells are all inside out follows another convention."""
+    volumes = tet_volumes(points, tets)
+    if len(volumes) and volumes.max() < 0:
+        return tets[:, [0, 2, 1, 3]], parent
+    bad = np.unique(parent[volumes <= 0])
+    if len(bad):
+        raise InputError(Problem(
+            ("mesh", "file"), f"{source}: {len(bad)} of {len(cells)} {WORDS[kind]} are too distorted to be split into tetrahedra; the "
+            f"first is around {format_point(points[cells[bad[0]]].mean(axis=0))}", "convex cells, all oriented the same way",
+            "mesh the volume with tetrahedra, or make these cells rounder (gmsh: Mesh.RecombineAll = 0)"))
+    return tets, parent
+
+
+def _check_diagonals(raw: meshio.Mesh, quads: np.ndarray, order: np.ndarray, source: str) -> None:
+    """Raises where tets of the file cut a quad of another cell along the diagonal that is not ours: a crack nobody sees."""
+    tets = np.vstack([block.data for block in raw.cells if block.type == "tetra"])
+    # Quads that are given from both sides begin with the same node and turn the other way.
+    rolled = np.unique(_from_first(quads, order), axis=0)
+    used = np.unique(np.concatenate([tets.ravel(), rolled.ravel()]))
+    faces, other = (np.searchsorted(used, t) for t in (tets[:, LOCAL_FACES].reshape(-1, 3), rolled[:, [0, 1, 3]]))
+    wrong = np.flatnonzero(np.isin(pack(other, len(used)), pack(faces, len(used))))
+    if len(wrong):
+        raise InputError(Problem(
+            ("mesh", "file"), f"{source}: {len(wrong)} quads of hexahedra, prisms or pyramids have tetrahedra on their other side that cut "
+            f"them along the other diagonal; the first is around {format_point(raw.points[rolled[wrong[0]]].mean(axis=0))}",
+            "pyramids between hexahedra and tetrahedra", "mesh the volume with tetrahedra alone, or let the program put pyramids between them"))
