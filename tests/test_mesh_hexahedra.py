@@ -7,6 +7,8 @@ import pytest
 import pyvista
 
 from orchestrator.errors import InputError
+from orchestrator.results.fields.vtu import write_vtu
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.faces import edge_patches, faces_of
 from orchestrator.scene.mesh.files import read
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
@@ -235,8 +237,14 @@ def test_names_in_files_of_vtk(saved, tmp_path):
             if len(expected) == 2:
                 first = mesh.nodes[mesh.cells[mesh.volume == mesh.volumes.index(expected[0])]]
                 assert (first[..., 0] <= 1 + 1e-12).all()
+    write_vtu(ResultsFolder(tmp_path), "own.vtu", raw.points, tets, {"displacement": raw.points},
+              {"subdomain": right.astype(np.int32), "von_mises": np.ones(len(tets))})
+    assert read(tmp_path / "own.vtu").volumes == numbered
     of(one=words[right], two=words[right]).save(tmp_path / "a.vtu")
     with pytest.raises(InputError, match="'one', 'two'"):
         read(tmp_path / "a.vtu")
+    pyvista.MultiBlock({"left": of()}).save(tmp_path / "a.vtm")
+    with pytest.raises(InputError, match="a collection of grids"):
+        read(tmp_path / "a.vtm")
     pyvista.ImageData(dimensions=(3, 2, 2)).cast_to_unstructured_grid().save(tmp_path / "voxels.vtu")
     assert np.isclose(tet_volumes(*(lambda m: (m.nodes, m.cells))(read(tmp_path / "voxels.vtu"))).sum(), 2)

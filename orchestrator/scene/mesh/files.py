@@ -128,6 +128,10 @@ def _load(path: Path) -> meshio.Mesh:
         raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file",
                                  "check the path"))
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
+    if path.suffix.lower() in (".vtm", ".vtmb", ".pvd"):
+        raise InputError(Problem(("mesh", "file"), f"{path}: a collection of grids", "one grid (.vtu)",
+                                 "put its blocks together (ParaView: Merge Blocks; pyvista: combine(merge_points=True)) with a cell array "
+                                 "'volume' that tells them apart, or name each one's file under parts:"))
     heard = io.StringIO()
     if path.suffix.lower() == ".inp":
         return read_inp(path)
