@@ -214,7 +214,7 @@ def test_not_converged(tmp_path, temporary):
 
 @pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=["Ctrl-C", "SIGTERM", "SIGHUP"])
 def test_interrupted_and_resumed(blow, tmp_path, temporary):
-    """Exit code 130, a checkpoint, nothing left; --resume ends where an undisturbed run ends."""
+    """Exit code 130, a checkpoint, nothing left; --resume ends where an undisturbed run ends, whatever had stopped it: once here."""
     out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS)
     process = under_way(temporary, path, out)
     assert working_below(temporary)
@@ -226,6 +226,8 @@ def test_interrupted_and_resumed(blow, tmp_path, temporary):
     summary = json.loads((out / "summary.json").read_text())
     assert (out / "checkpoint").is_dir() and summary["stop_reason"] == "interrupted"
     assert summary["iterations"] >= 5 and not summary["converged"]
+    if blow != signal.SIGINT:
+        return
     code, _, err = ended(launch(temporary, "run", path, "--output", out, *SHORTEN, "--resume",
                                 "--set", "method.tolerance.error=1e-6"))
     assert code == 0, err
