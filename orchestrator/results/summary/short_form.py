@@ -16,6 +16,7 @@ from orchestrator.wording import some
 
 LARGEST = 6  # stages named
 SHOWN = 8  # reactions on screen
+ROUNDED = 1e-10  # of the largest component of them: shown as zero
 
 
 def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None,
@@ -94,7 +95,8 @@ def answer_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
         ("peak stress", "peak_stress", "von Mises", units["stress"]),
         ("peak displ.", "peak_displacement", "", units["length"]))]
     names, reactions = summary.get("reaction_names") or [], jsonable(summary.get("reactions")) or []
-    texts = [f"{name}: {_vector(steps[-1])}{units['force']}" for name, steps in zip(names, reactions) if steps]
+    largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
+    texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units['force']}" for name, steps in zip(names, reactions) if steps]
     if len(texts) > SHOWN:
         texts = [*texts[:SHOWN], f"… and {len(texts) - SHOWN} more in summary.json"]
     rows.append(("reactions", "\n".join(texts)))
@@ -122,8 +124,9 @@ def _probe_text(probe: Mapping[str, object], units: Mapping[str, str]) -> str:
     return f"{probe['name']}: {kind}{values}{unit}"
 
 
-def _vector(values: Sequence[float | None]) -> str:
-    return "(" + ", ".join("–" if x is None else f"{x:.5g}" for x in values) + ")"
+def _vector(values: Sequence[float | None], least: float = 0.0) -> str:
+    """Components, those below ``least`` as zero: what rounding leaves of the others would be read as a number."""
+    return "(" + ", ".join("–" if x is None else f"{x if abs(x) > least else 0.0:.5g}" for x in values) + ")"
 
 
 def _law_text(summary: Mapping[str, object]) -> str | None:
