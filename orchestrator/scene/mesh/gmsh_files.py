@@ -1,0 +1,109 @@
+"""gmsh's mesh files, and what gmsh reads: physical groups that hold some elements, elements in two of them."""
+
+from __future__ import annotations
+
+import io
+import tempfile
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import meshio
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+
+HEAD = 1 << 16  # bytes at the start of a file that hold gmsh's format, names and counts
+
+
+def read_by_gmsh(path: Path) -> meshio.Mesh:
+    """What gmsh reads: its groups become physical names, as in its own files."""
+    import gmsh
+
+    from orchestrator.scene.mesh.gmsh_session import last_complaint, session
+
+    with session(), tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
+        try:
+            gmsh.open(str(path))
+        except Exception as error:
+            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: {last_complaint(error)}", "a mesh file that gmsh reads",
+                                     "check that the ending fits the content, or save it as .msh")) from None
+        for group in gmsh.model.getPhysicalGroups():
+            name = gmsh.model.getPhysicalName(*group)
+            if name != name.strip():  # MED's have 80 letters
+                gmsh.model.removePhysicalName(name)
+                gmsh.model.setPhysicalName(*group, name.strip())
+        gmsh.option.setNumber("Mesh.SaveAll", 0 if _all_in_groups() else 1)
+        gmsh.option.setNumber("Mesh.Binary", 1)
+        gmsh.write(str(Path(folder) / "mesh.msh"))
+        with redirect_stdout(io.StringIO()):
+            return meshio.read(Path(folder) / "mesh.msh")
+
+
+def _all_in_groups() -> bool:
+    """Puts gmsh's volumes that are in no physical group in groups, if anything is in one: without, meshio reads no such file."""
+    import gmsh
+
+    groups = gmsh.model.getPhysicalGroups()
+    if not groups:
+        return False
+    held = [tag for d, number in groups if d == 3 for tag in gmsh.model.getEntitiesForPhysicalGroup(3, number)]
+    free = [tag for _, tag in gmsh.model.getEntities(3) if tag not in held]
+    for tags, name in [(free, "volume_0")] if held and free else [([tag], f"volume_{tag}") for tag in free]:
+        number = gmsh.model.addPhysicalGroup(3, tags)
+        if old := gmsh.model.getPhysicalName(3, number):  # of a group that is no more
+            gmsh.model.removePhysicalName(old)
+        gmsh.model.setPhysicalName(3, number, name)
+    return True
+
+
+def once(raw: meshio.Mesh) -> meshio.Mesh:
+    """Every element once: gmsh's older files (2.2) have an element in two physical groups twice, once for each."""
+    if not {"gmsh:physical", "gmsh:geometrical"} <= raw.cell_data.keys():
+        return raw
+    cells, names, twice = [], [], False
+    known = {numbers: name for name, numbers in physical(raw)}
+    for kind in dict.fromkeys(block.type for block in raw.cells):
+        blocks = [i for i, block in enumerate(raw.cells) if block.type == kind]
+        data = np.concatenate([raw.cells[i].data for i in blocks])
+        group, entity = (np.concatenate([np.ravel(raw.cell_data[key][i]) for i in blocks]).astype(np.int64)
+                         for key in ("gmsh:physical", "gmsh:geometrical"))
+        pairs = np.unique(np.column_stack([entity, group]), axis=0)
+        back = np.arange(len(data))
+        if len(pairs) > len(np.unique(entity)):  # of an entity: else there is nothing to look for
+            _, first, back = np.unique(np.sort(data, axis=1), axis=0, return_index=True, return_inverse=True)
+            twice, data, back = twice or len(first) < len(data), data[first], back.ravel()
+        flat = raw.cells[blocks[0]].dim < 3
+        cells.append(meshio.CellBlock(kind, data))
+        names.append({known.get((int(tag), raw.cells[blocks[0]].dim), f"{'surface' if flat else 'volume'}_{tag}"): np.unique(back[group == tag])
+                      for tag in np.unique(group[group != 0])})
+    if not twice:
+        return raw
+    sets = {name: [own.get(name, np.empty(0, dtype=np.int64)) for own in names] for name in dict.fromkeys(n for own in names for n in own)}
+    return meshio.Mesh(raw.points, cells, cell_sets=sets, field_data=raw.field_data)
+
+
+def not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
+    """What to say of volumes that gmsh (4.1) knew and did not save."""
+    if path.suffix.lower() != ".msh" or "gmsh:geometrical" not in raw.cell_data or not raw.field_data:
+        return []
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    version, _, rest = head.partition(b"$MeshFormat\n")[2].partition(b"\n")
+    found = rest.partition(b"$Entities\n")[2]
+    if not version.startswith(b"4.1") or not found:
+        return []
+    try:
+        counts = np.frombuffer(found[:32], dtype=np.uint64) if version.split()[1] == b"1" else found.partition(b"\n")[0].split()
+        known = int(counts[3])
+    except (ValueError, IndexError):
+        return []
+    tags = [np.ravel(values) for block, values in zip(raw.cells, raw.cell_data["gmsh:geometrical"]) if block.type == "tetra"]
+    missing = known - len(np.unique(np.concatenate(tags)))
+    return [] if missing <= 0 else [
+        f"{missing} of the {known} volumes of gmsh's model have no elements in the file: gmsh saves only what is in a physical group. If they "
+        "belong to the model, give each a physical group, or write the file with Mesh.SaveAll = 1"]
+
+
+def physical(raw: meshio.Mesh) -> list[tuple[str, tuple[int, int]]]:
+    """gmsh's physical names, each with its tag and dimension."""
+    return [(name, tuple(map(int, np.ravel(value)[:2]))) for name, value in raw.field_data.items() if np.size(value) >= 2]
