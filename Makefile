@@ -1,12 +1,12 @@
 # make: the targets. Everything else sets up first what is missing; a second call sets up nothing.
 
-.PHONY: help setup setup-tests run test docs rivals clean
+.PHONY: help setup setup-tests run test test-all docs rivals clean
 .DEFAULT_GOAL := help
 
 CONFIG ?= configs/traction_beam.yaml
 
 help:  ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "  make %-7s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup:  ## FreeFEM, OpenBLAS, X libraries (Debian packages) and a virtual environment in .venv
 	@./setup.sh
@@ -18,6 +18,9 @@ run: setup  ## solve CONFIG (configs/traction_beam.yaml), print the summary and 
 	@.venv/bin/orchestrator run $(CONFIG)
 
 test: setup-tests  ## set up CalculiX too, run the tests in two processes
+	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup -m "not long"
+
+test-all: setup-tests  ## the same with the tests that take long: studies in small, a CAD assembly read anew
 	@.venv/bin/python -m pytest -q -n 2 --dist loadgroup
 
 docs: setup  ## make pages of docs/ in site/, with a search that needs no network

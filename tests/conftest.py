@@ -27,6 +27,7 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
+    config.addinivalue_line("markers", "long: seconds of the processor, for `make test-all`")
     config.addinivalue_line("markers", "xdist_group(name): one process runs these where several share the tests")
     if config.getoption("freefem"):
         import in_process

@@ -24,6 +24,7 @@ def test_a_beam_runs_as_it_stands(tmp_path):
     assert "run" in call("run", tmp_path / "my beam.yaml", "--output", tmp_path / "out", "--set", "output.figures=false").stdout
 
 
+@pytest.mark.long
 def test_a_cad_files_names_are_filled_in_and_pairs_found(tmp_path):
     done = call("init", tmp_path / "rod.yaml", "gmsh:as1-tu-203.stp")
     text = (tmp_path / "rod.yaml").read_text()

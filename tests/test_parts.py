@@ -110,6 +110,7 @@ def section(**keys) -> Mesh:
     return Mesh.model_validate({"step": AS1, "conforming": False, **keys})
 
 
+@pytest.mark.long
 def test_solids_meshed_one_by_one(monkeypatch):
     """Each as it would be alone, whoever meshes it; at its own size; nothing shared; the volumes those of the model."""
     mesh, faces = make_mesh(section(h={"*": 12, "bolt*": 6, "nut_1": 4}))

@@ -232,6 +232,7 @@ def test_interface_that_matches_no_pair():
     assert "plate | bolt" in apart.cure
 
 
+@pytest.mark.long
 def test_the_real_assembly():
     made = scene(mesh={"step": "gmsh:as1-tu-203.stp", "h": 8.0}, subdomains="groups",
                  boundary=[{"on": "plate:*", "displacement": [0.0, 0.0, 0.0]}],

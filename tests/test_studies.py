@@ -208,6 +208,7 @@ def test_a_run_is_continued_to_where_it_tends(tmp_path):
     assert rows_of(tmp_path / "curves.csv")[0]["law_residual"] != ""
 
 
+@pytest.mark.long
 def test_contact_studies(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.convergence import contact
     from orchestrator.studies.kit.framework import Study
@@ -270,6 +271,7 @@ def test_ten_grains_tells_why_a_run_failed(tmp_path):
         ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.problem(), "subdomains": "grans"})
 
 
+@pytest.mark.long
 def test_polycrystal_in_small(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.paper import polycrystal
@@ -317,6 +319,7 @@ def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
     assert [row["met"] for row in rows_of(tmp_path / "targets.csv")] == ["no"]
 
 
+@pytest.mark.long
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     """The whole study on cubes of two elements a side, macro problems of a few."""
     from orchestrator.studies.kit.framework import Study
@@ -338,6 +341,7 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     assert bars(saved_figures[-1]) == pytest.approx([float(row["efficiency"]) for row in table], rel=1e-5)
 
 
+@pytest.mark.long
 def test_floor_of_small_runs(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import floor
@@ -473,6 +477,7 @@ def test_large_within_too_little_memory(tmp_path):
     assert "INFOG(1)= -13" in in_one_piece._direct(study, FreeFem(), 20, "MUMPS", 330 * 2**20).failure
 
 
+@pytest.mark.long
 def test_time_vs_error_in_small(tmp_path, saved_figures):
     from dataclasses import replace
 
@@ -570,6 +575,7 @@ def grains_study(folder, **settings):
     return study
 
 
+@pytest.mark.long
 def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.performance import grains
 
