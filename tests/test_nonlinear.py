@@ -142,6 +142,7 @@ PLASTIC = "*MATERIAL,NAME=STEEL\n*ELASTIC\n200e3,.3\n*PLASTIC\n200.,0.\n2200.,1.
 STEPS, FORCE = (0.9, -0.3), (0.0, 6.3, -4.2)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
 def test_two_decks_and_a_solver_in_python_that_flow(tmp_path):
     """A bar of three parts, bent and bent back, load steps replayed by the decks: against one run of CalculiX, nodes shared."""

@@ -234,6 +234,7 @@ def test_contact_studies(tmp_path, monkeypatch, saved_figures):
         assert {row["met"] for row in rows_of(tmp_path / name / "targets.csv")} == {"yes"}
 
 
+@pytest.mark.long
 def test_ten_grains_from_the_command_line(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import ten_grains
@@ -297,6 +298,7 @@ def test_polycrystal_in_small(tmp_path, monkeypatch, saved_figures):
     assert not (tmp_path / "run/scratch").exists()
 
 
+@pytest.mark.long
 def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.robustness import polycrystals
@@ -406,6 +408,7 @@ def test_prediction_adds_up():
     assert mine[0] < 2 + 54 * 0.11 + 1.2 < mine[1]
 
 
+@pytest.mark.long
 def test_in_one_piece_in_small(tmp_path, saved_figures):
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.performance import in_one_piece
@@ -430,6 +433,7 @@ def test_in_one_piece_in_small(tmp_path, saved_figures):
         assert not missing_points(saved_figures[-1], [(float(row["dofs"]), float(row[quantity])) for row in shown])
 
 
+@pytest.mark.long
 def test_large_in_small(tmp_path, saved_figures):
     """Ours and a direct solution of the same matrix: one energy; what has been measured is not measured again."""
     pytest.importorskip("sksparse")
@@ -465,6 +469,7 @@ def test_large_judges_energies_and_seconds(tmp_path):
     assert met(ours, {**rival, "method": "another", "seconds": 1.0}, rival, case="easy") == ([True], ["easy"])
 
 
+@pytest.mark.long
 def test_large_within_too_little_memory(tmp_path):
     from orchestrator.blackbox.codes.freefem import FreeFem
     from orchestrator.studies.kit.framework import Study
