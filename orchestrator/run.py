@@ -11,7 +11,7 @@ from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.codes.finding import find_codes
 from orchestrator.blackbox.codes.foreign.finishing import finish_parts
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
-from orchestrator.blackbox.own_loads import add_own_loads
+from orchestrator.blackbox.own_loads import with_own_loads
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.blackbox.start import Ahead, make_blackbox
 from orchestrator.compiled import make_ready
@@ -117,7 +117,7 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         give_back()
     method, codes = config.method, with_workers(config.codes, team)
     if whole is not None:
-        add_own_loads(whole, codes)
+        whole = with_own_loads(whole, codes)
     exact = _undecomposed(codes, whole, told, watch, team) if reference else None
     cases = common_load_cases(whole, method, team)
     rank_of = team.share(None if team.rank else ranks_of(whole, team.size))

@@ -7,6 +7,7 @@ then know them like any others.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from orchestrator.config.blackbox import CodeSettings
 from orchestrator.scene.model import Scene
 
 
-def add_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> None:
-    """Adds them to the loads of the scene and of its subdomains.
+def with_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> Scene:
+    """The scene with them among its loads and its subdomains': another one, so that the first may be solved again.
 
     Parameters
     ----------
@@ -30,11 +31,16 @@ def add_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> None:
     BlackBoxError : its processes do not start, or answer nonsense
     """
     asked = {s.code for s in scene.subdomains if settings[s.code].brings_loads}
-    for index, code in (find_codes(settings, asked) if asked else {}).items():
+    if not asked:
+        return scene
+    scene = copy(scene)
+    scene.loads, scene.subdomains = scene.loads.copy(), [copy(s) for s in scene.subdomains]
+    for index, code in find_codes(settings, asked).items():
         own = [s for s in scene.subdomains if s.code == index]
         with Pool(code) as pool:
             found = pool.own_loads([body_model(scene, s) for s in own], scene.steps)
         for s, forces in zip(own, found):
             forces = forces.reshape(scene.steps, -1, 3)
-            s.loads += forces
+            s.loads = s.loads + forces
             np.add.at(scene.loads, (slice(None), s.nodes), forces)
+    return scene
