@@ -13,16 +13,17 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.mesh.geometry import shape_gradients
 
 
 def stress_of(mesh, displacement, material=case.STEEL):
-    gradients, _ = recovery.shape_gradients(mesh.nodes, mesh.cells)
+    gradients, _ = shape_gradients(mesh.nodes, mesh.cells)
     return recovery.stress(recovery.strain(gradients, mesh.cells, displacement), case.lame(mesh, material))
 
 
 def test_volumes_fill_the_box():
     mesh = case.box_mesh()
-    volumes = recovery.shape_gradients(mesh.nodes, mesh.cells)[1]
+    volumes = shape_gradients(mesh.nodes, mesh.cells)[1]
     assert (volumes > 0).all() and volumes.sum() == pytest.approx(3.0, rel=1e-14)
 
 
@@ -69,7 +70,7 @@ def test_millimetres_and_metres_agree():
 def test_nodal_average_does_not_mix_materials():
     mesh = case.box_mesh()
     group = case.slices(mesh, 2)
-    volumes = recovery.shape_gradients(mesh.nodes, mesh.cells)[1]
+    volumes = shape_gradients(mesh.nodes, mesh.cells)[1]
     values = np.where(group == 1, 7.0, 3.0)
     average, node, corner = recovery.nodal_average(mesh.cells, [np.tile(values[:, None], 4)], volumes, group)
     np.testing.assert_allclose(average[0][corner], values[:, None] * np.ones(4), rtol=1e-14)

@@ -32,7 +32,8 @@ from math import factorial, prod
 
 import numpy as np
 
-from orchestrator.method.stopping.stress import CENTRE, shape_gradients, strain, stress
+from orchestrator.method.stopping.stress import CENTRE, strain, stress
+from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene
 from orchestrator.scene.mesh.quadratic import TET_EDGES

@@ -11,7 +11,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from orchestrator.scene.mesh.geometry import shape_gradients as shape_gradients
 from orchestrator.scene.mesh.quadratic import quadratic_slopes
 
 CENTRE = np.full(4, 0.25)  # barycentric coordinates

@@ -15,6 +15,7 @@ import numpy as np
 
 from orchestrator.method.stopping import stress as recovery
 from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 
@@ -125,7 +126,7 @@ class Fields:
 
     @cached_property
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
-        return recovery.shape_gradients(self.nodes, self.cells)
+        return shape_gradients(self.nodes, self.cells)
 
     @property
     def volumes(self) -> np.ndarray:

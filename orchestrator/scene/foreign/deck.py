@@ -16,18 +16,17 @@ from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_loads
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Row, cards, numbers
+from orchestrator.scene.mesh.splitting import FACES
+from orchestrator.scene.mesh.straightened import CORNERS, EDGES
 
-# Faces of elements by their number of nodes, corners first, then middles of edges; anticlockwise seen from outside.
-_TET = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
-_HEX = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-_WEDGE = [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]
-_EDGES = {10: {(0, 1): 4, (1, 2): 5, (0, 2): 6, (0, 3): 7, (1, 3): 8, (2, 3): 9},
-          20: {(0, 1): 8, (1, 2): 9, (2, 3): 10, (0, 3): 11, (4, 5): 12, (5, 6): 13, (6, 7): 14, (4, 7): 15, (0, 4): 16, (1, 5): 17,
-               (2, 6): 18, (3, 7): 19},
-          15: {(0, 1): 6, (1, 2): 7, (0, 2): 8, (3, 4): 9, (4, 5): 10, (3, 5): 11, (0, 3): 12, (1, 4): 13, (2, 5): 14}}
-_CORNERS = {4: _TET, 10: _TET, 8: _HEX, 20: _HEX, 6: _WEDGE, 15: _WEDGE}
 # meshio's names, by number of nodes
 SHAPES = {4: "tetra", 10: "tetra10", 6: "wedge", 15: "wedge15", 8: "hexahedron", 20: "hexahedron20"}
+# Faces of elements by their number of nodes, corners first, then middles of edges; anticlockwise seen from outside.
+_TET = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+_CORNERS = {size: FACES.get(CORNERS.get(shape, (shape,))[0], _TET) for size, shape in SHAPES.items()}
+# Of elements with such nodes, which one is in the middle of two corners.
+_EDGES = {size: {tuple(sorted(ends)): CORNERS[shape][1] + i for i, ends in enumerate(EDGES[shape].tolist())}
+          for size, shape in SHAPES.items() if shape in EDGES}
 
 
 def joints(part: DeckPart, path: KeyPath, name: str) -> Joints:

@@ -25,7 +25,8 @@ from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import undecomposed
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.method.stopping.stress import shape_gradients, von_mises
+from orchestrator.method.stopping.stress import von_mises
+from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.quadratic import TET_EDGES

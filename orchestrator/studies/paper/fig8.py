@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.method.stopping.stress import shape_gradients, strain, stress
+from orchestrator.method.stopping.stress import strain, stress
+from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.plotting import BLUE, ORANGE, new_figure, png, tidy
 from orchestrator.results.figures.surface import outer_faces

@@ -52,6 +52,17 @@ def displacements(job: Path, steps: int, nodes: int) -> np.ndarray:
 
     They are two records after the materials' names of each step, (nodes, 4) with the temperature first.
     """
+    data, records, end = restart_records(job)
+    names = [i for i, (start, _) in enumerate(records) if data[start : start + 8] == b"MATTER-0"]
+    found = [records[i + 2] for i in names if i + 2 < len(records)]
+    if end != len(data) or len(found) != steps or any(length != 32 * nodes for _, length in found):
+        raise Unreadable(f"{len(found)} of {steps} load cases in the restart file")
+    return np.stack([np.frombuffer(data, np.float64, 4 * nodes, start).reshape(nodes, 4)[:, 1:].ravel()
+                     for start, _ in found])
+
+
+def restart_records(job: Path) -> tuple[bytes, list[tuple[int, int]], int]:
+    """The restart file, where each of its records begins with how many bytes it has, and where they say that the last one ends."""
     try:
         data = job.with_suffix(".rout").read_bytes()
     except OSError as error:
@@ -61,9 +72,4 @@ def displacements(job: Path, steps: int, nodes: int) -> np.ndarray:
         (length,) = struct.unpack_from("<i", data, at)
         records.append((at + 4, length))
         at += 8 + length
-    names = [i for i, (start, _) in enumerate(records) if data[start : start + 8] == b"MATTER-0"]
-    found = [records[i + 2] for i in names if i + 2 < len(records)]
-    if at != len(data) or len(found) != steps or any(length != 32 * nodes for _, length in found):
-        raise Unreadable(f"{len(found)} of {steps} load cases in the restart file")
-    return np.stack([np.frombuffer(data, np.float64, 4 * nodes, start).reshape(nodes, 4)[:, 1:].ravel()
-                     for start, _ in found])
+    return data, records, at

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import struct
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -142,14 +141,9 @@ class DeckRuns:
     def _displacements(self) -> np.ndarray:
         """(nodes, 3) of all nodes by number: the second record after the materials' names in the restart file."""
         try:
-            data = (self.folder / JOB).with_suffix(".rout").read_bytes()
-        except OSError as error:
+            data, records, _ = files.restart_records(self.folder / JOB)
+        except Unreadable as error:
             raise Refused("no restart file was written") from error
-        records, at = [], 0
-        while at + 4 <= len(data):
-            (length,) = struct.unpack_from("<i", data, at)
-            records.append((at + 4, length))
-            at += 8 + length
         first = self.materials[0].encode().ljust(80)[:80] if self.materials else b""
         # a name for each spring follows them
         names = [i for i, (start, length) in enumerate(records) if length and length % 80 == 0 and data[start : start + 80] == first]
