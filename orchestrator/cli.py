@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import re
 import signal
 import sys
 import threading
@@ -15,6 +16,7 @@ from typing import Annotated, Optional
 import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+from orchestrator.imports import all_there
 from orchestrator.interrupts import heard, interrupt, raise_waiting
 from orchestrator.registry import CODES
 from orchestrator.streams import guard_streams, lost_output
@@ -59,6 +61,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
                 if team.rank:
                     from orchestrator.run import follow
 
+                    all_there()
                     return follow(team)
                 return lead(team)
         except BaseException as error:
@@ -71,15 +74,19 @@ def run(config: ConfigFile, overrides: Overrides = None,
             raise team.cause(error)
 
     def lead(team) -> int:
-        from orchestrator.config import load_config, located
-        from orchestrator.parallel.team import Elsewhere
         from orchestrator.results.figures.artist import Artist
 
-        loaded = load_config(config, overrides or [])
-        # started before the run's own imports: it has as much to import
-        with Artist() if loaded.config.output.figures else nullcontext() as artist:
+        # started before all other imports: it has as much to import
+        with nullcontext() if _without_figures(config, overrides or []) else Artist() as artist:
+            from orchestrator.config import load_config, located
+            from orchestrator.parallel.team import Elsewhere
+
+            loaded = load_config(config, overrides or [])
+            if artist and not loaded.config.output.figures:
+                artist = artist.close()
             from orchestrator.run import run as solve
 
+            all_there()
             try:
                 return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team,
                              artist=artist)
@@ -196,6 +203,7 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
     def action() -> int:
         from orchestrator.studies import STUDIES, run_study
 
+        all_there()
         if name in STUDIES:
             run_study(name, output, overrides or [], resume)
             return CONVERGED
@@ -219,6 +227,7 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '
     def action() -> int:
         from orchestrator.blackbox.trial.trial import try_out
 
+        all_there()
         return try_out(code, transport, timeout)
 
     _guarded(action)
@@ -267,6 +276,15 @@ def main() -> None:
         print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
               file=sys.stderr)
     sys.exit(code)
+
+
+def _without_figures(config: Path, overrides: list[str]) -> bool:
+    """Whether the words say so, before anybody has parsed them: who is mistaken has started a process in vain, or late."""
+    try:
+        text = config.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return True
+    return bool(re.search(r"\bfigures\s*[:=]\s*(false|False|FALSE)\b", " ".join([text, *overrides])))
 
 
 def _figures(cut: str | None, parts: list[str] | None, view: str | None) -> dict[str, object] | None:

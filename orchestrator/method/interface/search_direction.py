@@ -59,7 +59,7 @@ class SearchDirection:
     @cached_property
     def solve(self):
         """k⁻¹ applied to rows (T, D), by a factorisation made at the first call."""
-        return Factor(self.k)
+        return Factor(self.k, patches=True)
 
     def times(self, w: np.ndarray) -> np.ndarray:
         """(T, D) k⁻ w."""

@@ -108,4 +108,6 @@ class Exchange:
             k, other = other, k
         elif self.kplus == "diagonal":
             k, other = (sp.csr_array(sp.diags_array(x.diagonal())) for x in (k, other))
-        return k, Factor(sp.csr_array(k + other))
+        if self.kplus != "diagonal" and not (k - other).count_nonzero():  # symmetric soles: one factorisation serves both
+            return k, lambda rows: 0.5 * self.direction.solve(rows)
+        return k, Factor(sp.csr_array(k + other), patches=True)

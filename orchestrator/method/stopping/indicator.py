@@ -114,10 +114,14 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         w_hat, f_hat = (local_stage.hats if exact else local_stage.lumped_hats)(*fields.extended)
         kw_hat = direction.times(w_hat)
 
-    def size(w: np.ndarray, kw: np.ndarray, f: np.ndarray) -> float:
-        return np.vdot(w, kw) + (np.vdot(f, direction.solve(f)) if exact else _square(f, 1 / direction.diagonal))
-
-    return size(w - w_hat, kw - kw_hat, f - f_hat), size(w, kw, f) + size(w_hat, kw_hat, f_hat)
+    forces = (f - f_hat, f, f_hat)
+    if exact:
+        solved = direction.solve(np.concatenate(forces)).reshape(3, *f.shape)  # at once
+        squares = [float(np.vdot(one, its)) for one, its in zip(forces, solved)]
+    else:
+        squares = [_square(one, 1 / direction.diagonal) for one in forces]
+    return (float(np.vdot(w - w_hat, kw - kw_hat)) + squares[0],
+            float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + squares[1] + squares[2])
 
 
 @compiled

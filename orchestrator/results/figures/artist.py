@@ -94,7 +94,7 @@ class Artist:
 
     def close(self) -> None:
         """Ends the process if it still runs."""
-        if self._process is not None:
+        if self._process is not None and self._process.returncode is None:
             self._process.kill()
             if self._waiting is None:
                 self._process.communicate()

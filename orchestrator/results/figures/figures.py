@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,14 +49,18 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
         return None if canvas is None else canvas.draw(view)
 
     title, figures = str(summary.get("name") or ""), {}
+    charts: dict[str, Callable[[], Figure]] = {}
     if len(history.get("iteration", ())):
-        figures["convergence"] = convergence(summary, history)
+        charts["convergence"] = lambda: convergence(summary, history)
     if (summary.get("timing") or {}).get("total"):
-        figures["time"] = time_per_stage(summary)
+        charts["time"] = lambda: time_per_stage(summary)
     if (chart := probes_over_steps(summary)) is not None:
-        figures["probes"] = chart
-    charts, figures = figures, {}
-    written = None if canvas is None else Copied(lambda: _write(folder, charts))
+        charts["probes"] = lambda: chart
+
+    def write_charts() -> None:
+        _write(folder, {name: made() for name, made in charts.items()})
+
+    written = None if canvas is None else Copied(write_charts)
     if fields is not None and fields.steps and len(fields.cells):
         look = look or look_of(summary)
         if fields.interfaces is None:
@@ -71,7 +75,7 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
             figures["codes"] = codes.compose(view, draw(view), summary)
     _write(folder, figures)
     if written is None:
-        _write(folder, charts)
+        write_charts()
     else:
         written.finish()
     return [folder / f"figures/{name}.png" for name in (*charts, *figures)]

@@ -10,6 +10,7 @@ import numpy as np
 from orchestrator.results.figures.view import Camera, View
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
@@ -31,12 +32,33 @@ def show(axes: Axes, view: View, picture: np.ndarray | None) -> None:
     extent = (-camera.width / 2, camera.width / 2, -camera.height / 2, camera.height / 2)
     axes.set_axis_off()
     if picture is not None:
-        axes.imshow(picture, extent=extent, aspect="auto", interpolation="none")
+        axes.figure.add_artist(dot_for_dot(picture, axes.bbox.x0, axes.bbox.y0))
     else:
         _paint(axes, view)
     axes.set(xlim=extent[:2], ylim=extent[2:])
     if view.mark is not None:
         _point_at(axes, *view.mark, camera)
+
+
+def dot_for_dot(picture: np.ndarray, left: float, bottom: float) -> Artist:
+    """A picture (rows, columns, 3) uint8 with its lower left corner at a dot, behind all axes.
+
+    Matplotlib's own images are fitted into their place, even where they fit: that takes longer than to draw all else.
+    """
+    from matplotlib.artist import Artist
+
+    opaque = np.full((*picture.shape[:2], 4), 255, np.uint8)
+    opaque[..., :3] = picture[::-1]  # Agg begins at the bottom
+
+    class Picture(Artist):
+        def draw(self, renderer):
+            context = renderer.new_gc()
+            renderer.draw_image(context, round(left), round(bottom), opaque)
+            context.restore()
+
+    drawn = Picture()
+    drawn.set_zorder(-1)
+    return drawn
 
 
 def _point_at(axes: Axes, place: np.ndarray, value: float, visible: bool, camera: Camera) -> None:

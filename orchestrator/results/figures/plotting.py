@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DPI = 160  # dots per inch, of figures and of the pictures in them
 GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
@@ -20,7 +21,7 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), facecolor="white")
+    figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
@@ -53,8 +54,8 @@ def tidy(axes: object) -> None:
     axes.set_axisbelow(True)
 
 
-def png(figure: Figure, dpi: int = 160) -> bytes:
+def png(figure: Figure) -> bytes:
     """The figure as PNG. In memory: Pillow, writing to a full disk, loses the error's number."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi)
+    figure.savefig(buffer, format="png", dpi=DPI)
     return buffer.getvalue()

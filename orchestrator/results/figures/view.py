@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orchestrator.results.figures.plotting import DPI
+
 if TYPE_CHECKING:
     from matplotlib.colors import Colormap
 
-WIDTH, DPI = 9.0, 160  # of a figure, inches and dots per inch
+WIDTH = 9.0  # of a figure, inches
 _FLATTEST, _TALLEST = 0.22, 0.75  # height of a drawing over its width
 
 
