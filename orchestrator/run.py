@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 from orchestrator.blackbox.layers.stack import with_layers
@@ -34,7 +35,9 @@ from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.artist import Artist
+from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_piece
+from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
@@ -58,7 +61,7 @@ from orchestrator.timing import Stopwatch
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *,
           reference: bool = False, start: Start | None = None, watch: Stopwatch | None = None,
-          team: Team = ALONE, ahead: Ahead | None = None) -> Solution | None:
+          team: Team = ALONE, ahead: Ahead | None = None) -> Solution | Piece:
     """Solve a problem; nothing is written.
 
     Parameters
@@ -69,7 +72,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     start : where an earlier run stood, to resume from
     watch : where seconds are counted
     team : the ranks that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only
-        rank 0 gets the solution, and only its subscribers see whole states
+        rank 0 gets the solution, the others their pieces of its fields, and only its subscribers see whole states
     ahead : where the codes' processes may have been started already
 
     Returns
@@ -111,7 +114,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
 
 
 def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bool, start: Start | None,
-           watch: Stopwatch, team: Team, ahead: Ahead | None) -> Solution | None:
+           watch: Stopwatch, team: Team, ahead: Ahead | None) -> Solution | Piece:
     """The stages of a solution: prepare, iterate, deliver, summarise; the whole scene is on rank 0."""
     if team.size > 1:
         give_back()
@@ -129,16 +132,26 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         delivered, setup_sweeps, ranks = _part_solved(  # which alone holds the part
             config, parts.pop(), placement, codes, cases, told, start, watch, team, ahead,
             estimate, (whole, exact) if reference else None)
-    if ranks is None:
-        return None
-    if team.size > 1:
-        give_back()  # of this rank's part nothing is left
+    wanted, fields, piece = method.tolerance.error == "auto" or config.output.fields, None, None
     with watch("bound"):
-        wanted = method.tolerance.error == "auto" or config.output.fields
-        delivered = on_whole(delivered, whole, estimate if wanted else None)
+        if team.rank == 0:
+            delivered = on_whole(delivered, whole)
+            if wanted and (team.size == 1 or whole.mesh.foreign):  # what stands for a part that is not ours has no moduli in fields
+                delivered = replace(delivered, discretisation=estimate.of_delivered(delivered.continuous))
+        if team.size > 1:
+            give_back()  # of this rank's part nothing is left
+            if team.rank == 0:
+                known = delivered.discretisation
+                fields = Fields.of(whole, delivered.displacement, delivered.sides, None, known and known.cells)
+            piece, fields = Piece.handed_out(fields, rank_of, team), None
+            if found := piece.estimate(wanted and team.rank == 0 and delivered.discretisation is None):
+                delivered = replace(delivered, discretisation=found)
+    if team.rank:
+        piece.extremes()
+        return piece
     summary = summarise(config, whole, delivered, setup_sweeps, exact, ranks, watch)
     with watch("output"):
-        return Solution.of(config, whole, delivered, summary, exact)
+        return Solution.of(config, whole, delivered, summary, exact, piece)
 
 
 def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequence, cases: LoadCases, told: Subscribers,
@@ -269,7 +282,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 if config.output.fields:
                     solution.summary["warnings"] += finish_parts(config.codes, solution.scene.subdomains, solution.parts,
                                                                  solution.joints, folder.path)
-                record.finish(solution, config.output.fields, artist, team, _beside(config, solution) if config.output.fields else [])
+                record.finish(solution, config.output.fields, artist, _beside(config, solution) if config.output.fields else [])
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED
@@ -288,7 +301,7 @@ def _beside(config: Config, solution: Solution) -> list[OwnFields]:
 def follow(team: Team) -> int:
     """What the other ranks do: their parts of rank 0's scene, without a word. Returns 0; the exit code is rank 0's."""
     config, reference = team.share(None)
-    solve(config, reference=reference, team=team)
+    piece = solve(config, reference=reference, team=team)
     if config.output.fields:
-        write_piece(team)
+        write_piece(piece)
     return CONVERGED

@@ -103,11 +103,11 @@ def test_true_jumps_are_no_errors():
     bonded = build_scene(config_from({"name": "t", **layered("perfect")}))
     # the lower layer is stretched, the upper one is not: stresses differ, each is uniform
     sides = [scene.mesh.nodes[s.nodes][None] * [0.01 * (s.index == 0), 0, 0] for s in scene.subdomains]
-    assert Estimator(scene)(sides).relative < 1e-12
-    assert Estimator(bonded)(sides).relative > 0.1
+    assert Estimator.of(scene)(sides).relative < 1e-12
+    assert Estimator.of(bonded)(sides).relative > 0.1
     bonded.materials = [bonded.materials[0], type(bonded.materials[0])(500.0, 0.3)]
     bonded.cell_material = bonded.cell_subdomain
-    assert Estimator(bonded)(sides).relative < 1e-12
+    assert Estimator.of(bonded)(sides).relative < 1e-12
 
 
 def test_stops_at_a_fraction_of_the_estimate(tmp_path):
@@ -150,7 +150,7 @@ def test_contact():
     assert auto.converged and auto.iterations < exact.iterations
     assert estimate == pytest.approx(exact.summary["discretisation_error"], rel=0.02)
     assert auto.iterated.last.target == ("law_residual", auto.summary["tolerance"])
-    estimator = Estimator(exact.scene)
+    estimator = Estimator.of(exact.scene)
     size, gap = (max(estimator.energy(sides)) for sides in (
         exact.sides, [a - b for a, b in zip(auto.sides, exact.sides)]))
     assert np.sqrt(gap / size) < 0.1 * estimate

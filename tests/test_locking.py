@@ -56,7 +56,7 @@ def exactly_solved(case, n, poisson, element="P1"):
 def estimated(case, n, poisson, element="P1"):
     """The estimate, and ‖u‖²."""
     scene, u, energy = exactly_solved(case, n, poisson, element)
-    return Estimator(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
+    return Estimator.of(scene)([u[:, s.nodes] for s in scene.subdomains]).relative, energy
 
 
 @pytest.mark.parametrize("case, poisson", LIMITS)

@@ -1,5 +1,7 @@
 """Fields that ranks write: a piece each, and what puts the pieces together is what one process writes."""
 
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
@@ -8,8 +10,11 @@ from ranks_case import CASES
 from threads import among
 
 from orchestrator.config import config_from
+from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.results.answers.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields, write_piece
+from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.build import build_scene
 
@@ -18,16 +23,29 @@ from orchestrator.scene.build import build_scene
 def test_pieces_make_up_the_whole(case, tmp_path):
     scene = build_scene(config_from({"name": "pieces", **CASES[case]}))
     rng = np.random.default_rng(0)
-    fields = Fields.of(scene, rng.standard_normal((scene.steps, len(scene.mesh.nodes), 3)), None, None,
-                       rng.random((scene.steps, len(scene.mesh.cells))))
+    sides = None if case == "perfect" else [rng.standard_normal((scene.steps, len(s.nodes), 3)) for s in scene.subdomains]
+    displacement = rng.standard_normal((scene.steps, len(scene.mesh.nodes), 3))
+    estimate = Estimator.of(scene)([displacement[:, s.nodes] for s in scene.subdomains] if sides is None else sides)
+    believed = scene.cell_subdomain != 1
+    fields = Fields.of(scene, displacement, sides, None, estimate.cells, believed=believed)
     (tmp_path / "one").mkdir()
     write_fields(ResultsFolder(tmp_path / "one"), fields)
+    lost = None if sides is None else scene.cell_subdomain.max() == np.arange(len(scene.subdomains))[None].repeat(scene.steps, axis=0)
+    most = extremes(fields.nodal, lost)
 
     def write(team):
+        piece = Piece.handed_out(None if team.rank else replace(fields, discretisation_error=None, believed=None),
+                                 np.arange(len(scene.subdomains)) % 3, team)
+        found = piece.estimate(team.rank == 0)
+        ends = piece.extremes(*(() if team.rank else (believed, lost)))
         if team.rank:
-            write_piece(team)
+            write_piece(piece)
         else:
-            write_fields(ResultsFolder(tmp_path / "three"), fields, team)
+            write_fields(ResultsFolder(tmp_path / "three"), fields, piece)
+            assert found.relative == pytest.approx(estimate.relative, rel=1e-12)
+            assert np.allclose(found.cells, estimate.cells, rtol=1e-12, atol=1e-12 * estimate.cells.max())
+            assert np.allclose(ends.value, most.value, rtol=1e-12, atol=1e-12 * np.nanmax(most.value), equal_nan=True)
+            assert np.array_equal(ends.at, most.at) and np.array_equal(ends.step, most.step)
 
     assert among(3, write) == [None] * 3
     for step in range(1, scene.steps + 1):
@@ -37,13 +55,15 @@ def test_pieces_make_up_the_whole(case, tmp_path):
 
         def of_cells(grid):
             centres = grid.points[grid.cells[0].data].mean(axis=1)
-            values = np.column_stack([centres, grid.point_data["displacement"][grid.cells[0].data].reshape(len(centres), -1),
+            at_nodes = (grid.point_data[name][grid.cells[0].data].reshape(len(centres), -1) for name in sorted(grid.point_data))
+            values = np.column_stack([centres, *at_nodes,
                                       *(grid.cell_data[name][0] for name in sorted(grid.cell_data))])
             return values
 
         whole, parts = of_cells(one), np.concatenate([of_cells(p) for p in pieces])
         order, other = (np.lexsort(np.round(x[:, :3], 9).T) for x in (whole, parts))
-        assert np.allclose(whole[order], parts[other], rtol=1e-12, atol=1e-12)
+        size = np.nanmax(np.abs(whole), axis=0)
+        assert np.allclose(whole[order], parts[other], rtol=1e-12, atol=1e-12 * size, equal_nan=True)
         seen = pyvista.read(tmp_path / f"three/fields/step_{step:04d}.pvtu")
         assert seen.n_cells == len(scene.mesh.cells) and set(seen.cell_data) >= set(one.cell_data)
         assert seen.point_data["displacement"].shape[1] == 3 and seen.cell_data["stress"].shape[1] == 6

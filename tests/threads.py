@@ -24,6 +24,9 @@ class Threads(Team):
         everyone = self.all_gather(part)
         return None if self.rank else everyone
 
+    def share(self, thing):
+        return self.all_gather(thing)[0]
+
     def hand_out(self, make):
         made = self.all_gather(None if self.rank else [make(rank) for rank in range(self.size)])
         return made[0][self.rank]

@@ -8,7 +8,6 @@ from types import TracebackType
 
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.config import Config
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, TooSlow
 from orchestrator.results.figures.figures import write_figures
@@ -59,7 +58,7 @@ class Record:
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
         self.subscribers = [self._history, self._checkpoint, self._remains]
 
-    def finish(self, solution: Solution, fields: bool, artist: Artist | None, team: Team = ALONE,
+    def finish(self, solution: Solution, fields: bool, artist: Artist | None,
                beside: Sequence[OwnFields] = ()) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
@@ -68,10 +67,10 @@ class Record:
 
         Parameters
         ----------
-        solution : in its summary, the time that all this takes is noted
+        solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
+            together: the others ``write_piece``
         fields : whether they are wanted
         artist : who draws the figures; None: nobody
-        team : the ranks, which write fields together; the others ``write_piece``
         beside : fields of parts with a mesh of their own
 
         Raises
@@ -80,7 +79,7 @@ class Record:
         """
         try:
             self._history.complete()
-            write_results(self._folder, solution, self._watch, fields, artist, team, beside)
+            write_results(self._folder, solution, self._watch, fields, artist, beside)
         except BaseException as error:
             self._remains.unwritten(error, solution)
             raise
@@ -99,7 +98,7 @@ class Record:
 
 
 def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, fields: bool,
-                  artist: Artist | None, team: Team = ALONE, beside: Sequence[OwnFields] = ()) -> None:
+                  artist: Artist | None, beside: Sequence[OwnFields] = ()) -> None:
     """Fields and summary of a finished run; figures are begun.
 
     Parameters
@@ -107,7 +106,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     solution : in its summary, the time that all this takes is noted
     fields : whether they are wanted
     artist : who draws the figures; None: nobody
-    team, beside : as for ``Record.finish``
+    beside : as for ``Record.finish``
 
     Raises
     ------
@@ -118,7 +117,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
             note_time(solution.summary, watch)
             artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
-            write_fields(folder, solution.fields, team, beside)
+            write_fields(folder, solution.fields, solution.piece, beside)
         if solution.answers is not None:
             solution.answers.write(folder)
     note_time(solution.summary, watch)

@@ -17,6 +17,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.results.answers.answers import Answers
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import read_npz, write_npz
+from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import columns, read_history, write_history
 from orchestrator.results.summary.summary import read_summary, write_summary
@@ -39,6 +40,7 @@ class Solution:
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces, before sides are averaged
     reference : the undecomposed solution, if asked for
     answers : extremes, probes, and what interfaces carry
+    piece : this rank's of the fields, where there are several ranks
     joints : per subdomain (T, n_E, 3), the interfaces' forces at the nodes of a part whose mesh is not ours; None elsewhere
 
     Examples
@@ -72,20 +74,21 @@ class Solution:
     reference: Reference | None = None
     answers: Answers | None = None
     joints: list[np.ndarray | None] | None = None
+    piece: Piece | None = None
 
     @classmethod
     def of(cls, config: Config, scene: Scene, delivered: Delivered, summary: dict[str, object],
-           reference: Reference | None) -> Solution:
+           reference: Reference | None, piece: Piece | None = None) -> Solution:
         """Of a run that has just been finished; its answers are entered in the summary, nothing is written."""
         estimate = delivered.discretisation
         foreign = {e for code in summary["codes"] if code["own_matter"] for e in code["subdomains"]}
         foreign = sorted(foreign | {s.index for s in scene.subdomains if s.foreign})
         fields = Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces, estimate and estimate.cells,
                            believed=~np.isin(scene.cell_subdomain, foreign) if foreign else None)
-        answers = Answers.of(scene, delivered, fields, summary.get("detached") or ())
+        answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
-                   delivered.parts, reference, answers, delivered.joints)
+                   delivered.parts, reference, answers, delivered.joints, piece)
 
     @classmethod
     def read(cls, directory: str | os.PathLike[str]) -> Solution:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, mean_of_sides
@@ -114,13 +113,6 @@ def _on_joints(d: Decomposition, f: np.ndarray) -> list[np.ndarray | None]:
     return found
 
 
-def on_whole(delivered: Delivered, whole: Scene, estimate: DiscretisationEstimate | None) -> Delivered:
-    """With what needs the whole scene and nothing else of the method, on rank 0.
-
-    Parameters
-    ----------
-    estimate : estimates the discretisation error; None: it is not wanted
-    """
-    continuous = delivered.continuous
-    displacement = (on_mesh if delivered.all_perfect else mean_of_sides)(whole, continuous)
-    return replace(delivered, displacement=displacement, discretisation=estimate and estimate.of_delivered(continuous))
+def on_whole(delivered: Delivered, whole: Scene) -> Delivered:
+    """With displacements on the nodes of the whole mesh, on rank 0."""
+    return replace(delivered, displacement=(on_mesh if delivered.all_perfect else mean_of_sides)(whole, delivered.continuous))

@@ -30,7 +30,7 @@ class DiscretisationEstimate:
     @cached_property
     def estimator(self) -> Estimator:
         """On rank 0 alone."""
-        return Estimator(self.scene)
+        return Estimator.of(self.scene)
 
     def __call__(self, d: Decomposition, fields: Admissible, bound: Bound) -> float:
         """Relative, energy norm, if these fields were delivered; shared with all ranks.

@@ -33,6 +33,8 @@ from math import factorial, prod
 import numpy as np
 
 from orchestrator.method.stopping.stress import CENTRE, strain, stress
+from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.team import ALONE
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene
@@ -49,7 +51,7 @@ class Estimate:
     Parameters
     ----------
     relative : max_t η_t / max_t √(‖u_t‖² + η_t²), in the energy norm
-    cells : (T, m) share of each cell; the largest root of a step's sum of squares is ``relative``
+    cells : (T, m) share of each cell, among ranks of its own ones; the largest root of a step's sum of squares is ``relative``
     """
 
     relative: float
@@ -57,46 +59,61 @@ class Estimate:
 
 
 class Estimator:
-    """The estimate for one scene.
+    """The estimate for one mesh, or a rank's part of it.
 
     Parameters
     ----------
-    scene : of four-node or ten-node tets
+    nodes : (n, 3); cells : (m, 4 or 10) int, on nodes of which bodies have their own
+    joined : (n,) int, equal where perfect interfaces make nodes one
+    matter : (m,) int, equal where moduli are
+    lame : (m, 2), Lamé's λ and μ
+    thermal : (T, m, 4) thermal strain at the corners; None where nothing is heated
+    order : (m,) int, where shares of the cells are wanted; None: as they stand
+    number : (n,) int, what ``node`` shall be; None: the nodes themselves
+    meeting : where others have parts of the mesh
 
     Attributes
     ----------
-    cells : (m, p) int, nodes of the cells, subdomain after subdomain, each with its own nodes; order : (m,) int, the
-        mesh's index of each
     gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
     node : (K,) int, see ``recovered``; corner : (p, m) int, the index into it of each cell's nodes
     """
 
-    def __init__(self, scene: Scene):
+    def __init__(self, nodes: np.ndarray, cells: np.ndarray, joined: np.ndarray, matter: np.ndarray, lame: np.ndarray,
+                 thermal: np.ndarray | None = None, order: np.ndarray | None = None, number: np.ndarray | None = None,
+                 meeting: Meeting | None = None):
+        self.cells, self.lame, self.thermal, self.order = cells, lame, thermal, slice(None) if order is None else order
+        self.gradients, self.volumes = shape_gradients(nodes, cells)
+        keys = joined[cells.T] * (int(matter.max(initial=0)) + 1) + matter
+        occurs = np.zeros(int(keys.max()) + 1, dtype=bool)
+        occurs[keys] = True
+        self.corner = (np.cumsum(occurs) - 1).astype(cells.dtype)[keys]
+        self.node = np.empty(self.corner.max() + 1, dtype=int)
+        self.node[self.corner] = cells.T if number is None else number[cells.T]
+        self.team, self._borders = ALONE, None
+        if meeting is not None:
+            behind = np.empty(len(self.node), dtype=int)
+            behind[self.corner] = np.arange(len(cells))
+            self.team, self._borders = meeting.team, meeting.borders(self.node, lame[behind])
+        self.weight = self._sum(np.ones((1, len(cells))))
+        self.product = _mean_products(cells.shape[1])
+
+    @classmethod
+    def of(cls, scene: Scene) -> Estimator:
+        """For a whole scene of four-node or ten-node tets, every subdomain with its own nodes, one after another."""
         sizes = [len(s.nodes) for s in scene.subdomains]
         offsets = np.cumsum([0, *sizes])
-        self.order = np.concatenate([s.cells for s in scene.subdomains])
+        order = np.concatenate([s.cells for s in scene.subdomains])
         kind = np.int32 if offsets[-1] < np.iinfo(np.int32).max else np.int64
-        self.cells = np.concatenate([(s.connectivity + a).astype(kind) for s, a in zip(scene.subdomains, offsets)])
-        nodes = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
-        self.gradients, self.volumes = shape_gradients(nodes, self.cells)
-        lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[self.order]
-        self.lame = lame[material]
-        self.thermal = None if scene.thermal is None else scene.thermal[:, self.order]
-
+        cells = np.concatenate([(s.connectivity + a).astype(kind) for s, a in zip(scene.subdomains, offsets)])
+        number = np.concatenate([s.nodes for s in scene.subdomains])
+        lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[order]
         bonded = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
         one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
                     for side in (0, 1))
-        joined = components(one, two, len(nodes))[1]
         # what counts is whether the moduli differ, not whether the configuration lists them apart
-        matters, matter = np.unique(lame, axis=0, return_inverse=True)
-        keys = joined[self.cells.T] * len(matters) + matter.ravel()[material]
-        occurs = np.zeros(int(keys.max()) + 1, dtype=bool)
-        occurs[keys] = True
-        self.corner = (np.cumsum(occurs) - 1).astype(kind)[keys]
-        self.node = np.empty(self.corner.max() + 1, dtype=int)
-        self.node[self.corner] = np.concatenate([s.nodes for s in scene.subdomains])[self.cells.T]
-        self.weight = self._sum(np.ones((1, len(self.cells))))
-        self.product = _mean_products(self.cells.shape[1])
+        matter = np.unique(lame, axis=0, return_inverse=True)[1].ravel()
+        return cls(scene.mesh.nodes[number], cells, components(one, two, len(number))[1], matter[material], lame[material],
+                   None if scene.thermal is None else scene.thermal[:, order], order, number)
 
     def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
         """Estimate the error of displacements.
@@ -113,7 +130,7 @@ class Estimator:
             squares[t, self.order], energies[t] = self._squares(self._stress(u, number))
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
                 energies[t] = self._squares(self._stress(u))[1]
-        errors, energy = squares.sum(axis=1), energies.sum(axis=1)
+        errors, energy = self.team.sum(squares.sum(axis=1), energies.sum(axis=1))
         size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
@@ -172,7 +189,8 @@ class Estimator:
     def _sum(self, values: np.ndarray) -> np.ndarray:
         """(K,) nodal sums of (p or 1, m), weighted by volume."""
         shares = np.broadcast_to(self.volumes * values, self.corner.shape)
-        return sum(np.bincount(nodes, share, len(self.node)) for nodes, share in zip(self.corner, shares))
+        total = sum(np.bincount(nodes, share, len(self.node)) for nodes, share in zip(self.corner, shares))
+        return total if self._borders is None else self._borders(total)
 
     def _mean_square(self, values: np.ndarray) -> np.ndarray:
         """(m,) mean over each cell of the square of the function with these nodal values (p or 1, m)."""

@@ -9,18 +9,18 @@ import numpy as np
 
 from orchestrator.config import Config
 from orchestrator.method.delivery.deliver import Delivered
-from orchestrator.results.answers import extremes as ends
+from orchestrator.results.answers import extremes as largest
 from orchestrator.results.answers import interfaces as carried
 from orchestrator.results.answers import probes as asked
 from orchestrator.results.answers.extremes import Extremes, extremes, write_extremes
 from orchestrator.results.answers.interfaces import InterfaceTable
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.nodal import Nodal
+from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.places import place_text
 from orchestrator.scene.model import Scene
 
-FILES = (ends.NAME, carried.NAME, asked.NAME)
+FILES = (largest.NAME, carried.NAME, asked.NAME)
 
 
 @dataclass(frozen=True)
@@ -29,29 +29,33 @@ class Answers:
 
     Parameters
     ----------
-    nodal : stresses at the nodes
     extremes : of every part
     interfaces : what all interfaces carry
     probes : as ``probes.read_probes`` gives them
     steps : load steps
     """
 
-    nodal: Nodal
     extremes: Extremes
     interfaces: InterfaceTable
     probes: list[dict[str, object]]
     steps: int
 
     @classmethod
-    def of(cls, scene: Scene, delivered: Delivered, fields: Fields, detached: Sequence[list[str]] = ()) -> Answers:
-        """Of a solved scene; ``detached``: names of bodies that nothing holds, per load step."""
-        nodal = fields.nodal
+    def of(cls, scene: Scene, delivered: Delivered, fields: Fields, detached: Sequence[list[str]] = (),
+           piece: Piece | None = None) -> Answers:
+        """Of a solved scene.
+
+        Parameters
+        ----------
+        detached : names of bodies that nothing holds, per load step
+        piece : rank 0's, where there are several; the others ask for the extremes of theirs
+        """
         lost = None
         if any(detached) or any(s.foreign for s in scene.subdomains):  # of a mesh that is not ours what is inside means nothing
             lost = np.array([[s.foreign or s.body in names for s in scene.subdomains] for names in detached or [[]] * scene.steps])
-        found = asked.read_probes(scene, nodal, delivered.parts) if scene.probes else []
-        return cls(nodal, extremes(nodal, lost), InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found,
-                   scene.steps)
+        ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(fields.believed, lost)
+        found = asked.read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
+        return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps)
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """What summary.json says of it."""

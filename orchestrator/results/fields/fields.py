@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.method.stopping import stress as recovery
+from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES
@@ -43,6 +44,7 @@ class Fields:
         nothing opens
     believed : (m,) bool, where stresses are those of the matter that was computed; None: everywhere
     thermal : (steps, m, 4) thermal strain at the cells' corners; None where nothing is heated
+    meeting : where these are a rank's piece, and other ranks have nodes of it too; never pickled
     """
 
     nodes: np.ndarray
@@ -58,6 +60,7 @@ class Fields:
     joined: np.ndarray | None = None
     believed: np.ndarray | None = None
     thermal: np.ndarray | None = None
+    meeting: Meeting | None = None
 
     @classmethod
     def of(cls, scene: Scene, displacement: np.ndarray, sides: list[np.ndarray] | None = None, *others: object,
@@ -87,12 +90,15 @@ class Fields:
         return replace(self, nodes=self.nodes[split.nodes], cells=split.corners, sides=None,
                        displacement=np.concatenate(self.sides, axis=1))
 
-    @cached_property
+    @property
     def nodal(self) -> Nodal:
-        """Stresses at the nodes."""
-        from orchestrator.results.fields.nodal import Nodal
+        """Stresses at the nodes, made once."""
+        known = vars(self)
+        if "_nodal" not in known:  # cached_property locks others out meanwhile, and of a piece others have to take part
+            from orchestrator.results.fields.nodal import Nodal
 
-        return Nodal(self)
+            known["_nodal"] = Nodal(self)
+        return known["_nodal"]
 
     @property
     def apart(self) -> Fields:
@@ -105,7 +111,7 @@ class Fields:
 
     def __getstate__(self) -> dict[str, object]:
         """What others cannot compute themselves."""
-        return {field.name: getattr(self, field.name) for field in dataclass_fields(self)}
+        return {field.name: getattr(self, field.name) for field in dataclass_fields(self)} | {"meeting": None}
 
     def some(self, chosen: np.ndarray) -> Fields:
         """The same of some of the cells (k,) int, with their own nodes; without interfaces."""

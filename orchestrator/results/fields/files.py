@@ -14,18 +14,18 @@ import numpy as np
 
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.method.stopping.stress import von_mises
-from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.interface_files import write_interfaces
-from orchestrator.results.fields.nodal import Nodal, principal
+from orchestrator.results.fields.nodal import principal
 from orchestrator.results.fields.npz import write_npz
+from orchestrator.results.fields.piece import Piece
 from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
 from orchestrator.results.folder import ResultsFolder
 
 PVD_NAME = "fields/fields.pvd"
 
 
-def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE, beside: Sequence[OwnFields] = ()) -> None:
+def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = None, beside: Sequence[OwnFields] = ()) -> None:
     """Writes fields.npz and fields/step_0001.vtu … with fields/fields.pvd (time = step, from 1).
 
     Several ranks write a piece of every step each, step_0001_0.vtu …, that step_0001.pvtu puts together; the others
@@ -33,7 +33,7 @@ def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE, besi
 
     Parameters
     ----------
-    team : the ranks; this is rank 0
+    piece : rank 0's, where there are several ranks
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
 
     Raises
@@ -42,18 +42,12 @@ def write_fields(folder: ResultsFolder, fields: Fields, team: Team = ALONE, besi
     """
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
-    grid, shown = fields.apart, None
-    if beside:  # of what stands for these parts nothing is shown
-        hidden = [i for i, name in enumerate(fields.parts) if name in {part.name for part in beside}]
-        shown = np.flatnonzero(~np.isin(fields.part, hidden))
-    if team.size > 1:
-        names = _in_pieces(folder, grid, fields.nodal, team, shown)
+    hidden = {part.name for part in beside}  # of what stands for these parts nothing is shown
+    if piece is not None:
+        names = _in_pieces(folder, piece, hidden)
     else:
         names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
-        some = grid if shown is None else grid.some(shown)
-        at = slice(None) if shown is None else np.unique(grid.cells[shown])
-        for step, name in enumerate(names):
-            _write_step(folder, f"fields/{name}", some, step, fields.nodal.everywhere(fields.nodal.stress(step))[at])
+        _write_steps(folder, names, fields, hidden)
     write_pvd(folder, PVD_NAME, names, [_write_beside(folder, part) for part in beside])
     if fields.interfaces is not None:
         write_interfaces(folder, fields.nodes, fields.interfaces,
@@ -73,54 +67,51 @@ def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
     return names
 
 
-def write_piece(team: Team) -> None:
+def write_piece(piece: Piece) -> None:
     """What the other ranks do while rank 0 writes fields: a piece of every step."""
-    directory, *piece = team.hand_out(lambda rank: None)
-    _write_piece(ResultsFolder(directory), *piece, team.rank)
-    team.gather(None)
+    directory, hidden = piece.team.share(None)
+    _write_piece(ResultsFolder(directory), piece, hidden)
 
 
-def _in_pieces(folder: ResultsFolder, fields: Fields, nodal: Nodal, team: Team, shown: np.ndarray | None = None) -> list[str]:
-    """Have every rank write its piece; names of the files that put them together.
-
-    Parameters
-    ----------
-    shown : (k,) int, which of the cells; None: all
-    """
-    order = np.argsort(fields.subdomain, kind="stable")
-    if shown is not None:
-        order = order[np.isin(order, shown)]
-    ends = np.linspace(0, len(order), team.size + 1).astype(int)
-    stress = np.array([nodal.everywhere(nodal.stress(step)) for step in range(fields.steps)])
-
-    def piece(rank: int) -> tuple[Fields, np.ndarray]:
-        chosen = np.sort(order[ends[rank] : ends[rank + 1]])
-        return fields.some(chosen), stress[:, np.unique(fields.cells[chosen])]
-
-    _write_piece(folder, *team.hand_out(lambda rank: (os.fspath(folder.path.absolute()), *piece(rank)))[1:], 0)
-    team.gather(None)
-    for rank in range(1, team.size):
-        if not all((folder / f"fields/{name}").is_file() for name in _names(fields.steps, rank)):
-            _write_piece(folder, *piece(rank), rank)  # that rank's disk is another one
-    names = [f"step_{step + 1:04d}.pvtu" for step in range(fields.steps)]
-    one = np.arange(min(1, len(fields.cells)))
+def _in_pieces(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> list[str]:
+    """Have every rank write its piece; names of the files that put them together."""
+    piece.team.share((os.fspath(folder.path.absolute()), hidden))
+    first = _write_piece(folder, piece, hidden)
+    names = [f"step_{step + 1:04d}.pvtu" for step in range(piece.fields.steps)]
     for step, name in enumerate(names):
-        write_pvtu(folder, f"fields/{name}", [_names(fields.steps, rank)[step] for rank in range(team.size)],
-                   *_data(fields.some(one), step, stress[step, np.unique(fields.cells[one])]))
+        write_pvtu(folder, f"fields/{name}", [_names(piece.fields.steps, rank)[step] for rank in range(piece.team.size)], *first)
     return names
+
+
+def _write_piece(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """A rank's files; where its disk is another one than rank 0's, rank 0 writes what they contain. Returns ``_data``'s of its last step."""
+    team = piece.team
+    names = [_names(piece.fields.steps, rank) for rank in range(team.size)]
+    last = _write_steps(folder, names[team.rank], piece.fields, hidden)
+    team.gather(None)  # all have written
+    absent = team.share([name for own in names for name in own if not (folder / f"fields/{name}").is_file()])
+    for found in team.gather({name: (folder / f"fields/{name}").read_bytes() for name in names[team.rank] if name in absent}) or ():
+        for name, content in found.items():
+            folder.write(f"fields/{name}", content)
+    return last
 
 
 def _names(steps: int, rank: int) -> list[str]:
     return [f"step_{step + 1:04d}_{rank}.vtu" for step in range(steps)]
 
 
-def _write_piece(folder: ResultsFolder, piece: Fields, stress: np.ndarray, rank: int) -> None:
-    for step, name in enumerate(_names(piece.steps, rank)):
-        _write_step(folder, f"fields/{name}", piece, step, stress[step])
-
-
-def _write_step(folder: ResultsFolder, name: str, fields: Fields, step: int, stress: np.ndarray) -> None:
-    write_vtu(folder, name, fields.nodes, fields.cells, *_data(fields, step, stress))
+def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
+                 hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """A grid of every load step, without parts of these names; the data of the last."""
+    grid, at = fields.apart, slice(None)
+    some = grid
+    if hidden:
+        shown = np.flatnonzero(~np.isin(fields.part, [i for i, name in enumerate(fields.parts) if name in hidden]))
+        some, at = grid.some(shown), np.unique(grid.cells[shown])
+    for step, name in enumerate(names):
+        data = _data(some, step, fields.nodal.everywhere(fields.nodal.stress(step))[at])
+        write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data)
+    return data
 
 
 def _data(fields: Fields, step: int, stress: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -12,13 +12,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orchestrator.parallel.borders import Borders, Meeting
+
 if TYPE_CHECKING:
     from orchestrator.results.fields.fields import Fields
 
+NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)
 
 
 class Nodal:
     """Nodal stresses of a solution; K nodes, counted once for each stress that they have.
+
+    Of a rank's piece of a solution each rank makes one, and all ask together.
 
     Attributes
     ----------
@@ -45,8 +50,14 @@ class Nodal:
         self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
-        self._weight = np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=count)
+        self._borders = Borders(*NOWHERE) if self.fields.meeting is None else self._at_others(self.fields.meeting)
+        self._weight = self._borders(np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=count))
         self._known: dict[int, np.ndarray] = {}
+
+    def _at_others(self, meeting: Meeting) -> Borders:
+        cell = np.empty(len(self.node), dtype=int)
+        cell[self.corner] = np.arange(len(self.corner))[:, None]
+        return meeting.borders(self.node, self.fields.lame[cell], self.part)
 
     def __len__(self) -> int:
         return len(self.node)
@@ -69,9 +80,11 @@ class Nodal:
         result = np.empty((6, len(self)))
         for c in range(6):
             each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
-            result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self)) / self._weight
-        if fields.believed is not None:
+            result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
+        if fields.believed is not None:  # before other ranks' sums: theirs are no better there
             result[:, self.corner[~fields.believed]] = np.nan
+        self._borders(result)
+        result /= self._weight
         return result.T
 
     @cached_property

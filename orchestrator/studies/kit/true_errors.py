@@ -64,7 +64,7 @@ class Exact:
         ----------
         sides : per subdomain (T, n_E, 3)
         """
-        estimator = Estimator(scene)
+        estimator = Estimator.of(scene)
         stress = abs(_largest(estimator, scene, sides, self.watched) / self.stress - 1)
         if self.scene is not None:
             return {"energy_error": self._distance(scene, sides), "stress_error": stress}
@@ -77,7 +77,7 @@ class Exact:
         """max_t ‖ũ − u‖ / max_t ‖u‖, with ũ carried over to the finer mesh, subdomain by subdomain."""
         gaps = [_carried(s, scene.mesh.nodes[s.nodes], mine, self.scene.mesh.nodes[fine.nodes]) - theirs
                 for s, mine, fine, theirs in zip(scene.subdomains, sides, self.scene.subdomains, self.sides)]
-        return math.sqrt(Estimator(self.scene).energy(gaps).max() / self.energy)
+        return math.sqrt(Estimator.of(self.scene).energy(gaps).max() / self.energy)
 
 
 def direct(config: Mapping[str, Any]) -> tuple[Scene, np.ndarray]:
@@ -97,14 +97,14 @@ def extrapolated(configs: Sequence[Mapping[str, Any]], watched: Watched) -> Exac
         energies.append(_work(scene, [displacement]))
     first, second, last = energies
     energy = last + (last - second) / ((second - first) / (last - second) - 1)
-    return Exact(energy, (energy - last) / energy, _largest(Estimator(scene), scene, [displacement], watched), watched)
+    return Exact(energy, (energy - last) / energy, _largest(Estimator.of(scene), scene, [displacement], watched), watched)
 
 
 def finer(config: Mapping[str, Any], watched: Watched) -> Exact:
     """Our own solution on one fine mesh."""
     settings = config_from(dict(config))
     solved = solve(settings, build_scene(settings))
-    estimator = Estimator(solved.scene)
+    estimator = Estimator.of(solved.scene)
     return Exact(float(estimator.energy(solved.sides).max()), math.nan,
                  _largest(estimator, solved.scene, solved.sides, watched), watched, solved.scene, solved.sides)
 
