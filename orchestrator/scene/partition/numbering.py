@@ -51,8 +51,12 @@ def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -
 
 def position_rank(points: np.ndarray) -> np.ndarray:
     """(n,) int, rank of each point in the order of x, then y, then z, blind to rounding and to units."""
-    low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
-    z, y, x = np.rint((points - low).T[::-1] / extent / SAME_POSITION)
     rank = np.empty(len(points), dtype=int)
-    rank[np.lexsort((z, y, x))] = np.arange(len(points))
+    rank[np.lexsort(rounded(points))] = np.arange(len(points))
     return rank
+
+
+def rounded(points: np.ndarray) -> np.ndarray:
+    """(3, n) z, y and x of points as whole numbers, blind to rounding and to units."""
+    low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
+    return np.rint((points - low).T[::-1] / extent / SAME_POSITION)

@@ -11,8 +11,8 @@ from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles.difficulty import Difficulty, difficulty
 from orchestrator.scene.soles.facets import Facets, facets_of
+from orchestrator.scene.soles.layers import layers
 from orchestrator.scene.soles.overlap import overlap
-from orchestrator.scene.soles.prisms import prisms
 from orchestrator.scene.soles.sole import Sole, merge
 
 
@@ -60,13 +60,16 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
     kind : layer, springs or symmetric
     second : the facets where the second side is, if not on the first
     """
-    if second is not None:
-        return soles_of(facets, kind)[0], soles_of(second, kind)[1]
+    own = [facets] if second is None else [facets, second]
+    return _chosen(kind, own, layers(own))
+
+
+def _chosen(kind: str, own: Sequence[Facets], made: Sequence[tuple[Sole, Sole]]) -> tuple[Sole, Sole]:
+    """The soles of an interface from the ``layers`` on its facets, of both sides or of one."""
     if kind in ("layer", "springs"):
-        return prisms(facets, +1), prisms(facets, -1)
-    half = replace(facets, young=facets.young / 2)
-    both = merge(prisms(half, +1), prisms(half, -1), len(facets.points))
-    return both, both
+        return made[0][0], made[-1][1]
+    both = [merge(*(replace(layer, young=layer.young / 2) for layer in pair), len(f.points)) for f, pair in zip(own, made)]
+    return both[0], both[-1]
 
 
 def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[tuple[Sole, Sole]]:
@@ -75,10 +78,11 @@ def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[t
             for number, (kind, own) in enumerate(zip(kinds, facets))]
     first = first_congruent(keys, [np.vstack([f.points for f in own]) for own in facets],
                             lambda i, j: all(a.same_matter(b) for a, b in zip(facets[i], facets[j])))
+    made = iter(layers([f for number, own in enumerate(facets) if first[number] == number for f in own]))
     soles: list[tuple[Sole, Sole]] = []
     for number, (kind, own) in enumerate(zip(kinds, facets)):
         if first[number] == number:
-            soles.append(soles_of(own[0], kind, *own[1:]))
+            soles.append(_chosen(kind, own, [next(made) for _ in own]))
             continue
         shift = own[0].points[0] - facets[first[number]][0].points[0]
         one, two = soles[first[number]]

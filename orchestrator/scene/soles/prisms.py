@@ -32,12 +32,8 @@ def prisms(facets: Facets, direction: int) -> Sole:
     shrink, the modulus shrinks with it: E/thickness is what counts.
     """
     n = len(facets.points)
-    corners = facets.triangles[:, :3]
-    order = np.argsort(position_rank(facets.points)[corners], axis=1)
-    triangles = np.take_along_axis(corners, order, axis=1)
-    # sorting may have turned a facet over: an odd permutation has an inversion count of 1 or 3
-    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
-    turn = direction * np.where(odd == 1, -1.0, 1.0)
+    triangles, odd = split(facets.triangles[:, :3], position_rank(facets.points))
+    turn = direction * odd
 
     normals = direction * facets.normals
     vectors = facets.area_vectors
@@ -45,7 +41,7 @@ def prisms(facets: Facets, direction: int) -> Sole:
     thickness = facets.thickness.copy()
     for attempt in range(HALVINGS + 1):
         outer = facets.points + thickness[:, None] * normals
-        bad = _thinnest(facets.points, outer, triangles, turn) < FLATNESS * area * thickness[triangles].mean(1) / 3
+        bad = ~sound(facets.points, outer, triangles, turn, area * thickness[triangles].mean(1) / 3)
         if not bad.any() or attempt == HALVINGS:
             break
         thickness[np.unique(triangles[bad])] *= 0.5
@@ -62,7 +58,7 @@ def prisms(facets: Facets, direction: int) -> Sole:
         points = np.vstack([outer, own.reshape(-1, 3)])
         achieved[lone] = wanted[lone]
 
-    tets = _three_tets(triangles, outer_of)
+    tets = three_tets(triangles, outer_of)
     flipped = turn < 0
     tets[flipped] = tets[flipped][:, :, [1, 0, 2, 3]]
     cells = tets.reshape(-1, 4)
@@ -80,14 +76,28 @@ def prisms(facets: Facets, direction: int) -> Sole:
     )
 
 
-def _three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(k, 3) corners of facets sorted by the rank (n,) of their nodes, and (k,) −1 where that turns a facet over, else 1."""
+    order = np.argsort(rank[corners], axis=1)
+    # an odd permutation has an inversion count of 1 or 3
+    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
+    return np.take_along_axis(corners, order, axis=1), np.where(odd == 1, -1.0, 1.0)
+
+
+def three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """(k, 3, 4) tets of prisms between triangles (k, 3) and those behind them, in the order of the corners."""
     (a, b, c), (a1, b1, c1) = inner.T, outer.T
     return np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1), np.stack([a, a1, b1, c1], 1)], 1)
 
 
-def _thinnest(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """(k,) smallest signed tet volume of each prism."""
-    tets = _three_tets(triangles, triangles + len(points))
+def sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(k,) bool, whether no tet of a prism is flat, or turned over.
+
+    Parameters
+    ----------
+    points, outer : (n, 3) nodes of the facets (k, 3), and those behind them
+    turn : (k,) ±1, orientation; share : (k,) regular volume of a tet
+    """
+    tets = three_tets(triangles, triangles + len(points))
     volume = tet_volumes(np.vstack([points, outer]), tets.reshape(-1, 4)).reshape(-1, 3)
-    return turn * np.where(turn > 0, volume.min(axis=1), volume.max(axis=1))
+    return ~(turn * np.where(turn > 0, volume.min(axis=1), volume.max(axis=1)) < FLATNESS * share)
