@@ -79,7 +79,9 @@ def test_what_is_hard(tmp_path):
     mixed_up = difficulty(build_scene(config(**mixed(tmp_path / "mixed.mesh"))))
     assert not even.mixed_moduli.any() and mixed_up.mixed_moduli.all() and not mixed_up.incompressible_or_slender.any()
     assert difficulty(build_scene(config(**flat()))).incompressible_or_slender.all()
-    assert difficulty(build_scene(config(materials=[{"young": 1.0, "poisson": 0.499}]))).incompressible_or_slender.all()
+    for element, poisson, soft in ("P1", 0.499, True), ("P2", 0.499, False), ("P2", 0.4999, True):
+        hard = difficulty(build_scene(config(materials=[{"young": 1.0, "poisson": poisson}], blackbox={"element": element})))
+        assert hard.incompressible_or_slender.all() and hard.soft.all() == hard.soft.any() == soft
 
 
 @pytest.mark.parametrize("case", ["mixed", "flat"])

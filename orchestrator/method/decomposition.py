@@ -292,7 +292,7 @@ def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, 
     with watch("macro"):
         bases = interface_bases(scene, space, "affine" if kind in ("auto", "modes") else kind, wanted, method.skip.congruent)
         if kind in ("auto", "modes"):
-            chosen = difficulty(scene).incompressible_or_slender if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
+            chosen = difficulty(scene).soft if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
     if kind in ("auto", "modes"):
         if chosen.any():
             loaded()

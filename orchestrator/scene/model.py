@@ -19,6 +19,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import tet_volumes
 
 if TYPE_CHECKING:
+    from orchestrator.scene.soles.difficulty import Difficulty
     from orchestrator.scene.conditions.frames import Cylindrical
     from orchestrator.scene.interfaces.mortar.moving import Moving
 
@@ -294,13 +295,12 @@ class Overview:
     ----------
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold
-    mixed_moduli, incompressible_or_slender : (interfaces,) and (subdomains,) bool, what is difficult about them
+    difficulty : what is difficult about the interfaces and subdomains
     """
 
     sizes: np.ndarray
     loose: np.ndarray
-    mixed_moduli: np.ndarray
-    incompressible_or_slender: np.ndarray
+    difficulty: Difficulty
 
 
 @dataclass

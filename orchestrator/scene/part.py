@@ -20,10 +20,8 @@ from orchestrator.scene.soles.overlap import first_row
 
 def overview(scene: Scene) -> Overview:
     """What every part of a scene has to know of all of it."""
-    hard = difficulty(scene)
     opens = any(not i.law.joins for i in scene.interfaces)
-    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool),
-                    hard.mixed_moduli, hard.incompressible_or_slender)
+    return Overview(scene.sizes, loose_bodies(scene) if opens else np.zeros(len(scene.subdomains), dtype=bool), difficulty(scene))
 
 
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
