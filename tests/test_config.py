@@ -9,6 +9,7 @@ import pytest
 
 from orchestrator.config import Loaded, config_from, load_config, located, steps, vectors_per_step
 from orchestrator.config.method import Method
+from orchestrator.config.source import Source
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
 # Each block is one line of the file, so that tests can name the line by the key.
@@ -278,6 +279,13 @@ def test_overrides(write):
 def test_problems_of_overrides_show_the_override(write, override, key, words):
     [problem] = problems_of(write(), [override])
     assert problem.path == key and problem.file == f"--set {override}" and words in str(problem)
+
+
+def test_a_default_is_not_blamed_on_an_override_beside_it():
+    """As when a run resumes from a folder that only the name of the configuration says; what an override left out is."""
+    source = Source("it.yaml", {}, {("output", "fields"): "output.fields=false", ("mesh", "box", "size"): "mesh.box.size=[1,1,1]"})
+    assert source.locate(("output", "directory")) == ("it.yaml", 1)
+    assert source.locate(("mesh", "box", "cells")) == ("--set mesh.box.size=[1,1,1]", None)
 
 
 def test_mesh_file_beside_the_yaml_or_in_the_current_folder(write, tmp_path, monkeypatch):

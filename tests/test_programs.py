@@ -11,17 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foreign_case import write_deck
 from in_process import IN_PROCESS
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
+from orchestrator.blackbox.codes.foreign.calculix_deck import DeckCode
 from orchestrator.blackbox.codes.foreign.finishing import finish_parts
 from orchestrator.blackbox.codes.foreign.program import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.cli import app
 from orchestrator.config import config_from
-from orchestrator.config.foreign_parts import ProgramPart
+from orchestrator.config.foreign_parts import DeckPart, ProgramPart
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.mesh.structured import bricks
@@ -238,11 +240,20 @@ def test_wrong_entries_of_programs_are_told(tmp_path):
                   facets=str(tmp_path / "facets.csv"), outward=None)
 
 
-def test_whoever_interrupts_a_run_does_not_wait_for_a_program(tmp_path, monkeypatch):
+@pytest.mark.parametrize("kind", ["program", "deck"])
+def test_whoever_interrupts_a_run_does_not_wait_for_a_program(tmp_path, monkeypatch, kind):
     """Its pool ends what it has started, from another thread; no folder is left."""
     run, begun = program(tmp_path, end="open(%r, 'w').close(); time.sleep(60)" % str(tmp_path / "begun")), time.monotonic()
-    code = ProgramCode(ProgramCode.Settings(code="program", part=ProgramPart(run=run, outward=[0, 0, -1]), name="it",
-                                            place=("parts", 1, "program"), factors=(1.0,)))
+    if kind == "program":
+        of, part = ProgramCode, ProgramPart(run=run, outward=[0, 0, -1])
+    else:  # a CalculiX that takes its time
+        write_deck(tmp_path)
+        sleeper = tmp_path / "ccx"
+        sleeper.write_text(f"#!/bin/sh\n: > {tmp_path / 'begun'}\nsleep 60\n")
+        sleeper.chmod(0o755)
+        monkeypatch.setenv("ORCHESTRATOR_CALCULIX", str(sleeper))
+        of, part = DeckCode, DeckPart(calculix=str(tmp_path / "part.inp"), joints=["FLANGE"])
+    code = of(of.Settings(code=kind, part=part, name="it", place=("parts", 1, kind), factors=(1.0,)))
     failures, folder = [], tmp_path / "temporary"
     folder.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
@@ -261,7 +272,7 @@ def test_whoever_interrupts_a_run_does_not_wait_for_a_program(tmp_path, monkeypa
     worker.kill()
     worker.release()
     asking.join(timeout=30)
-    assert not asking.is_alive() and "killed by signal 9" in failures[0]
+    assert not asking.is_alive() and {"program": "killed by signal 9", "deck": "killed by SIGKILL"}[kind] in failures[0]
     assert not list(folder.iterdir())
 
 

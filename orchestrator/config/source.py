@@ -31,8 +31,8 @@ class Source:
                 return f"--set {self.overrides[known]}", None
             if known in self.lines:
                 return self.file, self.lines[known]
-            for keys, text in self.overrides.items():  # a parent that only an override made
-                if keys[:length] == known:
+            for keys, text in self.overrides.items():  # a parent that only an override made, and did not complete
+                if keys[:length] == known and not _by_default(path):
                     return f"--set {text}", None
         return self.file, 1 if self.file else None
 
@@ -45,3 +45,16 @@ class Source:
                 problem = replace(problem, file=file, line=line)
             found.append(problem)
         return sorted(found, key=lambda problem: problem.line or 0)
+
+
+def _by_default(path: KeyPath) -> bool:
+    """Whether a key has a default wherever its mapping has."""
+    from orchestrator.config.model import Config
+
+    model, field = Config, None
+    for key in path:
+        field = getattr(model, "model_fields", {}).get(key)
+        if field is None:
+            return False
+        model = field.annotation
+    return field is not None and not field.is_required()

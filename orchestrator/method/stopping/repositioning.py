@@ -54,9 +54,11 @@ class RigidModes:
         return self._sparse(traces, self._space.owner)
 
     def _sparse(self, values: np.ndarray, owner: np.ndarray) -> sp.csr_array:
-        row, field = np.nonzero(values.T)
-        return narrow(sp.csr_array((values[field, row], (row, self._starts[owner[row]] + field)),
-                                   shape=(values.shape[1], self._starts[-1])))
+        rows = np.ascontiguousarray(values.T)
+        there = rows != 0
+        columns = (self._starts[owner][:, None] + np.arange(RIGID))[there]
+        ends = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
+        return narrow(sp.csr_array((rows[there], columns, ends), shape=(len(rows), self._starts[-1])))
 
 
 class Repositioning:

@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -26,23 +25,11 @@ import numpy as np
 from orchestrator.config.foreign_parts import ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.parallel.launcher import without_launcher
+from orchestrator.scene.foreign.waiting import waited_for
 
 SPRINGS, FORCES, DISPLACEMENTS, JOINT = "springs.txt", "forces.txt", "displacements.txt", "joint.txt"
 TAIL = 2000  # bytes of what it printed last
 LINES = 400_000  # of forces in one call: more cases are more calls
-_running: set[subprocess.Popen] = set()
-
-
-def end_all() -> None:
-    """End all programs that run now; from any thread."""
-    for process in list(_running):
-        _end(process)
-
-
-def _end(process: subprocess.Popen) -> None:
-    """The whole group: a script may have started others."""
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
 
 
 class ProgramRuns:
@@ -141,27 +128,17 @@ class ProgramRuns:
 
     def _run(self, folder: Path) -> None:
         """Start it and wait for its end; whatever happens, nothing of it is left running."""
-        command = [os.path.abspath(self.part.run), *self.part.arguments]
-        if setpriv := shutil.which("setpriv"):  # ends with this program, however that ends
-            command = [setpriv, "--pdeathsig", "KILL", *command]
         environment = {**without_launcher(os.environ), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with tempfile.TemporaryFile() as log:
             try:
-                process = subprocess.Popen(command, cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                                           process_group=0)
+                code = waited_for([os.path.abspath(self.part.run), *self.part.arguments], self.part.timeout, cwd=folder,
+                                  env=environment, stdout=log, stderr=log)
             except OSError as error:
                 raise self.wrong(f"{self.part.run} cannot be started: {error.strerror}", "a program, or a script whose first line "
                                  "is #! and an interpreter that is there", "look at its first line") from error
-            _running.add(process)
-            try:
-                code = process.wait(self.part.timeout)
             except subprocess.TimeoutExpired:
                 raise self.wrong(f"no answer within {self.part.timeout:g} s", "an answer within timeout", "raise timeout in its entry, "
                                  "or look for what it waits for: it has no input but its files") from None
-            finally:
-                _end(process)
-                process.wait()
-                _running.discard(process)
             if code:
                 log.seek(max(0, os.fstat(log.fileno()).st_size - TAIL))
                 said = log.read().decode(errors="replace").strip().splitlines()[-5:]

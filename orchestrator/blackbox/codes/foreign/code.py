@@ -11,6 +11,7 @@ from pydantic import Field, SerializeAsAny
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.foreign_parts import ForeignPart
+from orchestrator.scene.foreign.waiting import end_all
 
 if TYPE_CHECKING:
     from orchestrator.blackbox.codes.foreign.condensed import Condensed
@@ -81,7 +82,8 @@ class ForeignCode(Code):
         return self.condensed().floor
 
     def kill(self) -> None:
-        """End what it may have started and not waited for yet; from any thread."""
+        """End what it has started and waits for, from any thread: whoever interrupts a run does not."""
+        end_all()
 
     def worker(self) -> type[Worker]:
         """As ``Code`` says."""

@@ -20,6 +20,7 @@ from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck import Deck
 from orchestrator.scene.foreign.deck_cards import headings
 from orchestrator.scene.foreign.joints import Joints
+from orchestrator.scene.foreign.waiting import waited_for
 
 JOB = "orchestrator-job"
 # CalculiX stores no stiffness unless some matter has a mass; of this one nothing is made.
@@ -129,14 +130,16 @@ class DeckRuns:
             old.unlink()
         (self.folder / f"{JOB}.inp").write_text(text, encoding="utf-8")
         environment = {**self.code.environment(), "OMP_NUM_THREADS": "1"}
-        try:
-            done = subprocess.run(self.code.command(JOB), cwd=self.folder, env=environment, stdin=subprocess.DEVNULL,
-                                  capture_output=True, timeout=PATIENCE)
-        except subprocess.TimeoutExpired as error:
-            raise Refused(f"no answer in {PATIENCE:g} s") from error
-        said = complaint(done.stdout.decode(errors="replace"))
-        if said or done.returncode:
-            raise Refused(f"CalculiX says: {said or self.code.meaning(done.returncode)}")
+        with tempfile.TemporaryFile() as log:
+            try:
+                ended = waited_for(self.code.command(JOB), PATIENCE, cwd=self.folder, env=environment, stdout=log,
+                                   stderr=subprocess.DEVNULL)
+            except subprocess.TimeoutExpired as error:
+                raise Refused(f"no answer in {PATIENCE:g} s") from error
+            log.seek(0)
+            said = complaint(log.read().decode(errors="replace"))
+        if said or ended:
+            raise Refused(f"CalculiX says: {said or self.code.meaning(ended)}")
 
     def _displacements(self) -> np.ndarray:
         """(nodes, 3) of all nodes by number: the second record after the materials' names in the restart file."""

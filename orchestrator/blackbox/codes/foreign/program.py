@@ -21,7 +21,7 @@ import numpy as np
 from orchestrator.blackbox.codes.foreign.code import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
 from orchestrator.scene.foreign.joints import Joints
-from orchestrator.scene.foreign.program_run import ProgramRuns, end_all
+from orchestrator.scene.foreign.program_run import ProgramRuns
 from orchestrator.scene.foreign.read import read_joints
 
 if TYPE_CHECKING:
@@ -74,10 +74,6 @@ class ProgramCode(ForeignCode):
         keeps nothing between its calls remembers."""
         own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
         return self.runs().displacements(self.condensed().joints.ids, springs, own, np.array(forces))[-1]
-
-    def kill(self) -> None:
-        """As ``ForeignCode`` says: whoever interrupts a run does not wait for a program."""
-        end_all()
 
     def worker(self) -> type[Worker]:
         """As ``Code`` says."""
