@@ -60,6 +60,7 @@ def test_threads_that_share_the_fronts_give_the_same_bits(monkeypatch):
     """Each has branches of its own; a band of panels ends within a front, and the last panel of a front is narrower."""
     monkeypatch.setattr(elimination, "OWN_THREAD", 0.0)
     monkeypatch.setattr(elimination, "PANEL", 2 * SIZE)
+    monkeypatch.setattr(elimination, "BAND", 5 * SIZE)
     ends, bodies = lattice(5)
     pattern, rng = BlockPattern(ends, bodies, SIZE), np.random.default_rng(4)
     blocks = pattern.shifted(rng.normal(size=(len(pattern.indices), SIZE, SIZE)), 20.0)
@@ -69,7 +70,7 @@ def test_threads_that_share_the_fronts_give_the_same_bits(monkeypatch):
         made = Elimination(pattern.indptr, pattern.indices, SIZE)
         assert len(made.layout.apart) == (0 if threads == 1 else threads)
         assert sorted(np.concatenate([*made.layout.apart, made.layout.last])) == list(range(len(made.fronts)))
-        assert max(made.layout.sizes[:, 0]) > fronts.WIDE * made.layout.panel
+        assert max(made.layout.sizes[:, 0]) > made.layout.band
         found.append(made.factors(blocks).solve(right))
     assert np.array_equal(*found)
     assert np.linalg.norm(pattern.matrix_of(blocks) @ found[0].ravel() - right.ravel()) < 1e-12 * np.linalg.norm(right)

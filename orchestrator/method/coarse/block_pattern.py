@@ -60,9 +60,9 @@ class BlockPattern:
         return self.less(np.zeros((len(self.indices), self.size, self.size)), pairs, 1.0)
 
     def less(self, values: np.ndarray, pairs: np.ndarray, sign: float = -1.0) -> np.ndarray:
-        """Blocks of a matrix, less those of the interfaces (or, by the sign, and those)."""
+        """Blocks of a matrix, less those of the interfaces (or, by the sign, and those), in the matrix's precision."""
         result = np.empty_like(values)
-        in_parts(added_up, len(result), self.starts, self.which, sign, pairs.reshape(-1, self.size**2),
+        in_parts(added_up, len(result), self.starts, self.which, values.dtype.type(sign), pairs.reshape(-1, self.size**2),
                  *(x.reshape(len(result), -1) for x in (values, result)), part=BLOCKS)
         return result
 
@@ -98,7 +98,7 @@ class BlockPattern:
     def shifted(self, values: np.ndarray, shift: float) -> np.ndarray:
         """Its blocks with a shift of its diagonal."""
         result = values.copy()
-        result[self.diagonal] += shift * np.eye(self.size)
+        result[self.diagonal] += (shift * np.eye(self.size)).astype(values.dtype)
         return result
 
     @cached_property

@@ -27,6 +27,7 @@ OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front tak
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
 OWN_THREAD = 1e7  # operations that BLAS does in the time that it takes to have another thread do something
 PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
+BAND = 96  # rows of a band: products of so many columns are as quick as others, and its inverse costs next to nothing beside them
 
 
 @dataclass
@@ -129,7 +130,7 @@ class Elimination:
         constants = np.array([-1.0, 0.0, 1.0], blocks.dtype)
 
         def some(which: np.ndarray) -> int:
-            return fronts.eliminate(which, PRODUCT[blocks.dtype], constants, blocks, at.panel, at.sizes, at.places,
+            return fronts.eliminate(which, PRODUCT[blocks.dtype], constants, blocks, at.panel, at.band, at.sizes, at.places,
                                     at.enters, at.enter, at.children, at.child, at.rests, at.within, result.own, result.beside, work)
 
         if max(together(some, at.apart), default=-1) >= 0 or some(at.last) >= 0:
@@ -143,13 +144,14 @@ class Layout:
 
     Parameters
     ----------
-    panel : rows of a panel
-    own, beside, work : numbers in all own parts, in what is beside them, and in fronts whose rest is not taken up yet
+    panel, band : their rows
+    own, beside, work : numbers in all L, in all U, and in what is left of fronts whose parents have not taken it yet
     apart, last : the fronts that threads of their own eliminate, and those after these
     others : as for ``fronts.eliminate``
     """
 
     panel: int
+    band: int
     sizes: np.ndarray
     places: np.ndarray
     own: int
@@ -169,7 +171,7 @@ class Layout:
     @classmethod
     def of(cls, fronts: Sequence[Front], size: int) -> Layout:
         """Of these fronts, whose blocks have ``size`` rows."""
-        count, none = len(fronts), np.zeros(0, dtype=int)
+        count, none, panel = len(fronts), np.zeros(0, dtype=int), max(1, PANEL // size) * size
         parent = np.array([front.parent for front in fronts], dtype=int)
         sizes = size * np.array([(front.stop - front.start, len(front.rest)) for front in fronts], dtype=int).reshape(-1, 2)
         child = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):]
@@ -180,9 +182,9 @@ class Layout:
         places = np.column_stack([_starts((a + m) * a)[:-1], _starts(a * m)[:-1], np.zeros(count, dtype=int)])
         begin = 0
         for some in [*apart, last]:
-            places[some, 2], begin = _stacked(some, parent, (a + m) ** 2, begin)
+            places[some, 2], begin = _stacked(some, parent, m**2, begin)
         return cls(
-            panel=max(1, PANEL // size) * size, sizes=sizes, places=places, starts=np.array([f.start for f in fronts], dtype=int),
+            panel=panel, band=max(1, BAND // panel) * panel, sizes=sizes, places=places, starts=np.array([f.start for f in fronts], dtype=int),
             own=int(((a + m) * a).sum()), beside=int((a * m).sum()), work=begin,
             enters=_starts([len(front.blocks) for front in fronts]),
             enter=np.column_stack([np.concatenate([none, *(getattr(front, name) for front in fronts)])
@@ -218,7 +220,7 @@ class Factors:
     def numbers(self) -> tuple:
         """What ``fronts.solve`` wants."""
         at = self.of.layout
-        return at.panel, self.of.order, at.sizes, at.places, at.starts, at.rests, at.rest, self.own, self.beside
+        return at.band, self.of.order, at.sizes, at.places, at.starts, at.rests, at.rest, self.own, self.beside
 
 
 def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:

@@ -1,11 +1,14 @@
 """Elimination of fronts and solutions by their factors, compiled; ``elimination`` says what a front is.
 
-A front's matrix is eliminated panel after panel. With P the panel's own square, inverted, L below it and R beside it:
+A front lies in three pieces, L what is in the columns that it eliminates, U what is beside these, S what is left. L and U are
+eliminated band after band. With P a band's own square, inverted, C below it and R beside it:
 
-    [[P, R], [L, S]]  →  R ← P⁻¹ R,   S ← S − L R
+    R ← P⁻¹ R,   what is below and beside ← that − C R,     S ← −(C of all bands) U + what the children leave
 
-so that all but the inverses are products of BLAS, which is several times as quick at these sizes as LAPACK's triangular
-solutions are. What is below and right of a band of panels is changed once for all of them. Pivots are sought within P. To be imported where it is used: it takes the compiler along.
+so that all but the inverses of small squares are products of BLAS, which is several times as quick at these sizes as LAPACK is,
+and every number is touched as seldom as can be: what takes time beside the products is to bring numbers to the cores.
+P is inverted by Gauss and Jordan's method, panel after panel; pivots are sought within a panel. To be imported where it is used:
+it takes the compiler along.
 """
 
 from __future__ import annotations
@@ -15,8 +18,6 @@ import numpy as np
 
 from orchestrator.compiled import SUMS, compiled
 from orchestrator.method.coarse.products import gemm
-
-WIDE = 8  # panels of a band: products of matrices that no core's cache holds are as quick as others
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
@@ -54,8 +55,48 @@ def _inverted(P, turn):
     return True
 
 
+@numba.njit(nogil=True, fastmath=SUMS)
+def _inverted_by_panels(P, panel, product, constants, turn, square, beside, below):
+    """The same, panel after panel: with D a panel's inverse, rows D·P, all others less their columns times these.
+
+    Parameters
+    ----------
+    P : (n, n), its rows one after the other
+    square (panel²,), beside (n · panel,), below (n · panel,) : taken for what is in between
+    """
+    n, minus, nothing, one = len(P), constants[0], constants[1], constants[2]
+    at_P, at_square, at_below = np.int64(P.ctypes.data), np.int64(square.ctypes.data), np.int64(below.ctypes.data)
+    at_beside = np.int64(beside.ctypes.data)
+    for p in range(0, n, panel):
+        q = min(p + panel, n)
+        w = q - p
+        D = square[: w * w].reshape(w, w)
+        for i in range(w):
+            for j in range(w):
+                D[i, j] = P[p + i, p + j]
+        if not _inverted(D, turn):
+            return False
+        for i in range(n):
+            row, kept = P[i], below[i * w : (i + 1) * w]
+            for j in range(w):
+                kept[j] = row[p + j]
+                row[p + j] = nothing
+        for i in range(w):
+            row, kept = P[p + i], beside[i * n : (i + 1) * n]
+            P[p + i, p + i] = one
+            for j in range(n):
+                kept[j] = row[j]
+                row[j] = nothing
+            for j in range(w):
+                below[(p + i) * w + j] = minus if i == j else nothing
+        at_rows = at_beside + P.itemsize * n * panel
+        gemm(product, w, n, w, one, at_square, w, at_beside, n, nothing, at_rows, n)
+        gemm(product, n, n, w, minus, at_below, w, at_rows, n, one, at_P, n)
+    return True
+
+
 @compiled
-def eliminate(which, product, constants, blocks, panel, sizes, places, enters, enter, children, child, withins, within,
+def eliminate(which, product, constants, blocks, panel, band, sizes, places, enters, enter, children, child, withins, within,
               own_parts, beside, work):
     """Eliminate some of the fronts; −1, or the number of one whose pivot vanishes.
 
@@ -63,115 +104,146 @@ def eliminate(which, product, constants, blocks, panel, sizes, places, enters, e
     ----------
     which : (n,) int, the fronts, children before parents
     product : address of BLAS's product; constants : (3,) −1, 0 and 1, of the factors' precision
-    blocks : (b, size, size) of the matrix; panel : rows of a panel
+    blocks : (b, size, size) of the matrix; panel, band : their rows
     sizes : (F, 2) int, rows that are eliminated, rows that are left
     places : (F, 3) int, where a front begins in ``own_parts``, ``beside`` and ``work``
     enters : (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
     children : (F + 1,) int, where its children begin in ``child``; withins : the same for places in the parent, ``within``
-    own_parts, beside : take the columns of what is eliminated, and what is beside; work : (·,) takes whole fronts
+    own_parts, beside : take L and U; work : (·,) takes S
     """
     size, minus, nothing, one = blocks.shape[1], constants[0], constants[1], constants[2]
-    bytes_of, turn = work.itemsize, np.empty(panel, np.int64)
-    runs = np.empty((len(within), 3), np.int64)
+    bytes_of, turn, runs = work.itemsize, np.empty(panel, np.int64), np.empty((len(within), 3), np.int64)
+    widest, longest = 0, 0
     for f in which:
-        a, n = sizes[f, 0], sizes[f, 0] + sizes[f, 1]
-        F = work[places[f, 2] : places[f, 2] + n * n].reshape(n, n)
-        for i in range(n):
-            for j in range(n):
-                F[i, j] = nothing
+        widest, longest = max(widest, sizes[f, 0]), max(longest, sizes[f, 0] * max(sizes[f, 1], band))
+    high = min(widest, band)
+    P_of, square, between = np.empty(high * high, work.dtype), np.empty(panel * panel, work.dtype), np.empty(2 * panel * high, work.dtype)
+    below, right = np.empty(panel * high, work.dtype), np.empty(longest, work.dtype)
+    at_P, at_right = np.int64(P_of.ctypes.data), np.int64(right.ctypes.data)
+    for f in which:
+        a, m = sizes[f]
+        n = a + m
+        L = own_parts[places[f, 0] : places[f, 0] + n * a].reshape(n, a)
+        U = beside[places[f, 1] : places[f, 1] + a * m].reshape(a, m)
+        S = work[places[f, 2] : places[f, 2] + m * m].reshape(m, m)
+        R = right[: a * m].reshape(a, m)  # U before it is multiplied
+        L[:] = nothing
+        R[:] = nothing
         for k in range(enters[f], enters[f + 1]):
             b, i0, j0 = enter[k, 0], size * enter[k, 1], size * enter[k, 2]
             for i in range(size):
+                row = L[i0 + i, j0 : j0 + size] if j0 < a else R[i0 + i, j0 - a : j0 - a + size]
+                given = blocks[b, i]
                 for j in range(size):
-                    F[i0 + i, j0 + j] += blocks[b, i, j]
+                    row[j] += given[j]
         for k in range(children[f], children[f + 1]):
             c = child[k]
-            a_c, n_c, first = sizes[c, 0], sizes[c, 0] + sizes[c, 1], withins[c]
-            given = work[places[c, 2] : places[c, 2] + n_c * n_c].reshape(n_c, n_c)
-            count = 0  # runs of neighbours in the parent
-            for v in range(withins[c + 1] - first):
-                if v and within[first + v] == within[first + v - 1] + 1:
-                    runs[count - 1, 2] += size
-                else:
-                    runs[count, 0], runs[count, 1], runs[count, 2] = size * within[first + v], a_c + size * v, size
-                    count += 1
-            for i in range(a_c, n_c):
-                u, r = divmod(i - a_c, size)
-                row, of = F[size * within[first + u] + r], given[i]
-                for v in range(count):
-                    j0, j1 = runs[v, 0], runs[v, 1]
-                    for j in range(runs[v, 2]):
-                        row[j0 + j] += of[j1 + j]
-        at, scratch = np.int64(F.ctypes.data), np.empty(panel * n, work.dtype)
-        at_scratch = np.int64(scratch.ctypes.data)
-        for first in range(0, a, WIDE * panel):
-            last = min(first + WIDE * panel, a)
-            for p in range(first, last, panel):
-                q = min(p + panel, last)
-                if not _inverted(F[p:q, p:q], turn):
-                    return f
-                w, rest = q - p, n - q
-                if not rest:
-                    continue
-                for i in range(w):
-                    for j in range(rest):
-                        scratch[i * rest + j] = F[p + i, q + j]
-                right, below = at + bytes_of * (n * p + q), at + bytes_of * (n * q + p)
-                gemm(product, w, rest, w, one, at + bytes_of * (n * p + p), n, at_scratch, rest, nothing, right, n)
-                if q < last:  # rows of this band, then what is below it in its columns
-                    gemm(product, last - q, rest, w, minus, below, n, right, n, one, at + bytes_of * (n * q + q), n)
-                    gemm(product, n - last, last - q, w, minus, at + bytes_of * (n * last + p), n, right, n, one,
-                         at + bytes_of * (n * last + q), n)
-            if last < n:
-                gemm(product, n - last, n - last, last - first, minus, at + bytes_of * (n * last + first), n,
-                     at + bytes_of * (n * first + last), n, one, at + bytes_of * (n * last + last), n)
-        L = own_parts[places[f, 0] : places[f, 0] + n * a].reshape(n, a)
-        for i in range(n):
-            for j in range(a):
-                L[i, j] = F[i, j]
-        U = beside[places[f, 1] : places[f, 1] + a * (n - a)].reshape(a, n - a)
-        for i in range(a):
-            for j in range(n - a):
-                U[i, j] = F[i, a + j]
+            m_c, first = sizes[c, 1], withins[c]
+            given = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
+            split, count = _runs(within[first : withins[c + 1]], size, a, runs)
+            for i in range(m_c):
+                u, r = divmod(i, size)
+                to = size * within[first + u] + r
+                _added(L[to], given[i], runs[:split])
+                if to < a:
+                    _added(R[to], given[i], runs[split:count])
+        at_L, at_U = np.int64(L.ctypes.data), np.int64(U.ctypes.data)
+        for p in range(0, a, band):
+            q = min(p + band, a)
+            w = q - p
+            P = P_of[: w * w].reshape(w, w)
+            for i in range(w):
+                row, of = P[i], L[p + i, p:q]
+                for j in range(w):
+                    row[j] = of[j]
+            if not _inverted_by_panels(P, panel, product, constants, turn, square, between, below):
+                return f
+            for i in range(w):
+                row, of = L[p + i, p:q], P[i]
+                for j in range(w):
+                    row[j] = of[j]
+            at_own = at_L + bytes_of * (a * p + p)
+            if m:
+                gemm(product, w, m, w, one, at_P, w, at_right + bytes_of * m * p, m, nothing, at_U + bytes_of * m * p, m)
+            if q < a:
+                if m:
+                    gemm(product, a - q, m, w, minus, at_own + bytes_of * a * w, a, at_U + bytes_of * m * p, m, one,
+                         at_right + bytes_of * m * q, m)
+                rest = a - q
+                others = np.empty((w, rest), work.dtype)
+                others[:] = L[p:q, q:]
+                gemm(product, w, rest, w, one, at_P, w, np.int64(others.ctypes.data), rest, nothing, at_own + bytes_of * w, a)
+                gemm(product, n - q, rest, w, minus, at_own + bytes_of * a * w, a, at_own + bytes_of * w, a, one,
+                     at_own + bytes_of * (a * w + w), a)
+        if m:
+            gemm(product, m, m, a, minus, at_L + bytes_of * a * a, a, at_U, m, nothing, np.int64(S.ctypes.data), m)
+        for k in range(children[f], children[f + 1]):
+            c = child[k]
+            m_c, first = sizes[c, 1], withins[c]
+            given = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
+            split, count = _runs(within[first : withins[c + 1]], size, a, runs)
+            for i in range(m_c):
+                u, r = divmod(i, size)
+                to = size * within[first + u] + r - a
+                if to >= 0:
+                    _added(S[to], given[i], runs[split:count])
     return -1
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _runs(within, size, own, runs):
+    """Runs of neighbours in the parent: where to, where from, how long. What is eliminated there comes first, the rest counts
+    from its own first row. How many of the first, and of all."""
+    split, count = 0, 0
+    for v in range(len(within)):
+        to = size * within[v]
+        if v and within[v] == within[v - 1] + 1 and to != own:
+            runs[count - 1, 2] += size
+        else:
+            runs[count, 0], runs[count, 1], runs[count, 2] = to if to < own else to - own, size * v, size
+            count += 1
+        if to < own:
+            split = count
+    return split, count
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _added(row, given, runs):
+    """row += given, run after run."""
+    for v in range(len(runs)):
+        to, of = row[runs[v, 0] : runs[v, 0] + runs[v, 2]], given[runs[v, 1] : runs[v, 1] + runs[v, 2]]
+        for j in range(len(to)):
+            to[j] += of[j]
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
 def _solved(factors, right, result):
     """See ``solve``."""
-    panel, order, sizes, places, starts, rests, rest, own_parts, beside = factors
+    band, order, sizes, places, starts, rests, rest, own_parts, beside = factors
     size, x = right.shape[1], np.empty(right.shape, own_parts.dtype)
     for i in range(len(order)):
         for c in range(size):
             x[i, c] = right[order[i], c]
     flat = x.reshape(-1)
-    seen, z = np.empty(len(flat), x.dtype), np.empty(panel, x.dtype)
+    seen, z = np.empty(len(flat), x.dtype), np.empty(band, x.dtype)
     for f in range(len(sizes)):
         a, m = sizes[f]
         L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
         own = flat[size * starts[f] : size * starts[f] + a]
-        for p in range(0, a, panel):
-            q = min(p + panel, a)
+        for p in range(0, a, band):
+            q = min(p + band, a)
+            part = own[p:q]
             for i in range(p, q):
-                total, row = x.dtype.type(0.0), L[i, p:q]
-                for j in range(len(row)):
-                    total += row[j] * own[p + j]
-                z[i - p] = total
+                z[i - p] = _times_each(L[i, p:q], part)
             for i in range(p, q):
                 own[i] = z[i - p]
             for i in range(q, a):
-                total, row = x.dtype.type(0.0), L[i, p:q]
-                for j in range(len(row)):
-                    total += row[j] * z[j]
-                own[i] -= total
+                own[i] -= _times_each(L[i, p:q], part)
         i = a
         for u in range(rests[f], rests[f + 1]):
             other = x[rest[u]]
             for c in range(size):
-                total, row = x.dtype.type(0.0), L[i]
-                for j in range(a):
-                    total += row[j] * own[j]
-                other[c] -= total
+                other[c] -= _times_each(L[i], own)
                 i += 1
     for f in range(len(sizes) - 1, -1, -1):
         a, m = sizes[f]
@@ -182,20 +254,22 @@ def _solved(factors, right, result):
             for c in range(size):
                 others[size * (u - rests[f]) + c] = x[rest[u], c]
         for i in range(a):
-            total, row = x.dtype.type(0.0), U[i]
-            for j in range(m):
-                total += row[j] * others[j]
-            own[i] -= total
-        for p in range((a - 1) // panel * panel, -1, -panel):
-            q = min(p + panel, a)
+            own[i] -= _times_each(U[i], others)
+        for p in range((a - 1) // band * band, -1, -band):
+            q = min(p + band, a)
             for i in range(p, q):
-                total, row = x.dtype.type(0.0), L[i, q:]
-                for j in range(len(row)):
-                    total += row[j] * own[q + j]
-                own[i] -= total
+                own[i] -= _times_each(L[i, q:], own[q:])
     for i in range(len(order)):
         for c in range(size):
             result[order[i], c] = x[i, c]
+
+
+@numba.njit(nogil=True, fastmath=SUMS, inline="always")
+def _times_each(row, other):
+    total = row.dtype.type(0.0)
+    for j in range(len(row)):
+        total += row[j] * other[j]
+    return total
 
 
 @compiled
@@ -204,7 +278,7 @@ def solve(factors, right, result):
 
     Parameters
     ----------
-    factors : rows of a panel; (bodies,) int, the order of elimination; ``sizes`` and ``places`` as for ``eliminate``; (F,) int,
+    factors : rows of a band; (bodies,) int, the order of elimination; ``sizes`` and ``places`` as for ``eliminate``; (F,) int,
         the first body of each front; (F + 1,) int, where the bodies that it leaves begin in the next; ``own_parts``, ``beside``
     """
     _solved(factors, right, result)

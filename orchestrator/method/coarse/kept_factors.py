@@ -33,19 +33,19 @@ class KeptFactors:
     def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
         """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less."""
         blocks = self.pattern.shifted(values, shift)
+        single = blocks.astype(np.float32, copy=False)
         tries = int(WORTH * self.pattern.elimination.worth)
-        x = self._tried(blocks, right, tries) if self.blocks is not None else None
+        x = self._tried(single, right, tries) if self.blocks is not None else None
         if x is None:
             try:
-                self.blocks = blocks.astype(np.float32)
-                self._factors = self.pattern.elimination.factors(self.blocks, self._factors)
-                x = self._tried(blocks, right, max(tries, REFINED))
+                self.blocks, self._factors = single, self.pattern.elimination.factors(single, self._factors)
+                x = self._tried(single, right, max(tries, REFINED))
             except ZeroDivisionError:
                 pass
         if x is not None:
             return x
         # soft modes are softer than single precision resolves: such factors serve but once
-        self.blocks, self._factors = None, self.pattern.elimination.factors(blocks)
+        self.blocks, self._factors = None, self.pattern.elimination.factors(blocks.astype(float, copy=False))
         return self._factors.solve(right)
 
     def _tried(self, blocks: np.ndarray, right: np.ndarray, most: int) -> np.ndarray | None:

@@ -40,7 +40,7 @@ class Bodies:
     pattern : of the Newton matrices, on rank 0
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
-    affine : (n, 12, 12) K₀ − ΣTᵀε L of all ranks, for the pattern
+    affine : (n, 12, 12) K₀ − ΣTᵀε L of all ranks, for the pattern, in the precision of Newton matrices
     """
 
     team: Team
@@ -75,6 +75,8 @@ class Bodies:
         gathered = team.gather(slopes)
         if pattern is not None:
             affine = pattern.values(-np.concatenate(gathered), K0)
+            if springs is not None:  # every mode has its stiffness, which single precision resolves
+                affine = affine.astype(np.float32)
         return cls(team, count, fields, K0, counted, theirs, pattern, weight, springs, affine)
 
 
