@@ -56,21 +56,9 @@ class Memory:
         return self._with({name: array if kind == COMMON else array[:, numbers[kind]]
                            for name, kind, array in self._kinds()})
 
-    def of_all(self, numbers: Sequence[Numbers], everyone: Sequence[Mapping[str, np.ndarray]]) -> Memory:
-        """The whole scene's columns, on rank 0.
-
-        Parameters
-        ----------
-        numbers, everyone : per rank, the numbers of its columns and its ``spread``
-        """
-        arrays = dict(self.arrays)
-        for name in everyone[0]:
-            kind = name.partition("/")[0]
-            whole = np.zeros((len(everyone[0][name]), 1 + max(n[kind].max(initial=-1) for n in numbers)))
-            for number, parts in zip(numbers, everyone):
-                whole[:, number[kind]] = parts[name]
-            arrays[name] = whole
-        return self._with(arrays)
+    def of_all(self, whole: Mapping[str, np.ndarray]) -> Memory:
+        """With the whole scene's columns of its ``spread``, on rank 0."""
+        return self._with(dict(self.arrays) | dict(whole))
 
     @property
     def spread(self) -> dict[str, np.ndarray]:

@@ -50,7 +50,8 @@ class Ranks(Team):
 
     def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
         arrays = [np.asarray(part, float) for part in parts]
-        mine = np.concatenate([a.ravel() for a in arrays]) if arrays else np.empty(0)
+        # one alone is not copied: nobody changes what is under way
+        mine = np.concatenate([a.ravel() for a in arrays]) if len(arrays) != 1 else np.ascontiguousarray(arrays[0]).ravel()
         self._count(mine)
         if len(mine) * self.size <= _GATHERED:
             everyone = np.empty((self.size, len(mine)))
@@ -65,7 +66,7 @@ class Ranks(Team):
             if len(mine) * self.size > _GATHERED:
                 self._count(everyone if self.rank == 0 else np.empty(0))
                 self._wait(self._world.Ibcast(everyone, root=0))
-            total = everyone.sum(axis=0)
+            total = everyone.sum(axis=0) if len(everyone) > 1 else everyone[0]
             ends = np.cumsum([a.size for a in arrays])
             return [total[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)]
 
@@ -129,7 +130,7 @@ class Ranks(Team):
         return packed
 
     def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:
-        mine = np.array(part, float).ravel()
+        mine = np.ascontiguousarray(part, float).ravel()
         self._count(mine)
         everyone = np.empty(sum(sizes) if self.rank == 0 else 0)
         request = self._world.Igatherv(mine, [everyone, sizes] if self.rank == 0 else None, root=0)

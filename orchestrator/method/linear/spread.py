@@ -57,22 +57,22 @@ class SpreadFactor:
         left = whole[self.outer][:, self.outer].toarray()
         for a in range(0, len(self.outer), COLUMNS):
             left[:, a : a + COLUMNS] -= self._coupling @ self._inner(self._coupling[a : a + COLUMNS].toarray()).T
-        self._border = self._factorised((left + left.T) / 2)
+        self._border = self._factorised(left)
 
     def _factorised(self, left: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """What solves with Σ, to which this rank adds (n_S, n_S): columns (n, T) to columns."""
-        n, (row, column) = self.total, np.tril_indices(len(left))
+        """What solves with Σ, to which this rank adds (n_S, n_S), symmetric but for rounding: columns (n, T) to columns."""
+        n = self.total
         if not n:
             return lambda right: right
-        place = np.sort(self.border[np.stack([row, column])], axis=0)[::-1]
         packed = np.zeros(n * (n + 1) // 2)
-        packed[rectangular(n, *place)] = left[row, column]
+        for i, at in enumerate(self.border):  # a row at a time: indices of all entries would take more room than they do
+            packed[rectangular(n, at, self.border[: i + 1])] = (left[i, : i + 1] + left[: i + 1, i]) / 2
         factor, failed = dpftrf(n, self.team.sum(packed)[0], uplo="L", overwrite_a=True)
         if not failed:
             return lambda right: dpftrs(n, factor, right, uplo="L")[0]
         # not quite positive definite: on all ranks alike, which hold the same numbers
-        whole = np.zeros((n, n))
-        whole[tuple(place)] = left[row, column]
+        whole, lower = np.zeros((n, n)), (left + left.T) / 2
+        whole[np.ix_(self.border, self.border)] = np.tril(lower)
         whole, = self.team.sum(whole)
         lower, pivots = la.lu_factor(whole + np.tril(whole, -1).T, overwrite_a=True)
         if not np.diagonal(lower).all():

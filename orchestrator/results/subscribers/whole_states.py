@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.memory import Numbers
 from orchestrator.parallel.team import Team
+
+TOGETHER = 16 << 20  # bytes: more of them are no slower in several messages
 
 
 def whole_states(subscribers: Sequence[Subscriber], numbers: Numbers, team: Team) -> Sequence[Subscriber]:
@@ -41,27 +43,39 @@ class WholeStates(Subscriber):
         self.others.iteration(event)
         if not self.wanted:
             return
-        mine = {"trace/state": event.state, **event.memory.spread}
-        everyone = self._gathered(mine)
-        if everyone is not None:
-            memory = event.memory.of_all(self.numbers, everyone)
-            state = memory.arrays.pop("trace/state")
-            self.keepers.iteration(replace(event, state=state, memory=memory))
+        whole: dict[str, np.ndarray] = {}
+        for some in self._messages({"trace/state": event.state, **event.memory.spread}):
+            whole |= self._gathered(some)
+        if self.team.rank == 0:
+            state = whole.pop("trace/state")
+            self.keepers.iteration(replace(event, state=state, memory=event.memory.of_all(whole)))
 
-    def _gathered(self, mine: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]] | None:
-        """Per rank, its columns of the arrays; all travel in one message."""
+    def _messages(self, arrays: dict[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:
+        """What travels together: all, unless rank 0 would have to hold more than ``TOGETHER`` of it twice; the same on all ranks."""
+        size, some = 0, {}
+        for name, array in arrays.items():
+            more = 8 * len(array) * sum(len(numbers[name.partition("/")[0]]) for numbers in self.numbers)
+            if some and size + more > TOGETHER:
+                yield some
+                size, some = 0, {}
+            size, some[name] = size + more, array
+        yield some
+
+    def _gathered(self, mine: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The whole scene's arrays, on rank 0, from every rank's columns of them, in one message; nothing elsewhere."""
         rows = {name: len(array) for name, array in mine.items()}
-        widths = [{name: len(numbers[name.partition("/")[0]]) for name in rows} for numbers in self.numbers]
+        kinds = {name: name.partition("/")[0] for name in rows}
+        widths = [{name: len(numbers[kinds[name]]) for name in rows} for numbers in self.numbers]
         arrived = self.team.gather_later(np.concatenate([array.ravel() for array in mine.values()]),
                                          [sum(rows[name] * width[name] for name in rows) for width in widths])()
         if arrived is None:
-            return None
-        result = []
-        for part, width in zip(arrived, widths):
+            return {}
+        whole = {name: np.zeros((rows[name], 1 + max(n[kinds[name]].max(initial=-1) for n in self.numbers))) for name in rows}
+        for part, width, numbers in zip(arrived, widths, self.numbers):
             ends = np.cumsum([rows[name] * width[name] for name in rows])
-            result.append({name: piece.reshape(rows[name], width[name])
-                           for name, piece in zip(rows, np.split(part, ends[:-1]))})
-        return result
+            for name, piece in zip(rows, np.split(part, ends[:-1])):
+                whole[name][:, numbers[kinds[name]]] = piece.reshape(rows[name], width[name])
+        return whole
 
     def warned(self, sentence: str) -> None:
         self.others.warned(sentence)
