@@ -117,7 +117,7 @@ class Batch:
             self.iteration += 1
             with watch("linear_stage"):
                 evaluated = d.stage(self.s)
-                largest = d.space.team.max_later(np.abs(evaluated.w).max(initial=0.0), self.s.any())
+                largest = np.abs(evaluated.w).max(initial=0.0), self.s.any()
             if d.coarse is not None:
                 with watch("coarse"):
                     evaluated = d.coarse(evaluated)
@@ -129,11 +129,11 @@ class Batch:
                 else:  # what the coarse problem has changed is extrapolated: the point is the one that was asked
                     residual, best = acceleration.take(replace(evaluated, s=self.s), local.s)[0], evaluated
                 foreseen = self._foreseen(evaluated.s) if d.nonlinear is None else None
-            moved, asked = largest()
-            self.sweeps += asked * share * (1 - self.frozen.mean())
             with watch("bound"):
-                measures = measure(d.stage, d.local, best, local, residual, exact)
+                measures = measure(d.stage, d.local, best, local, residual, exact, criterion.begin(best, local), largest)
                 verdict = criterion(best, local, measures)
+                moved, asked = measures().largest
+                self.sweeps += asked * share * (1 - self.frozen.mean())
                 self.measured = verdict.approached
                 self.sweeps += verdict.sweeps * share
                 event = _event(criterion, verdict, measures(), iteration=self.iteration,

@@ -13,7 +13,7 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -69,6 +69,24 @@ class Ranks(Team):
             total = everyone.sum(axis=0) if len(everyone) > 1 else everyone[0]
             ends = np.cumsum([a.size for a in arrays])
             return [total[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)]
+
+        return result
+
+    def both_later(self, parts: Sequence, largest: Sequence[float]) -> Callable[[], tuple[list[np.ndarray], list[float]]]:
+        arrays = [np.asarray(part, float) for part in parts]
+        mine = np.concatenate([*(a.ravel() for a in arrays), np.array(largest, float)])
+        if len(mine) * self.size > _GATHERED:
+            return super().both_later(parts, largest)
+        everyone = np.empty((self.size, len(mine)))
+        self._count(mine)
+        request = self._world.Iallgather(mine, everyone)
+        self._open[id(request)] = request, mine, everyone
+
+        def result() -> tuple[list[np.ndarray], list[float]]:
+            self._wait(request)
+            ends = np.cumsum([a.size for a in arrays])
+            total, rest = everyone[:, : len(mine) - len(largest)].sum(axis=0), everyone[:, len(mine) - len(largest) :]
+            return [total[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)], rest.max(axis=0).tolist()
 
         return result
 

@@ -9,7 +9,7 @@ Sums are taken in the order of the ranks, so that all of them hold the same bits
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -45,6 +45,11 @@ class Team:
     def max(self, *values: float) -> list[float]:
         """Largest of each value over the ranks."""
         return self.max_later(*values)()
+
+    def both_later(self, parts: Sequence, largest: Sequence[float]) -> Callable[[], tuple[list[np.ndarray], list[float]]]:
+        """Begin to sum some and to find the largest of others: in one message, where there are not many numbers."""
+        sums, ends = self.sum_later(*parts), self.max_later(*largest)
+        return lambda: (sums(), ends())
 
     def exchange(self, outgoing: Mapping[int, np.ndarray],
                  incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:

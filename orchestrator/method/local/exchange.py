@@ -66,19 +66,21 @@ class Exchange:
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (T, D), eq. 10, from traces with ghosts (T, D + G)."""
-        k, solve = self._factors
+        k, other, solve = self._factors
         size = self.direction.space.size
         own_w, own_f = w[:, :size], f[:, :size]
-        kw = times(k, own_w) - own_f
-        w_hat = solve(kw + self.direction.space.across(kw))
+        kw, across = times(k, own_w) - own_f, self.direction.space.transfer.across
+        # the other side's, of ghosts too without a message: what they know is k⁺ of their side, seen from here
+        theirs = across(kw) if w.shape[1] == size else times(other, across(w)) - across(f)
+        w_hat = solve(kw + theirs)
         return self._with_tied(w, f, w_hat, own_f - times(k, own_w - w_hat))
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation; parameters as of ``hats``."""
         k, theirs = self.direction.diagonal, self.direction.other_diagonal
         own_w, own_f = w[:, : len(k)], f[:, : len(k)]
-        kw = k * own_w - own_f
-        w_hat = (kw + self.direction.space.across(kw)) / (k + theirs)
+        kw = self.direction.whole.diagonal() * w - f  # of ghosts too: nothing has to travel
+        w_hat = (kw[:, : len(k)] + self.direction.space.transfer.across(kw)) / (k + theirs)
         return self._with_tied(w, f, w_hat, own_f - k * (own_w - w_hat))
 
     def _with_tied(self, w: np.ndarray, f: np.ndarray, w_hat: np.ndarray,
@@ -102,12 +104,12 @@ class Exchange:
 
     @cached_property
     def _factors(self):
-        """k⁺ of this side, (D, D), and a solver of the sum of both sides'."""
+        """k⁺ of this side and of the other, seen from here, (D, D) each, and a solver of their sum."""
         k, other = self.direction.k, self.direction.other
         if self.kplus == "exchange":
             k, other = other, k
         elif self.kplus == "diagonal":
             k, other = (sp.csr_array(sp.diags_array(x.diagonal())) for x in (k, other))
         if self.kplus != "diagonal" and not (k - other).count_nonzero():  # symmetric soles: one factorisation serves both
-            return k, lambda rows: 0.5 * self.direction.solve(rows)
-        return k, Factor(sp.csr_array(k + other), patches=True)
+            return k, other, lambda rows: 0.5 * self.direction.solve(rows)
+        return k, other, Factor(sp.csr_array(k + other), patches=True)

@@ -158,15 +158,20 @@ class ErrorBound:
                         for side in (one, two))
         return np.stack([one, two]) / np.maximum(one + two, TINY)
 
-    def __call__(self, fields: Admissible, complete: bool = True, useful: float = np.inf) -> Bound:
+    def pull(self, fields: Admissible) -> np.ndarray:
+        """(T, modes) what has to be summed over the ranks before a linear stage's bound can be evaluated."""
+        return self.reposition.pull(fields.extended[0])
+
+    def __call__(self, fields: Admissible, complete: bool = True, useful: float = np.inf, pull: np.ndarray | None = None) -> Bound:
         """Evaluate the bound of a linear stage.
 
         Parameters
         ----------
+        pull : what the ranks have summed already, see there; None: they do it now
         complete : False leaves out b, and with it all back-substitutions
         useful : a bound above it need not be known: it is infinite then, and ``least`` what has been reached
         """
-        c = self.reposition(fields.extended[0])
+        c = self.reposition(self.team.sum(self.pull(fields))[0] if pull is None else pull)
         u = fields.u + times(self.modes.boundary, c)
         delta = self.continuity(u, self.stage.known)
 

@@ -38,7 +38,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.indicator import Measures, energy_residual
 from orchestrator.method.stopping.lengths import Lengths, LengthScale
-from orchestrator.method.stopping.law_residuals import LawResiduals, law_residuals
+from orchestrator.method.stopping.law_residuals import LawMeasure, LawResiduals, law_residuals
 from orchestrator.method.linear.stage import Admissible
 
 # What ``error: auto`` begins with, before there is an estimate, and what it never goes below: the fixed default.
@@ -96,8 +96,11 @@ class Criterion(Protocol):
     value: float
     done: np.ndarray
 
+    def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
+        """What judging an iteration needs of all ranks: arrays to be summed, ``more`` in its measures."""
+
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        """Judge an iteration; ``measures`` are waited for when they are needed."""
+        """Judge an iteration that has begun; ``measures`` are waited for when they are needed."""
 
     def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
         """What belongs to the delivered fields, and the sweeps that it has cost now if it was not known (``bound``)."""
@@ -133,15 +136,20 @@ class ErrorCriterion:
         self.ratio = 0.0
         self.done = np.zeros(d.steps, dtype=bool)
 
+    def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
+        """As the protocol says."""
+        return [self.d.bound.pull(fields)]
+
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        bound = self.d.bound(fields, complete=False)
+        pull, = measures().more
+        bound = self.d.bound(fields, complete=False, pull=pull)
         if not self.by_error:
             eta = measures().indicator
             return Verdict(eta <= self.value, eta, bound)
         imbalance = measures().force_imbalance
         due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(self.value))
         if due or not self.spare:
-            bound = self.d.bound(fields, useful=self.value if self.spare else np.inf)
+            bound = self.d.bound(fields, useful=self.value if self.spare else np.inf, pull=pull)
             known = bound.relative if np.isfinite(bound.relative) else bound.least
             self.ratio = _of_size(known) / imbalance if np.isfinite(known) and imbalance > 0 else 0.0
             self.done[:] = bound.errors <= self.value
@@ -184,9 +192,19 @@ class LawCriterion:
         self.lengths = LengthScale(d)
         self.continuity = Continuity(d.space, np.ones(len(d.space.global_dof)))
 
+    def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
+        """As the protocol says."""
+        stage = self.d.local
+        self._begun = LawMeasure(stage.pairs, *fields.extended, local, stage.previous), *self.lengths.apart(fields.u)
+        return [self._begun[0].sums, self._begun[2]]
+
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        lengths, bound = self.lengths(fields.u), None
-        laws = self._laws(fields, local, lengths)
+        laws, apart, _ = self._begun
+        sums, products = measures().more
+        largest, loose = self.lengths.deformed(apart, products)
+        deformation, *largest = self.d.space.team.max(largest, *laws.largest)
+        lengths, bound = self.lengths.of(deformation, loose), None
+        laws, self._begun = laws.result(sums, largest, lengths), None
         if self.d.nonlinear is not None:
             laws = laws.with_fixed_point(self._fixed_point(local, lengths, measures().residual))
         measure = laws.largest if self.by_error else measures().indicator
@@ -209,10 +227,6 @@ class LawCriterion:
             found.append(law_residuals(pairs, w, f, local.steps(t), lengths, previous, d.space.team))
             previous = np.where(pairs.free, local.jump[t][-1], previous)
         return LawResiduals.worst(found)
-
-    def _laws(self, fields: Admissible, local: LocalState, lengths: Lengths) -> LawResiduals:
-        stage, team = self.d.local, self.d.space.team
-        return law_residuals(stage.pairs, *fields.extended, local, lengths, stage.previous, team)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""
@@ -248,7 +262,7 @@ class AutoCriterion:
 
     def __init__(self, inner: ErrorCriterion | LawCriterion, fraction: float, estimate: Estimate):
         self.inner, self.fraction, self.estimate = inner, fraction, estimate
-        self.name, self.final, self.done = inner.name, inner.final, inner.done
+        self.name, self.final, self.done, self.begin = inner.name, inner.final, inner.done, inner.begin
         self.lengths = getattr(inner, "lengths", None)
         self.discretisation_error = math.nan
 

@@ -6,7 +6,7 @@ all ranks: their parts are summed together, while the rank goes on with somethin
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -34,6 +34,7 @@ class Measures:
     macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to rounding,
         eq. 17; nan without macro problem
     counts : name of a status → pairs that have it, summed over the steps
+    more, largest : what ``measure`` was given to sum, and to find the largest of, over the ranks
     """
 
     indicator: float
@@ -42,10 +43,12 @@ class Measures:
     residual: float
     macro_imbalance: float
     counts: dict[str, int]
+    more: list[np.ndarray]
+    largest: list[float]
 
 
 def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalState, residual: np.ndarray,
-            exact: bool) -> Callable[[], Measures]:
+            exact: bool, more: Sequence[np.ndarray] = (), largest: Sequence[float] = ()) -> Callable[[], Measures]:
     """Begin to measure; calling what is returned waits for the other ranks' parts.
 
     Parameters
@@ -54,6 +57,7 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     local_stage : local stage; local : its result
     residual : (T, D) F(s) − s
     exact : η exactly, whatever it costs
+    more, largest : what else is to be summed over the ranks, and to be found the largest of, in the same message
     """
     direction, macro = stage.direction, stage.macro
     k, space = direction.diagonal, direction.space
@@ -71,17 +75,18 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     parts.append(np.array(list(counted.values())))
     if macro is not None:
         parts += macro.imbalance(f)
-    sums = space.team.sum_later(*parts)
+    both, count = space.team.both_later([*parts, *more], largest), len(parts)
 
     def result() -> Measures:
-        gap, total, jump, moved, imbalance, force, change, state, counts, *resultant = sums()
+        sums, ends = both()
+        gap, total, jump, moved, imbalance, force, change, state, counts, *resultant = sums[:count]
         eta = float(gap / total) if total > 0 else 0.0
         macro_imbalance = np.nan
         if resultant:
             unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
             macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
         return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
-                        dict(zip(counted, counts.astype(int).tolist())))
+                        dict(zip(counted, counts.astype(int).tolist())), sums[count:], ends)
 
     return cache(result)
 

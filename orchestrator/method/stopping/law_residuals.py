@@ -72,6 +72,71 @@ class LawResiduals:
                 **self.measures}
 
 
+class LawMeasure:
+    """Traces (T, D + G) of the linear stage, measured against the local stage, and what the ranks have to tell each other for it.
+
+    Parameters
+    ----------
+    first_previous : (3, P) jump before the first step
+
+    Attributes
+    ----------
+    sums : (4,) to be summed over the ranks
+    largest : numbers of which the largest over the ranks are to be found
+    """
+
+    def __init__(self, pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, first_previous: np.ndarray):
+        self.pairs, points, at = pairs, pairs.points, pairs.traces(w, f)
+        top, bottom, unbalanced = at.squares(local.force)
+        stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
+        tied = pairs.tied
+        if len(tied):
+            top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
+        self.sums, self.largest = np.array([top, bottom, unbalanced, stiff]), self._largest(at, local, first_previous)
+
+    def _largest(self, at: PairTraces | GeneralTraces, local: LocalState, before: np.ndarray) -> list[float]:
+        """Per law its stiffness over area, its pressure, its measures; then of the springs."""
+        pairs, largest = self.pairs, []
+        here = {run.law: run for run in pairs.runs}
+        for law in pairs.laws:
+            found = [0.0] * (2 + len(law.measures))
+            if law in here:
+                part, points = here[law].part, here[law].points
+                stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before[:, part],
+                                local.status[:, part])
+                each = [(points, stages)] if not points.stepped else [
+                    (points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
+                told = [(pressure, *(values[measure.name] for measure in law.measures))
+                        for pressure, values in (law.residuals(*own) for own in each)]
+                found = [_largest(points.stiff_n / points.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
+            largest += found
+        if pairs.stabilisation is not None:
+            parts = in_parts(largest_tractions, len(pairs), pairs.points.area, local.force, local.lawful)
+            largest += [*np.max(parts, axis=0).tolist(), _largest(pairs.points.stiff_n / pairs.points.area)]
+        return largest
+
+    def result(self, sums: np.ndarray, largest: Sequence[float], lengths: Lengths) -> LawResiduals:
+        """Once ``sums`` and ``largest`` of all ranks are known.
+
+        Parameters
+        ----------
+        lengths : the length scale of these displacements
+        """
+        top, bottom, unbalanced, stiff = map(float, sums)
+        bottom = max(bottom, stiff * lengths.of_rest**2)
+        ends, measures = iter(largest), {}
+        for law in self.pairs.laws:  # of measures that laws share, the largest
+            rest, pressure = next(ends) * lengths.of_rest, next(ends)
+            pressure = max(pressure, rest) or 1.0
+            for measure in law.measures:
+                value = next(ends) / (lengths.of_displacements**measure.length * pressure**measure.pressure)
+                measures[measure.name] = max(value, measures.get(measure.name, value))
+        if self.pairs.stabilisation is not None:
+            springs, carried, rest = ends
+            measures[STABILISATION] = springs / (max(carried, rest * lengths.of_rest) or 1.0)
+        return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), measures)
+
+
 def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, lengths: Lengths,
                   first_previous: np.ndarray, team: Team = ALONE) -> LawResiduals:
     """Measure traces (T, D + G) of the linear stage against the local stage.
@@ -82,51 +147,9 @@ def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState,
     first_previous : (3, P) jump before the first step
     team : the ranks over which to sum and to take the largest
     """
-    points, at = pairs.points, pairs.traces(w, f)
-    top, bottom, unbalanced = at.squares(local.force)
-    stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
-    tied = pairs.tied
-    if len(tied):
-        top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
-    top, bottom, unbalanced, stiff = (float(x) for x in team.sum(top, bottom, unbalanced, stiff))
-    bottom = max(bottom, stiff * lengths.of_rest**2)
-    return LawResiduals(_root(top, bottom), _root(unbalanced, bottom),
-                        _measured(pairs, at, local, lengths, first_previous, team))
-
-
-def _measured(pairs: Pairs, at: PairTraces | GeneralTraces, local: LocalState, lengths: Lengths, before: np.ndarray,
-              team: Team) -> dict[str, float]:
-    """The measures of all laws of the scene; of measures that laws share, the largest."""
-    here = {run.law: run for run in pairs.runs}
-    largest: list[float] = []  # per law: what its forces are at rest, its pressure, its measures
-    for law in pairs.laws:
-        found = [0.0] * (2 + len(law.measures))
-        if law in here:
-            part, points = here[law].part, here[law].points
-            stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before[:, part],
-                            local.status[:, part])
-            each = [(points, stages)] if not points.stepped else [
-                (points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
-            told = [(pressure, *(values[measure.name] for measure in law.measures))
-                    for pressure, values in (law.residuals(*own) for own in each)]
-            found = [_largest(points.stiff_n / points.area) * lengths.of_rest,
-                     *(np.max([_largest(x) for x in same]) for same in zip(*told))]
-        largest += found
-    if pairs.stabilisation is not None:
-        parts = in_parts(largest_tractions, len(pairs), pairs.points.area, local.force, local.lawful)
-        largest += np.max(parts, axis=0).tolist()
-    ends, result = iter(team.max(*largest)), {}
-    for law in pairs.laws:
-        rest, pressure = next(ends), next(ends)
-        pressure = max(pressure, rest) or 1.0
-        for measure in law.measures:
-            value = next(ends) / (lengths.of_displacements**measure.length * pressure**measure.pressure)
-            result[measure.name] = max(value, result.get(measure.name, value))
-    if pairs.stabilisation is not None:
-        springs, carried = ends
-        rest = team.max(_largest(pairs.points.stiff_n / pairs.points.area))[0] * lengths.of_rest
-        result[STABILISATION] = springs / (max(carried, rest) or 1.0)
-    return result
+    found = LawMeasure(pairs, w, f, local, first_previous)
+    sums, = team.sum(found.sums)
+    return found.result(sums, team.max(*found.largest), lengths)
 
 
 def _largest(values: np.ndarray) -> float:

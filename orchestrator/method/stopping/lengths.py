@@ -117,16 +117,34 @@ class LengthScale:
         self.strained = max((np.abs(lift - self.prescribed[body] @ rows.T).max(initial=0.0)
                              for body, (rows, lift) in zip(self.own, at_supports)), default=0.0)
 
-    def __call__(self, u: np.ndarray) -> Lengths:
-        """The lengths for displacements (T, B) of the boundary dofs."""
+    def apart(self, u: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
+        """Displacements (T, B) of the boundary dofs less what is prescribed, per subdomain, and their products (bodies, T, 6)
+        with rigid motions: this rank's part of what is to be summed over all."""
         apart = [u[:, part] - self.prescribed[body] @ rows.T
                  for body, part, rows in zip(self.own, self.boundary, self.motions)]
         products = np.zeros((len(self.fit), len(u), RIGID))
         for body, rows, left in zip(self.own, self.motions, apart):
             products[body] += left @ rows
-        products, = self.team.sum(products)
+        return apart, products
+
+    def deformed(self, apart: list[np.ndarray], products: np.ndarray) -> tuple[float, np.ndarray]:
+        """The largest that is left of ``apart`` on this rank without the rigid motions (bodies, T, 6) that are free; these.
+
+        Parameters
+        ----------
+        products : of all ranks
+        """
         loose = products @ self.fit
         largest = max((np.abs(left - loose[body] @ rows.T).max(initial=0.0)
                        for body, rows, left in zip(self.own, self.motions, apart)), default=0.0)
-        deformation, = self.team.max(np.maximum(largest, self.strained))  # nan stays
+        return float(np.maximum(largest, self.strained)), loose  # nan stays
+
+    def __call__(self, u: np.ndarray) -> Lengths:
+        """The lengths for displacements (T, B) of the boundary dofs."""
+        apart, products = self.apart(u)
+        largest, loose = self.deformed(apart, *self.team.sum(products))
+        return self.of(*self.team.max(largest), loose)
+
+    def of(self, deformation: float, loose: np.ndarray) -> Lengths:
+        """Once the largest of all ranks is known."""
         return Lengths(float(deformation), self.told, loose)

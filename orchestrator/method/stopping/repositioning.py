@@ -80,7 +80,10 @@ class Repositioning:
         coarse = sp.csr_array(jumps[mine].T @ self.forces)
         self._solve = semidefinite_solver(sum(self.team.all_gather(coarse), sp.csr_array(coarse.shape)))
 
-    def __call__(self, w: np.ndarray) -> np.ndarray:
-        """(T, modes) c for traces (T, D + G)."""
-        pull, = self.team.sum(times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
+    def pull(self, w: np.ndarray) -> np.ndarray:
+        """(T, modes) this rank's part of what traces (T, D + G) ask for, to be summed over the ranks."""
+        return times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine])
+
+    def __call__(self, pull: np.ndarray) -> np.ndarray:
+        """(T, modes) c for what the traces ask for."""
         return self._solve(-pull)
