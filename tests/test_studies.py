@@ -374,7 +374,7 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.performance.prediction import macro_pattern
+    from orchestrator.studies.performance.prediction import macro_pattern, rigid_pattern
     from orchestrator.studies.problems.cases import cube
 
     config = config_from(cube(3, 2))
@@ -382,14 +382,16 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
         macro = case.prepared(config, build_scene(config), blackbox).stage.macro
     predicted = macro_pattern(3)
     assert predicted.shape == (macro.size,) * 2 and predicted.nnz == macro.coupled
+    assert rigid_pattern(3).shape == (6 * 27,) * 2 and rigid_pattern(3).nnz == 36 * (27 + 2 * 54)  # 54 pairs of neighbours
 
 
 def test_prediction_adds_up():
     from orchestrator.studies.performance.prediction import Costs, MacroCosts, largest, limit, predict, ranks_of
 
-    costs = Costs(start=1, scene=0.01, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, iterations=10,
-                  sweeps=12, trace=300)
-    macro = MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3), border=(1e-12, 1e-10))
+    costs = Costs(start=1, scene=0.01, hand_out=0.001, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, results=0.03,
+                  iterations=10, sweeps=12, trace=300)
+    macro = MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3), rigid_factorise=(1e-7, 1.5),
+                       rigid_solve=(1e-7, 1.0), border=(1e-12, 1e-10))
     small, large = (predict(costs, macro, count) for count in (1000, 100_000))
     assert small["iterations"]["solve"] == large["iterations"]["solve"] == pytest.approx(1.2)
     assert large["set_up"]["scene, on one rank"] == pytest.approx(1000)
@@ -397,10 +399,13 @@ def test_prediction_adds_up():
     blocks = 1000 / each  # between them: all interfaces but those inside blocks
     assert unknowns == pytest.approx(9 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and gigabytes == pytest.approx(
         8e-9 * unknowns**2 / 2)
-    assert small["set_up"]["prepare"] == pytest.approx(0.5 * each)
+    assert small["set_up"]["prepare"] == pytest.approx(0.5 * each) and small["end"]["results"] == pytest.approx(0.03 * each)
+    assert large["set_up"]["handing out parts, by one rank"] == pytest.approx(100)
+    assert large["set_up"]["repositioning, on every rank"] == pytest.approx(1e-7 * 1e5**1.5 + 12 * 7 * 36 * 1e5 / 1e10)
+    assert large["iterations"]["repositioning, on every rank"] == pytest.approx(10 * (1e-2 + 2 * 48 * 1e5 / 1e10))
     assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * unknowns**3)
     assert largest(large)[0] == "set-up: macro problem: borders" and 0.3 < largest(large)[1] < 0.5
-    alone = predict(costs, MacroCosts((1e-6, 1.0), (1e-6, 1.0), (1.0, 1.0), (1.0, 1.0)), 8)  # borders cost too much
+    alone = predict(costs, MacroCosts((1e-6, 1.0), (1e-6, 1.0), (1.0, 1.0), (0.0, 1.0), (0.0, 1.0), (1.0, 1.0)), 8)  # borders cost too much
     assert alone["set_up"]["macro problem: borders"] == 0 and alone["set_up"]["prepare"] == pytest.approx(4)
     count = limit(costs, macro)
     mine = [sum(s for part in predict(costs, macro, n).values() for what, s in part.items() if what.startswith("macro problem"))

@@ -2,12 +2,12 @@
 
 A rank has a block of subdomains, each with a worker on a core of its own, and works for all of them itself. It eliminates
 the macro unknowns that it alone sees; those on the borders between ranks are a dense problem that every rank solves
-(``method.linear.spread``). More subdomains to a rank mean smaller borders and more work for each rank: the best number is
-sought for every N.
+(``method.linear.spread``). The repositioning of the error bound is solved on every rank for all subdomains. More subdomains
+to a rank mean smaller borders and more work for each rank: the best number is sought for every N.
 
-Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; the macro problem, on
-matrices of its pattern; the borders, on a dense matrix. Assumed: the network, and that costs grow as far as they were not
-measured.
+Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to hand it to
+another rank, on a run with two; the macro problem and the repositioning, on matrices of their pattern; the borders, on a
+dense matrix. Assumed: the network, and that costs grow as far as they were not measured.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import scipy.sparse as sp
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.stopping.repositioning import RIGID
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube
@@ -39,55 +40,64 @@ class Costs:
     Parameters
     ----------
     start : of Python and the code's process
-    scene : mesh, cut, interfaces and the ranks' parts, per subdomain of the whole scene: one rank makes it for all
+    scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
+    hand_out : cutting out a subdomain and sending it to its rank, which one rank does for all
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads
     factorise : assembling and factorising
     solve : one back-substitution; message : what is on the way to the code and back
     own : the orchestrator in one iteration: local stage, acceleration, error measures
+    results : the orchestrator after the iterations, which each rank does for its own: delivery, guards, summary
     iterations, sweeps : of a run; back-substitutions of a subdomain in all iterations
     trace : dofs on one face
     """
 
     start: float
     scene: float
+    hand_out: float
     prepare: float
     factorise: float
     solve: float
     message: float
     own: float
+    results: float
     iterations: int
     sweeps: float
     trace: float
 
     @classmethod
-    def of(cls, summary: Mapping[str, Any]) -> "Costs":
-        """Of a run with one rank and one worker."""
+    def of(cls, summary: Mapping[str, Any], ranks: Mapping[str, Any] | None = None) -> "Costs":
+        """Of a run with one rank and one worker, and of one with two ranks of one worker each, if there is one."""
         count, sweeps, iterations = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"]
         timing = summary["timing"]
         (setup,), (loop,) = (summary["workload"][period]["workers"] for period in ("set_up", "iterations"))
+        known = sum(timing[stage] for stage in ("startup", "start", "mesh", "parts", "soles"))
+        periods = sum(summary["workload"][period]["seconds"] for period in ("set_up", "iterations"))
         return cls(
             start=timing["startup"] + timing["start"],
-            scene=(timing["mesh"] + timing.get("parts", 0.0)) / count, prepare=(timing["soles"] + setup["idle"]) / count,
+            scene=timing["mesh"] / count, hand_out=(ranks["timing"]["parts"] if ranks else 0.0) / count, prepare=(timing["soles"] + setup["idle"]) / count,
             factorise=(setup["assemble"] + setup["factorise"]) / count,
             solve=loop["solve"] / (count * sweeps), message=max(loop["messages"], 0.0) / (count * sweeps),
-            own=loop["idle"] / (count * iterations), iterations=iterations, sweeps=sweeps,
+            own=loop["idle"] / (count * iterations), results=max(timing["total"] - known - periods, 0.0) / count, iterations=iterations, sweeps=sweeps,
             trace=3 * summary["interface_nodes"] / summary["interfaces"])
 
 
 @dataclass(frozen=True)
 class MacroCosts:
-    """Growth of the macro problem with N subdomains: (factor, exponent) of factor · N^exponent.
+    """Growth of the macro problem and of repositioning with N subdomains: (factor, exponent) of factor · N^exponent.
 
     Parameters
     ----------
     factorise, solve : seconds of one factorisation and of one solution
     entries : of the factor
+    rigid_factorise, rigid_solve : the same of repositioning
     border : seconds of factorising a dense matrix over the cube of its size, and of a solution over the square
     """
 
     factorise: tuple[float, float]
     solve: tuple[float, float]
     entries: tuple[float, float]
+    rigid_factorise: tuple[float, float]
+    rigid_solve: tuple[float, float]
     border: tuple[float, float]
 
     def at(self, quantity: str, count: int) -> float:
@@ -96,21 +106,24 @@ class MacroCosts:
 
 
 def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[str, float]]]:
-    """Factorise matrices of the macro problem's pattern for cubes in a grid; also what was measured."""
+    """Factorise matrices of both problems' patterns for cubes in a grid; also what was measured."""
     rows = []
     for side in grids:
-        matrix, right = macro_pattern(side), np.ones((1, FIELDS * 3 * side * side * (side - 1)))
-        begin = time.process_time()
-        solve = Factor(matrix)
-        done = time.process_time()
-        repeats = 0
-        while time.process_time() - done < 0.02:
-            solve(right)
-            repeats += 1
-        seconds = (time.process_time() - done) / repeats
-        rows.append({"subdomains": side**3, "unknowns": right.size, "factorise": done - begin, "solve": seconds,
-                     "entries": solve.entries})
-    return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "entries")), _dense(BORDER)), rows
+        row: dict[str, float] = {"subdomains": side**3}
+        for matrix, prefix in ((macro_pattern(side), ""), (rigid_pattern(side), "rigid_")):
+            right = np.ones((1, matrix.shape[0]))
+            begin = time.process_time()
+            solve = Factor(matrix)
+            done = time.process_time()
+            repeats = 0
+            while time.process_time() - done < 0.02:
+                solve(right)
+                repeats += 1
+            row |= {f"{prefix}unknowns": right.size, f"{prefix}factorise": done - begin,
+                    f"{prefix}solve": (time.process_time() - done) / repeats, f"{prefix}entries": solve.entries}
+        rows.append(row)
+    grown = ("factorise", "solve", "entries", "rigid_factorise", "rigid_solve")
+    return MacroCosts(*(_growth(rows, key) for key in grown), _dense(BORDER)), rows
 
 
 def _dense(size: int) -> tuple[float, float]:
@@ -132,14 +145,27 @@ def macro_pattern(side: int) -> sp.csr_array:
 
     Two interfaces are coupled where they belong to one subdomain.
     """
+    touches = _touches(side)
+    return _of_blocks(touches @ touches.T, FIELDS)
+
+
+def rigid_pattern(side: int) -> sp.csr_array:
+    """Symmetric positive definite matrix with the pattern of repositioning: two subdomains are coupled by an interface."""
+    touches = _touches(side)
+    return _of_blocks(touches.T @ touches, RIGID)
+
+
+def _touches(side: int) -> sp.csr_array:
+    """(interfaces, side³) 1 where an interface belongs to a cube."""
     number = np.arange(side**3).reshape((side,) * 3)
     low, high = range(side - 1), range(1, side)
     pairs = np.concatenate([np.stack([number.take(low, a).ravel(), number.take(high, a).ravel()], 1) for a in range(3)])
-    count = len(pairs)
-    interface = np.repeat(np.arange(count), 2)
-    touches = sp.csr_array((np.ones(2 * count), (interface, pairs.ravel())), shape=(count, side**3))
-    coupled = sp.csr_array(touches @ touches.T)
-    blocks = sp.csr_array(sp.kron(coupled, np.ones((FIELDS, FIELDS))))
+    interface = np.repeat(np.arange(len(pairs)), 2)
+    return sp.csr_array((np.ones(pairs.size), (interface, pairs.ravel())), shape=(len(pairs), side**3))
+
+
+def _of_blocks(coupled: sp.sparray, size: int) -> sp.csr_array:
+    blocks = sp.csr_array(sp.kron(coupled, np.ones((size, size))))
     return sp.csr_array(blocks + sp.diags_array(2.0 * blocks.sum(axis=1)))
 
 
@@ -148,7 +174,7 @@ def predict(costs: Costs, macro: MacroCosts, count: int) -> dict[str, dict[str, 
 
     Returns
     -------
-    {"set_up" | "iterations": {what: seconds}} of a whole run
+    {"set_up" | "iterations" | "end": {what: seconds}} of a whole run
     """
     return min((_of_ranks(costs, macro, count, side**3) for side in SIDES if side**3 <= count),
                key=lambda parts: sum(sum(part.values()) for part in parts.values()))
@@ -176,12 +202,15 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
         "set_up": {
             "start": costs.start,
             "scene, on one rank": costs.scene * count,
+            "handing out parts, by one rank": 0.0 if alone else costs.hand_out * count,
             "prepare": costs.prepare * each,
             "factorise": costs.factorise,
             "macro columns": FIELDS * FACES * (costs.solve + costs.message),
             "macro problem: inside a rank": macro.at("factorise", each) + (0 if alone else own * macro.at("solve", each)),
             "macro problem: sum over ranks": 0.0 if alone else levels * LATENCY + 2 * 4 * border**2 / BANDWIDTH,
             "macro problem: borders": cube * border**3,
+            "repositioning, on every rank": macro.at("rigid_factorise", count) + (
+                0.0 if alone else 12 * (1 + FACES) * RIGID**2 * count / BANDWIDTH),
         },
         "iterations": {
             "solve": costs.sweeps * costs.solve,
@@ -191,7 +220,10 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
             "reductions": costs.iterations * (REDUCTIONS + 1) * levels * LATENCY,
             "macro problem: inside a rank": costs.iterations * (1 if alone else 2) * macro.at("solve", each),
             "macro problem: borders": costs.iterations * (square * border**2 + 2 * 8 * border / BANDWIDTH),
+            "repositioning, on every rank": costs.iterations * (
+                macro.at("rigid_solve", count) + (0.0 if alone else 2 * 8 * RIGID * count / BANDWIDTH)),
         },
+        "end": {"results": costs.results * each},
     }
 
 

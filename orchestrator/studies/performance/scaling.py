@@ -13,7 +13,7 @@ from typing import Any
 
 from orchestrator.blackbox.pool.pool import default_workers
 from orchestrator.errors import CONVERGED
-from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
+from orchestrator.results.figures.plotting import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
 from orchestrator.results.summary.summary import blackbox_seconds
 from orchestrator.results.summary.workload import idle_share
 from orchestrator.studies.kit.commands import whole_command, without_ranks
@@ -38,7 +38,7 @@ SPEEDUP, BALANCE = 1.7, 0.95  # wanted of two workers
 CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others")
-_COLOURS = (GREY, SKY, ORANGE, GREEN, PURPLE, BLUE, RED)
+_COLOURS = (GREY, SKY, ORANGE, BROWN, GREEN, PURPLE, BLUE, RED)
 
 
 def cubes(counts: Sequence[int], elements: int) -> dict[str, Any]:
@@ -64,17 +64,17 @@ def run(study: Study, elements: int = ELEMENTS) -> None:
         study.console.print(f"  ranks 2 and 4 are left out: {missing}")
     summaries = [_row(study, *row, elements) for row in rows]
     _targets(study)
-    costs = Costs.of(summaries[0])
+    costs = Costs.of(summaries[0], summaries[4] if missing is None else None)
     macro, measured = measure_macro()
     dofs = summaries[0]["dofs_decomposed"] // summaries[0]["subdomains"]
     study.folder.write("prediction.md", text(costs, macro, measured, dofs, study.rows[0]["others"]))
     study.figure(picture(study.rows, costs, macro))
     for count in CLUSTER:
         parts = predict(costs, macro, count)
-        set_up, loop = (sum(parts[p].values()) for p in ("set_up", "iterations"))
+        set_up, loop, end = (sum(parts[p].values()) for p in ("set_up", "iterations", "end"))
         name, share = largest(parts)
         study.console.print(f"  {count:,} subdomains on as many cores, predicted: set-up {set_up:.3g} s, iterations "
-                            f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s; "
+                            f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s, end {end:.3g} s; "
                             f"{100 * share:.0f} % for {name}")
     study.console.print(f"  the macro problem outweighs the code's own work from {limit(costs, macro):,} subdomains on; see "
                         "prediction.md")
@@ -155,22 +155,24 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
         f"The macro problem has {FIELDS} unknowns per interface. A rank factorises and solves what it alone sees. Measured on "
         "matrices of its pattern, with the ordering of a run:", "",
-        "| subdomains | unknowns | factorise s | solve s | entries of the factor |", "| ---: " * 5 + "|",
-        *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} |"
-          for r in measured), "",
+        "| subdomains | unknowns | factorise s | solve s | entries of the factor | repositioning: unknowns | factorise s | solve s |",
+        "| ---: " * 8 + "|",
+        *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} | "
+          f"{r['rigid_unknowns']:,} | {r['rigid_factorise']:.3g} | {r['rigid_solve']:.3g} |" for r in measured), "",
         "They grow with the number of subdomains to the power " + ", ".join(
-            f"{getattr(macro, q)[1]:.2f} ({q})" for q in ("factorise", "solve", "entries")) +
+            f"{getattr(macro, q)[1]:.2f} ({q.replace('_', ': ').replace('rigid', 'repositioning')})"
+            for q in ("factorise", "solve", "entries", "rigid_factorise", "rigid_solve")) +
         "; nested dissection would give 2, 1.33 and 1.33 for many. The n unknowns on the borders between ranks are a dense "
         f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
-        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts, as "
-        "it does today; what it takes to send them is not counted.", "",
+        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts" + (
+            "." if costs.hand_out else "; what that takes was not measured, for want of ranks."), "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER),
         "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",
         "| unknowns on borders (GB on each rank) | " + " | ".join(f"{n:,.0f} ({gb:.2g})" for _, n, gb in each) + " |"]
-    for period, name in (("set_up", "set-up"), ("iterations", "iterations")):
+    for period, name in (("set_up", "set-up"), ("iterations", "iterations"), ("end", "end")):
         for what in found[0][period]:
             lines.append(f"| {name}: {what} | " + " | ".join(f"{f[period][what]:.3g}" for f in found) + " |")
     total = [sum(sum(part.values()) for part in f.values()) for f in found]
@@ -179,8 +181,8 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
               "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |",
               "| the largest term | " + " | ".join("{} ({:.0f} %)".format(n, 100 * s) for n, s in map(largest, found)) + " |"]
     lines += ["", f"From {limit(costs, macro):,} subdomains on the macro problem takes longer than the code's own work. What limits "
-              "a run is named in the last row: the scene while one rank makes it for all, then the borders, dense and on "
-              "every rank, which would have to be decomposed in their turn.", ""]
+              "a run is named in the last row: the scene as long as one rank makes it for all; the borders, dense and on every rank, and "
+              "repositioning, sparse and on every rank too, would have to be decomposed in their turn.", ""]
     return "\n".join(lines)
 
 
@@ -195,7 +197,7 @@ def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts) -> 
     counts = [10**(k / 4) for k in range(4, 21)]
     found = [predict(costs, macro, int(count)) for count in counts]
     shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
-             ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
+             ("set_up", "repositioning, on every rank"), ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
              ("iterations", "macro problem: borders")]
     for (period, what), colour in zip(shown, _COLOURS):
         right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour,
