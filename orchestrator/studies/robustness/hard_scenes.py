@@ -83,7 +83,7 @@ def joined(folder: Path, nodes: int) -> dict[str, Any]:
     if nodes == 3:  # the second bar is pushed away from the first but for one triangle
         face = [[1, 1 / 3, 1 / 3], [1, 2 / 3, 1 / 3], [1, 2 / 3, 2 / 3]]
         meets = np.any([np.linalg.norm(two.nodes - p, axis=1) < 1e-9 for p in face], axis=0)
-        two.nodes[(two.nodes[:, 0] < 1 + 1e-9) & ~meets, 0] += 0.1
+        two.nodes[(two.nodes[:, 0] < 1 + 1e-9) & ~meets, 0] += 0.3
     both = np.vstack([one.nodes, two.nodes])
     _, first, inverse = np.unique(np.round(both, 6), axis=0, return_index=True, return_inverse=True)
     cells = np.vstack([one.cells, two.cells + len(one.nodes)])
