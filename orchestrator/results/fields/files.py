@@ -16,7 +16,7 @@ from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.method.stopping.stress import von_mises
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.interface_files import write_interfaces
-from orchestrator.results.fields.nodal import principal
+from orchestrator.results.fields.nodal import Nodal, principal
 from orchestrator.results.fields.npz import write_npz
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
@@ -103,23 +103,24 @@ def _names(steps: int, rank: int) -> list[str]:
 def _write_steps(folder: ResultsFolder, names: Sequence[str], fields: Fields,
                  hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """A grid of every load step, without parts of these names; the data of the last."""
-    grid, at = fields.apart, slice(None)
-    some = grid
+    nodal, some, at, shown = fields.nodal, fields.apart, slice(None), slice(None)
     if hidden:
         shown = np.flatnonzero(~np.isin(fields.part, [i for i, name in enumerate(fields.parts) if name in hidden]))
-        some, at = grid.some(shown), np.unique(grid.cells[shown])
+        some, at = some.some(shown), np.unique(some.cells[shown])
     for step, name in enumerate(names):
-        data = _data(some, step, fields.nodal.everywhere(fields.nodal.stress(step))[at])
+        data = _data(nodal, some, step, at, shown)
         write_vtu(folder, f"fields/{name}", some.nodes, some.cells, *data)
     return data
 
 
-def _data(fields: Fields, step: int, stress: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """What a step's file says of nodes, with their stress (n, 6), and of cells."""
-    sigma = fields.stress(step)
-    cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": fields.subdomain.astype(np.int32)}
-    if fields.cells.shape[1] == 10:
-        cells["von_mises_max"] = fields.nodal_von_mises(step).max(axis=1)
-    if fields.discretisation_error is not None:
-        cells["discretisation_error"] = fields.discretisation_error[step]
-    return {"displacement": fields.displacement[step], "nodal_stress": stress, "principal_stress": principal(stress)}, cells
+def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
+          shown: np.ndarray | slice) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """What a step's file says of the nodes and cells drawn: places ``at`` of those that have a stress, cells ``shown`` of all."""
+    sigma, stress = nodal.fields.stress(step)[shown], nodal.everywhere(nodal.stress(step))
+    ordered = np.concatenate([nodal.principal(step), principal(stress[len(nodal):])])
+    cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": drawn.subdomain.astype(np.int32)}
+    if drawn.cells.shape[1] == 10:
+        cells["von_mises_max"] = nodal.fields.nodal_von_mises(step)[shown].max(axis=1)
+    if drawn.discretisation_error is not None:
+        cells["discretisation_error"] = drawn.discretisation_error[step]
+    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": ordered[at]}, cells

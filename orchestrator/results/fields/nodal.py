@@ -7,6 +7,7 @@ inside a part leave no trace. In between, and in the middle of edges, it is line
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from orchestrator.results.fields.fields import Fields
 
 NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)
+KEPT = 4  # load steps whose stresses are kept once formed, from extremes to files: three times a step's displacements each
 
 
 class Nodal:
@@ -53,6 +55,7 @@ class Nodal:
         self._borders = Borders(*NOWHERE) if self.fields.meeting is None else self._at_others(self.fields.meeting)
         self._weight = self._borders(np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=count))
         self._known: dict[int, np.ndarray] = {}
+        self._principal: dict[int, np.ndarray] = {}
 
     def _at_others(self, meeting: Meeting) -> Borders:
         cell = np.empty(len(self.node), dtype=int)
@@ -69,9 +72,11 @@ class Nodal:
 
     def stress(self, step: int) -> np.ndarray:
         """(K, 6) stress at one load step, in VTK's order; nan where it is not to be believed."""
-        if step not in self._known:
-            self._known = {step: self._averaged(step)}  # of many steps the last is enough
-        return self._known[step]
+        return _kept(self._known, step, self._averaged)
+
+    def principal(self, step: int) -> np.ndarray:
+        """(K, 3) principal stresses at one load step, the largest first."""
+        return _kept(self._principal, step, lambda step: principal(self.stress(step)))
 
     def _averaged(self, step: int) -> np.ndarray:
         fields, volumes = self.fields, self.fields.volumes
@@ -111,6 +116,16 @@ class Nodal:
     def everywhere(self, values: np.ndarray) -> np.ndarray:
         """(K + e, …) values (K, …) of the nodes, and in the middle of edges the mean of their ends."""
         return values if self.fields.cells.shape[1] == 4 else np.concatenate([values, values[self.ends].mean(axis=1)])
+
+
+def _kept(known: dict[int, np.ndarray], step: int, form: Callable[[int], np.ndarray]) -> np.ndarray:
+    """What has been formed of a load step, or is now; the first ones and the latest
+    are kept, by all ranks alike: who forms them speaks to the others."""
+    if step not in known:
+        while len(known) >= KEPT:
+            del known[next(reversed(known))]
+        known[step] = form(step)
+    return known[step]
 
 
 def principal(sigma: np.ndarray) -> np.ndarray:

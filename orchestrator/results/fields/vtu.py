@@ -1,4 +1,8 @@
-"""VTK's files: unstructured grids (.vtu), in pieces (.pvtu), and collections of them over the load steps (.pvd)."""
+"""VTK's files: unstructured grids (.vtu), in pieces (.pvtu), and collections of them over the load steps (.pvd).
+
+Numbers are appended to a grid's file as they are in memory, which takes a fifth of the time that text takes (base64), and
+three quarters of the room.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,8 @@ import numpy as np
 from orchestrator.results.folder import ResultsFolder
 
 _ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
-_TYPES = {3: "triangle", 4: "tetra", 10: "tetra10"}  # by nodes of a cell
+_TYPES = {3: 5, 4: 10, 10: 24}  # VTK's, by nodes of a cell
+_COUNT = np.dtype(np.uint64)  # of an array's bytes, ahead of them
 
 
 def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.ndarray,
@@ -28,12 +33,35 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
     ------
     InputError : disk full or folder not writable
     """
-    import meshio  # not before there is something to write
+    appended, at = [], 0
 
-    grid = meshio.Mesh(points, [(_TYPES[cells.shape[1]], cells)], point_data=dict(point_data),
-                       cell_data={name: [values] for name, values in cell_data.items()})
-    with folder.replacing(name) as temporary:
-        meshio.vtu.write(temporary, grid, binary=True, compression=None)
+    def array(name: str, values: np.ndarray) -> str:
+        nonlocal at
+        appended.append(np.ascontiguousarray(values))
+        place, at = at, at + _COUNT.itemsize + appended[-1].nbytes
+        return f'        <DataArray {_kind(name, values)} format="appended" offset="{place}"/>'
+
+    m, width = cells.shape
+    rows = ['<?xml version="1.0"?>', f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
+            "  <UnstructuredGrid>", f'    <Piece NumberOfPoints="{len(points)}" NumberOfCells="{m}">',
+            "      <Points>", array("Points", points.astype(float, copy=False)), "      </Points>",
+            "      <Cells>", array("connectivity", cells.astype(np.int64, copy=False).ravel()),
+            array("offsets", np.arange(width, width * m + 1, width)), array("types", np.full(m, _TYPES[width], np.uint8)),
+            "      </Cells>", "      <PointData>", *(array(*item) for item in point_data.items()), "      </PointData>",
+            "      <CellData>", *(array(*item) for item in cell_data.items()), "      </CellData>",
+            "    </Piece>", "  </UnstructuredGrid>", '  <AppendedData encoding="raw">', "_"]
+    with folder.replacing(name) as temporary, open(temporary, "wb") as file:
+        file.write("\n".join(rows).encode())
+        for values in appended:
+            file.write(_COUNT.type(values.nbytes))
+            file.write(values.data.cast("B") if values.size else b"")
+        file.write(b"\n  </AppendedData>\n</VTKFile>\n")
+
+
+def _kind(name: str, values: np.ndarray) -> str:
+    """What is said of an array's numbers."""
+    kind = {"i": "Int", "u": "UInt", "f": "Float"}[values.dtype.kind] + str(8 * values.dtype.itemsize)
+    return f'type="{kind}" Name="{name}"' + (f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else "")
 
 
 def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_data: Mapping[str, np.ndarray],
@@ -49,9 +77,7 @@ def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_da
     InputError : disk full or folder not writable
     """
     def array(name: str, values: np.ndarray) -> str:
-        kind = ("Int" if values.dtype.kind == "i" else "Float") + str(8 * values.dtype.itemsize)
-        return (f'      <PDataArray type="{kind}" Name="{name}" '
-                f'NumberOfComponents="{1 if values.ndim == 1 else values.shape[1]}"/>')
+        return f"      <PDataArray {_kind(name, values)}/>"
 
     rows = ['<?xml version="1.0"?>', f'<VTKFile type="PUnstructuredGrid" version="0.1" byte_order="{_ORDER}">',
             '  <PUnstructuredGrid GhostLevel="0">', "    <PPoints>", array("Points", np.zeros((1, 3))), "    </PPoints>",
