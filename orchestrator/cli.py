@@ -324,11 +324,13 @@ def _check_iterations(scene, method) -> None:
 def _guarded(action: Callable[[], int]) -> None:
     """Runs a command and ends the program with its exit code; errors of the user's are shown, not traced.
 
-    SIGTERM and SIGHUP interrupt like Ctrl-C, so that batch systems and lost terminals get the checkpoint too; what is
+    SIGTERM, SIGHUP and SIGUSR2 interrupt like Ctrl-C, so that batch systems and lost terminals get the checkpoint too; what is
     ignored, as SIGHUP is under nohup, stays so.
     """
     in_main = threading.current_thread() is threading.main_thread()
-    ends = [number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) != signal.SIG_IGN]
+    # SIGUSR2 is what launchers of parallel runs forward to all ranks, and what batch systems can be told to send
+    asked = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR2
+    ends = [number for number in asked if signal.getsignal(number) != signal.SIG_IGN]
     previous = {number: signal.signal(number, interrupt) for number in ends} if in_main else {}
     try:
         raise_waiting()

@@ -167,6 +167,11 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     iterations = read_history(results)["iteration"]
     assert before["iterations"] - 1 <= iterations[-1] - 2 <= before["iterations"]
     assert np.array_equal(iterations, np.arange(1, len(iterations) + 1))
+    run = orchestrate(2, settings, "--output", results, "--resume", folder=temporary)
+    iterating(run, results, len(iterations) + 1)
+    run.send_signal(signal.SIGUSR2)  # mpiexec forwards it to all, and ends as they do
+    run.communicate(timeout=SECONDS)
+    assert run.returncode == 130
 
 
 @pytest.mark.parametrize("right, wrong, told", [
