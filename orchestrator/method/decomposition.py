@@ -211,7 +211,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if space.ties is not None:
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
-    bound = coarse = None
+    bound = coarse = judge = None
 
     def meeting(direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
         """The pairs, their local stage, and how they are stabilised."""
@@ -221,9 +221,17 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
 
     if all_perfect:
         local = Exchange(direction, method.search_direction.kplus)
-        with watch("bound"):
+        def make_bound() -> ErrorBound:
             external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
-            bound = ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, traces)], external)
+            return ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, traces)], external)
+
+        if space.team.size == 1:  # it is asked for nothing before the codes have answered, and its arithmetic leaves a core free
+            for matrix in (direction.whole, direction.k):
+                matrix.sum_duplicates()  # so that no thread puts them in order while another one reads
+            judge = Meanwhile(make_bound)
+        else:
+            with watch("bound"):
+                bound = make_bound()
     else:
         pairs, local, springs = meeting(direction, 1.0)
     guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
@@ -253,6 +261,9 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if method.coarse != "none" and not all(space.perfect):
             coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
+    if judge is not None:
+        with watch("bound"):
+            bound = judge.result()
     if bound is not None:
         bound = bound.of(stage, loading, floor)
     following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
