@@ -19,13 +19,15 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.compiled import cores, together
+from orchestrator.compiled import cores, in_parts, together
 from orchestrator.method.interface.factor import dissection
 
 READ = 20.0  # operations that BLAS does in single precision in the time that a solution spends on an entry of the factors
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
 OWN_THREAD = 1e7  # operations that BLAS does in the time that it takes to have another thread do something
+SHARE, LARGE = 4 * OWN_THREAD, 8 * OWN_THREAD  # of a thread in a front, and of a front that has shares for several
+MANY, ORDERS = 1e9, 8  # operations that take as long as to look for another order; of a dozen the best saves a twentieth or a tenth
 PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
 BAND = 96  # rows of a band: products of so many columns are as quick as others, and its inverse costs next to nothing beside them
 
@@ -74,6 +76,9 @@ class Elimination:
         pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(count, count))
         sees = [indices[a:b][indices[a:b] != i] for i, (a, b) in enumerate(zip(indptr[:-1], indptr[1:]))]
         groups = _grouped(sees, dissection(pattern), size)
+        if _of_all(groups, size) > MANY:
+            groups = min([groups, *(_grouped(sees, dissection(pattern, seed), size) for seed in range(ORDERS))],
+                         key=lambda made: _of_all(made, size))
         self.order = np.array([body for columns, _, _ in groups for body in columns], dtype=int)
         place = np.empty(count, dtype=int)
         place[self.order] = np.arange(count)
@@ -127,13 +132,32 @@ class Elimination:
         work, result = self._work[blocks.dtype], instead
         if result is None or result.own.dtype != blocks.dtype:
             result = Factors(self, np.empty(at.own, blocks.dtype), np.empty(at.beside, blocks.dtype))
-        constants = np.array([-1.0, 0.0, 1.0], blocks.dtype)
+        given = (PRODUCT[blocks.dtype], np.array([-1.0, 0.0, 1.0], blocks.dtype), blocks, at.panel, at.band, at.sizes, at.places,
+                 at.enters, at.enter, at.children, at.child, at.rests, at.within, result.own, result.beside, work)
 
         def some(which: np.ndarray) -> int:
-            return fronts.eliminate(which, PRODUCT[blocks.dtype], constants, blocks, at.panel, at.band, at.sizes, at.places,
-                                    at.enters, at.enter, at.children, at.child, at.rests, at.within, result.own, result.beside, work)
+            right = np.empty(at.right[which].max(initial=0), blocks.dtype)
+            return fronts.eliminate(0, len(which), fronts.WHOLE, which, 0, at.parts, given, right)
 
-        if max(together(some, at.apart), default=-1) >= 0 or some(at.last) >= 0:
+        def shared(which: np.ndarray) -> int:
+            """One large front by all threads."""
+            f, = which
+            (a, m), part = at.sizes[f], int(at.parts[f])
+            right = np.empty(at.right[f], blocks.dtype)
+            fronts.eliminate(0, 0, fronts.ENTERED, which, 0, at.parts, given, right)
+            for p in range(0, a, at.band):
+                if fronts.eliminate(0, 0, fronts.ACROSS, which, p, at.parts, given, right) >= 0:
+                    return f
+                if p + at.band < a:
+                    in_parts(fronts.eliminate, a + m - p - at.band, fronts.BELOW, which, p, at.parts, given, right, part=part)
+            if m:
+                in_parts(fronts.eliminate, m, fronts.LEFT, which, 0, at.parts, given, right, part=part)
+            return -1
+
+        failed = max(together(some, at.apart), default=-1)
+        for which, large in at.last:
+            failed = failed if failed >= 0 else (shared if large else some)(which)
+        if failed >= 0:
             raise ZeroDivisionError("a pivot of the coarse contact problem vanishes")
         return result
 
@@ -146,8 +170,9 @@ class Layout:
     ----------
     panel, band : their rows
     own, beside, work : numbers in all L, in all U, and in what is left of fronts whose parents have not taken it yet
-    apart, last : the fronts that threads of their own eliminate, and those after these
-    others : as for ``fronts.eliminate``
+    apart, last : the fronts that threads of their own eliminate, and those after these, a large one that all share alone
+    right : (F,) int, numbers that ``fronts.eliminate`` takes beside
+    others : as there
     """
 
     panel: int
@@ -165,8 +190,10 @@ class Layout:
     rests: np.ndarray
     rest: np.ndarray
     within: np.ndarray
+    parts: np.ndarray
+    right: np.ndarray
     apart: list[np.ndarray]
-    last: np.ndarray
+    last: list[tuple[np.ndarray, bool]]
 
     @classmethod
     def of(cls, fronts: Sequence[Front], size: int) -> Layout:
@@ -179,19 +206,23 @@ class Layout:
         operations = np.array([_operations(own // size, rest // size, size) for own, rest in sizes], dtype=float)
         apart, last = _shared_out(parent, operations, cores())
         a, m = sizes.T
+        band = max(1, BAND // panel) * panel
+        parts = np.ceil(SHARE / (2.0 * np.maximum(1, np.minimum(a, band) * (a + m)))).astype(int)  # rows that make a share
+        large = (operations > LARGE) & (cores() > 1)
         places = np.column_stack([_starts((a + m) * a)[:-1], _starts(a * m)[:-1], np.zeros(count, dtype=int)])
         begin = 0
         for some in [*apart, last]:
             places[some, 2], begin = _stacked(some, parent, m**2, begin)
         return cls(
-            panel=panel, band=max(1, BAND // panel) * panel, sizes=sizes, places=places, starts=np.array([f.start for f in fronts], dtype=int),
+            panel=panel, band=band, sizes=sizes, places=places, starts=np.array([f.start for f in fronts], dtype=int),
             own=int(((a + m) * a).sum()), beside=int((a * m).sum()), work=begin,
             enters=_starts([len(front.blocks) for front in fronts]),
             enter=np.column_stack([np.concatenate([none, *(getattr(front, name) for front in fronts)])
                                    for name in ("blocks", "row", "column")]),
             children=children, child=child, rests=_starts([len(front.rest) for front in fronts]),
             rest=np.concatenate([none, *(front.rest for front in fronts)]),
-            within=np.concatenate([none, *(front.within for front in fronts)]), apart=apart, last=last)
+            within=np.concatenate([none, *(front.within for front in fronts)]), parts=parts, right=a * (m + np.minimum(a, band)), apart=apart,
+            last=[(run, bool(large[run[0]])) for run in _runs_of(last, large)])
 
 
 @dataclass
@@ -228,10 +259,16 @@ def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(lengths, dtype=int)])
 
 
+def _runs_of(which: np.ndarray, alone: np.ndarray) -> list[np.ndarray]:
+    """Some fronts (·,) in runs, those that are to be alone by themselves."""
+    cuts = [k for k in range(1, len(which)) if alone[which[k]] or alone[which[k - 1]]]
+    return [run for run in np.split(which, cuts) if len(run)]
+
+
 def _shared_out(parent: np.ndarray, operations: np.ndarray, threads: int) -> tuple[list[np.ndarray], np.ndarray]:
     """Fronts (·,) that each of several threads eliminates, branches with all that is below them, and those that come after.
 
-    The largest branch is taken apart, its own front left for later, as long as that ends sooner.
+    The largest branch is taken apart, its own front left for later, when all share it if it is large, as long as that ends sooner.
     """
     count, below, first = len(parent), operations.copy(), np.arange(len(parent))
     for f in np.flatnonzero(parent >= 0):  # children before parents; a branch lies together, from its first front on
@@ -250,7 +287,7 @@ def _shared_out(parent: np.ndarray, operations: np.ndarray, threads: int) -> tup
             break
         branches.remove(largest)
         branches += list(np.flatnonzero(parent == largest))
-        later += operations[largest]
+        later += operations[largest] / (threads if operations[largest] > LARGE else 1)
     apart = [np.concatenate([np.arange(first[f], f + 1) for f in sorted(share)]) for share in best if share]
     if len(apart) < 2:
         return [], np.arange(count)
@@ -306,6 +343,11 @@ def _grouped(sees: Sequence[np.ndarray], order: np.ndarray, size: int) -> list[t
         found.append(group)
         left.extend(group[2])
     return found[::-1]
+
+
+def _of_all(groups: Sequence[tuple[list[int], set[int], list]], size: int) -> float:
+    """Operations of all fronts."""
+    return sum(_operations(len(columns), len(rest), size) for columns, rest, _ in groups)
 
 
 def _operations(own: int, rest: int, size: int) -> float:

@@ -56,17 +56,15 @@ def _inverted(P, turn):
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
-def _inverted_by_panels(P, panel, product, constants, turn, square, beside, below):
-    """The same, panel after panel: with D a panel's inverse, rows D·P, all others less their columns times these.
-
-    Parameters
-    ----------
-    P : (n, n), its rows one after the other
-    square (panel²,), beside (n · panel,), below (n · panel,) : taken for what is in between
-    """
+def _inverted_by_panels(P, panel, product, constants):
+    """The same for a larger one, panel after panel: with D a panel's inverse, its rows become D·P, all others less their part of
+    the panel's columns times these."""
     n, minus, nothing, one = len(P), constants[0], constants[1], constants[2]
+    turn, square = np.empty(panel, np.int64), np.empty(panel * panel, P.dtype)
+    beside, below = np.empty(2 * n * panel, P.dtype), np.empty(n * panel, P.dtype)
     at_P, at_square, at_below = np.int64(P.ctypes.data), np.int64(square.ctypes.data), np.int64(below.ctypes.data)
     at_beside = np.int64(beside.ctypes.data)
+    at_rows = at_beside + P.itemsize * n * panel
     for p in range(0, n, panel):
         q = min(p + panel, n)
         w = q - p
@@ -89,105 +87,155 @@ def _inverted_by_panels(P, panel, product, constants, turn, square, beside, belo
                 row[j] = nothing
             for j in range(w):
                 below[(p + i) * w + j] = minus if i == j else nothing
-        at_rows = at_beside + P.itemsize * n * panel
         gemm(product, w, n, w, one, at_square, w, at_beside, n, nothing, at_rows, n)
         gemm(product, n, n, w, minus, at_below, w, at_rows, n, one, at_P, n)
     return True
 
 
+WHOLE, ENTERED, ACROSS, BELOW, LEFT = range(-1, 4)  # what ``eliminate`` does
+
+
 @compiled
-def eliminate(which, product, constants, blocks, panel, band, sizes, places, enters, enter, children, child, withins, within,
-              own_parts, beside, work):
-    """Eliminate some of the fronts; −1, or the number of one whose pivot vanishes.
+def eliminate(start, stop, stage, which, at_row, parts, given, right):
+    """Eliminate some of the fronts, or do a part of what there is to be done for one: −1, or the number of one whose pivot vanishes.
 
     Parameters
     ----------
-    which : (n,) int, the fronts, children before parents
-    product : address of BLAS's product; constants : (3,) −1, 0 and 1, of the factors' precision
-    blocks : (b, size, size) of the matrix; panel, band : their rows
-    sizes : (F, 2) int, rows that are eliminated, rows that are left
-    places : (F, 3) int, where a front begins in ``own_parts``, ``beside`` and ``work``
-    enters : (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
-    children : (F + 1,) int, where its children begin in ``child``; withins : the same for places in the parent, ``within``
-    own_parts, beside : take L and U; work : (·,) takes S
+    stage : ``WHOLE``: all that follows, for the fronts ``which[start:stop]``, children before parents; of the front
+        ``which[0]``: ``ENTERED``: what enters is added up; ``ACROSS``: the band from ``at_row`` on is inverted, what is beside it
+        multiplied; ``BELOW``: what is below that band less what it changes, in rows from start to stop, which count from the
+        band's end; ``LEFT``: what is left, in rows from start to stop
+    parts : (F,) int, at most so many rows are done as one, by whoever it be: products depend on it, to the last bit
+    given : product: address of BLAS's product
+        constants: (3,) −1, 0 and 1, of the factors' precision
+        blocks: (b, size, size) of the matrix
+        panel, band: their rows
+        sizes: (F, 2) int, rows that are eliminated, rows that are left
+        places: (F, 3) int, where a front begins in ``own_parts``, ``beside`` and ``work``
+        enters: (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
+        children: (F + 1,) int, where its children begin in ``child``; withins: the same for places in the parent, ``within``
+        own_parts, beside: take L and U; work: (·,) takes S
+    right : (·,) takes U before it is multiplied, and behind it rows of a band as long as what is eliminated
     """
-    size, minus, nothing, one = blocks.shape[1], constants[0], constants[1], constants[2]
-    bytes_of, turn, runs = work.itemsize, np.empty(panel, np.int64), np.empty((len(within), 3), np.int64)
-    widest, longest = 0, 0
-    for f in which:
-        widest, longest = max(widest, sizes[f, 0]), max(longest, sizes[f, 0] * max(sizes[f, 1], band))
-    high = min(widest, band)
-    P_of, square, between = np.empty(high * high, work.dtype), np.empty(panel * panel, work.dtype), np.empty(2 * panel * high, work.dtype)
-    below, right = np.empty(panel * high, work.dtype), np.empty(longest, work.dtype)
-    at_P, at_right = np.int64(P_of.ctypes.data), np.int64(right.ctypes.data)
-    for f in which:
-        a, m = sizes[f]
-        n = a + m
-        L = own_parts[places[f, 0] : places[f, 0] + n * a].reshape(n, a)
-        U = beside[places[f, 1] : places[f, 1] + a * m].reshape(a, m)
-        S = work[places[f, 2] : places[f, 2] + m * m].reshape(m, m)
-        R = right[: a * m].reshape(a, m)  # U before it is multiplied
-        L[:] = nothing
-        R[:] = nothing
-        for k in range(enters[f], enters[f + 1]):
-            b, i0, j0 = enter[k, 0], size * enter[k, 1], size * enter[k, 2]
-            for i in range(size):
-                row = L[i0 + i, j0 : j0 + size] if j0 < a else R[i0 + i, j0 - a : j0 - a + size]
-                given = blocks[b, i]
-                for j in range(size):
-                    row[j] += given[j]
-        for k in range(children[f], children[f + 1]):
-            c = child[k]
-            m_c, first = sizes[c, 1], withins[c]
-            given = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
-            split, count = _runs(within[first : withins[c + 1]], size, a, runs)
-            for i in range(m_c):
-                u, r = divmod(i, size)
-                to = size * within[first + u] + r
-                _added(L[to], given[i], runs[:split])
-                if to < a:
-                    _added(R[to], given[i], runs[split:count])
-        at_L, at_U = np.int64(L.ctypes.data), np.int64(U.ctypes.data)
-        for p in range(0, a, band):
-            q = min(p + band, a)
-            w = q - p
-            P = P_of[: w * w].reshape(w, w)
-            for i in range(w):
-                row, of = P[i], L[p + i, p:q]
-                for j in range(w):
-                    row[j] = of[j]
-            if not _inverted_by_panels(P, panel, product, constants, turn, square, between, below):
-                return f
-            for i in range(w):
-                row, of = L[p + i, p:q], P[i]
-                for j in range(w):
-                    row[j] = of[j]
-            at_own = at_L + bytes_of * (a * p + p)
-            if m:
-                gemm(product, w, m, w, one, at_P, w, at_right + bytes_of * m * p, m, nothing, at_U + bytes_of * m * p, m)
-            if q < a:
-                if m:
-                    gemm(product, a - q, m, w, minus, at_own + bytes_of * a * w, a, at_U + bytes_of * m * p, m, one,
-                         at_right + bytes_of * m * q, m)
-                rest = a - q
-                others = np.empty((w, rest), work.dtype)
-                others[:] = L[p:q, q:]
-                gemm(product, w, rest, w, one, at_P, w, np.int64(others.ctypes.data), rest, nothing, at_own + bytes_of * w, a)
-                gemm(product, n - q, rest, w, minus, at_own + bytes_of * a * w, a, at_own + bytes_of * w, a, one,
-                     at_own + bytes_of * (a * w + w), a)
-        if m:
-            gemm(product, m, m, a, minus, at_L + bytes_of * a * a, a, at_U, m, nothing, np.int64(S.ctypes.data), m)
-        for k in range(children[f], children[f + 1]):
-            c = child[k]
-            m_c, first = sizes[c, 1], withins[c]
-            given = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
-            split, count = _runs(within[first : withins[c + 1]], size, a, runs)
-            for i in range(m_c):
-                u, r = divmod(i, size)
-                to = size * within[first + u] + r - a
-                if to >= 0:
-                    _added(S[to], given[i], runs[split:count])
+    if stage == ENTERED:
+        _entered(which[0], given, right)
+    elif stage == ACROSS:
+        if not _across(which[0], at_row, given, right):
+            return which[0]
+    elif stage == BELOW:
+        _below(which[0], at_row, start, stop, given, right)
+    elif stage == LEFT:
+        _left(which[0], start, stop, given)
+    else:
+        sizes, band = given[5], given[4]
+        for k in range(start, stop):
+            f = which[k]
+            a, m, part = sizes[f, 0], sizes[f, 1], parts[f]
+            _entered(f, given, right)
+            for p in range(0, a, band):
+                if not _across(f, p, given, right):
+                    return f
+                rows = a + m - min(p + band, a)
+                for i in range(0, rows, part):
+                    _below(f, p, i, min(i + part, rows), given, right)
+            for i in range(0, m, part):
+                _left(f, i, min(i + part, m), given)
     return -1
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _entered(f, given, right):
+    """What enters a front: blocks of the matrix, and what its children leave in the rows and columns that it eliminates."""
+    _, constants, blocks, _, _, sizes, places, enters, enter, children, child, withins, within, own_parts, _, work = given
+    size, nothing, (a, m) = blocks.shape[1], constants[1], sizes[f]
+    L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
+    R, runs = right[: a * m].reshape(a, m), np.empty((len(within), 3), np.int64)
+    L[:] = nothing
+    R[:] = nothing
+    for k in range(enters[f], enters[f + 1]):
+        b, i0, j0 = enter[k, 0], size * enter[k, 1], size * enter[k, 2]
+        for i in range(size):
+            row = L[i0 + i, j0 : j0 + size] if j0 < a else R[i0 + i, j0 - a : j0 - a + size]
+            of = blocks[b, i]
+            for j in range(size):
+                row[j] += of[j]
+    for k in range(children[f], children[f + 1]):
+        c = child[k]
+        m_c, first = sizes[c, 1], withins[c]
+        S = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
+        split, count = _runs(within[first : withins[c + 1]], size, a, runs)
+        for i in range(m_c):
+            u, r = divmod(i, size)
+            to = size * within[first + u] + r
+            _added(L[to], S[i], runs[:split])
+            if to < a:
+                _added(R[to], S[i], runs[split:count])
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _across(f, p, given, right):
+    """A band's square is inverted, and what is beside it multiplied by that; False if a pivot vanishes."""
+    product, constants, _, panel, band, sizes, places, _, _, _, _, _, _, own_parts, beside, work = given
+    nothing, one, bytes_of, (a, m) = constants[1], constants[2], work.itemsize, sizes[f]
+    L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
+    U = beside[places[f, 1] : places[f, 1] + a * m]
+    q = min(p + band, a)
+    w, rest = q - p, a - q
+    P = right[a * m : a * m + w * w].reshape(w, w)  # what is made here may be gone before its address has been used
+    P[:] = L[p:q, p:q]
+    if not _inverted_by_panels(P, panel, product, constants):
+        return False
+    L[p:q, p:q] = P
+    at_P = np.int64(P.ctypes.data)
+    if m:
+        gemm(product, w, m, w, one, at_P, w, np.int64(right.ctypes.data) + bytes_of * m * p, m, nothing,
+             np.int64(U.ctypes.data) + bytes_of * m * p, m)
+    if rest:
+        others = right[a * m + w * w : a * m + w * w + w * rest].reshape(w, rest)
+        others[:] = L[p:q, q:]
+        gemm(product, w, rest, w, one, at_P, w, np.int64(others.ctypes.data), rest, nothing,
+             np.int64(L.ctypes.data) + bytes_of * (a * p + q), a)
+    return True
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _below(f, p, start, stop, given, right):
+    """Some rows below a band, less what it changes in the columns that are still to be eliminated, and beside them."""
+    product, constants, _, _, band, sizes, places, _, _, _, _, _, _, own_parts, beside, work = given
+    minus, one, bytes_of, (a, m) = constants[0], constants[2], work.itemsize, sizes[f]
+    q = min(p + band, a)
+    w, rest = q - p, a - q
+    if not rest:
+        return
+    at_L = np.int64(own_parts.ctypes.data) + bytes_of * places[f, 0]
+    at_rows = at_L + bytes_of * a * (q + start)
+    gemm(product, stop - start, rest, w, minus, at_rows + bytes_of * p, a, at_L + bytes_of * (a * p + q), a, one,
+         at_rows + bytes_of * q, a)
+    eliminated = min(stop, rest) - start
+    if m and eliminated > 0:
+        gemm(product, eliminated, m, w, minus, at_rows + bytes_of * p, a,
+             np.int64(beside.ctypes.data) + bytes_of * (places[f, 1] + m * p), m, one,
+             np.int64(right.ctypes.data) + bytes_of * m * (q + start), m)
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _left(f, start, stop, given):
+    """Some rows of what is left."""
+    product, constants, blocks, _, _, sizes, places, _, _, children, child, withins, within, own_parts, beside, work = given
+    size, minus, nothing, bytes_of, (a, m) = blocks.shape[1], constants[0], constants[1], work.itemsize, sizes[f]
+    S, runs = work[places[f, 2] : places[f, 2] + m * m].reshape(m, m), np.empty((len(within), 3), np.int64)
+    gemm(product, stop - start, m, a, minus, np.int64(own_parts.ctypes.data) + bytes_of * (places[f, 0] + a * (a + start)), a,
+         np.int64(beside.ctypes.data) + bytes_of * places[f, 1], m, nothing, np.int64(S.ctypes.data) + bytes_of * m * start, m)
+    for k in range(children[f], children[f + 1]):
+        c = child[k]
+        m_c, first = sizes[c, 1], withins[c]
+        of = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
+        split, count = _runs(within[first : withins[c + 1]], size, a, runs)
+        for i in range(m_c):
+            u, r = divmod(i, size)
+            to = size * within[first + u] + r - a
+            if start <= to < stop:
+                _added(S[to], of[i], runs[split:count])
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
