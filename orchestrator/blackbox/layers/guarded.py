@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.protocol import BlackBox, Model
+from orchestrator.compiled import cores, together
 from orchestrator.errors import BlackBoxError
 
 # Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through FreeFEM, scikit-fem
@@ -57,11 +58,13 @@ class GuardedCode(Layer):
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
         answers = super().fields(forces)
-        for i, u in answers.items():
-            model = self._models[i]
-            if not self._judged([model]) or not len(u):
-                continue
-            left, node = imbalance(model, u, np.asarray(forces[i]))
+        asked = [i for i, u in answers.items() if len(u) and self._judged([self._models[i]])]
+        # the codes' cores have nothing else to do meanwhile
+        shares = together(lambda own: [imbalance(self._models[i], answers[i], np.asarray(forces[i])) for i in own],
+                          [asked[first :: cores()] for first in range(min(cores(), len(asked)))])
+        found = {i: one for first, share in enumerate(shares) for i, one in zip(asked[first :: cores()], share)}
+        for i in asked:
+            model, (left, node) = self._models[i], found[i]
             if not left <= BALANCED:
                 raise BlackBoxError(
                     f"guard: displacements that do not balance the forces: near {_place(model, node)} a share of "

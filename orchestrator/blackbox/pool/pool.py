@@ -111,8 +111,8 @@ class Pool:
         first = len(self._models)
 
         def assemble_all(worker: Worker, indices: list[int]) -> None:
-            for index in indices:
-                matrices[index] = worker.stiffness(first + index, models[index])
+            for number, matrix in worker.all_stiffness({first + index: models[index] for index in indices}).items():
+                matrices[number - first] = matrix
 
         tasks = longest_first([len(model.cells) for model in models], self._crew.count)
         self._run([(w, assemble_all, indices) for w, indices in enumerate(tasks) if indices])
@@ -205,8 +205,7 @@ class Pool:
 
         def load_all(worker: Worker, indices: Sequence[int]) -> None:
             begin = time.perf_counter()
-            for index in indices:
-                worker.load(index, self._models[index])
+            worker.load_all({index: self._models[index] for index in indices})
             seconds[worker.number] = time.perf_counter() - begin
 
         self._run([(w, load_all, indices) for w, indices in tasks.items() if indices])

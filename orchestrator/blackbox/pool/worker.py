@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -73,11 +74,20 @@ class Worker:
     def load(self, index: int, model: Model) -> None:
         raise NotImplementedError
 
+    def load_all(self, models: Mapping[int, Model]) -> None:
+        """Load models, by their numbers."""
+        for index, model in models.items():
+            self.load(index, model)
+
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         raise NotImplementedError
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
         raise NotImplementedError
+
+    def all_stiffness(self, models: Mapping[int, Model]) -> dict[int, sp.csr_array]:
+        """Stiffness matrices of models, by their numbers."""
+        return {index: self.stiffness(index, model) for index, model in models.items()}
 
     def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
         raise NotImplementedError

@@ -6,11 +6,13 @@ import os
 import shutil
 import signal
 import subprocess
+import threading
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
 _running: set[subprocess.Popen] = set()
+_starting = threading.RLock()  # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
 
 
 def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
@@ -28,8 +30,9 @@ def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
     """
     if setpriv := shutil.which("setpriv"):  # ends with this program, however that ends
         command = [setpriv, "--pdeathsig", "KILL", *command]
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0, **options)
-    _running.add(process)
+    with _starting:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0, **options)
+        _running.add(process)
     try:
         return process.wait(patience)
     finally:
@@ -40,8 +43,9 @@ def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
 
 def end_all() -> None:
     """End all that run now; from any thread."""
-    for process in list(_running):
-        _end(process)
+    with _starting:
+        for process in list(_running):
+            _end(process)
 
 
 def _end(process: subprocess.Popen) -> None:
