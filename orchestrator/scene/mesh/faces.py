@@ -73,8 +73,13 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     """
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
-    triangles = cells[:, LOCAL_FACES].reshape(-1, 3)
-    keys = pack(triangles, nodes)
+    cells = np.ascontiguousarray(cells[:, :4])
+    corners = np.ascontiguousarray(cells.T)
+    keys, even = np.empty((len(cells), 4), dtype=np.int64), np.empty((len(cells), 4), dtype=bool)
+    for face, local in enumerate(LOCAL_FACES):
+        triangles = corners[local].T
+        keys[:, face], even[:, face] = pack(triangles, nodes), _even(triangles)
+    keys, even = keys.ravel(), even.ravel()
     # A stable order makes the tet with the lower index the owner.
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
@@ -82,9 +87,13 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     count = np.diff(np.r_[start, len(keys)])
     owner, paired = order[start], count > 1
     second = order[np.minimum(start + 1, len(order) - 1)]
-    neighbour = np.where(paired, second // 4, -1)
-    same_way = _even(triangles[owner]) == _even(triangles[second])
-    return Faces(nodes, triangles[owner], keys[start], owner // 4, neighbour,
+    neighbour = np.where(paired, second >> 2, -1)
+    same_way = even[owner] == even[second]
+    face, triangles = owner & 3, np.empty((len(owner), 3), dtype=cells.dtype)
+    first = owner - face  # of the four corners of the owner, one after the other
+    for corner, local in enumerate(LOCAL_FACES.T):
+        triangles[:, corner] = cells.ravel().take(first + local.take(face))
+    return Faces(nodes, triangles, keys[start], owner >> 2, neighbour,
                  np.flatnonzero(count > 2), np.flatnonzero(paired & same_way))
 
 
