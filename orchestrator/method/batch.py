@@ -5,6 +5,7 @@ What an iteration has to remember is told with its event, as a ``Memory``; ``rec
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
@@ -31,6 +32,8 @@ ErrorOf = Callable[[Admissible, Bound | None], float]
 EstimateOf = Callable[[Decomposition, Admissible, Bound], float]
 # An iteration gains a digit at the best: where the measure is further than this from its tolerance, another one follows.
 NEAR = 10.0
+# Where so many have shown what an iteration gains here, it is taken to gain no more than the best two of them did together.
+SHOWN = 5
 _DELIVERED = [("trace", "s"), ("boundary", "u"), ("macro", "alpha"), ("trace", "w"), ("trace", "f")]
 
 
@@ -58,6 +61,7 @@ class Batch:
         self.anew = False
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
         self.measured = np.nan  # what the criterion has compared last
+        self.gains: deque[float] = deque(maxlen=SHOWN)  # by what it has fallen; nothing but who waits for whom hangs on it
 
     def end_at(self, last: int) -> None:
         """Stop after the iteration ``last`` at the latest, but do the one that gives the fields."""
@@ -68,6 +72,7 @@ class Batch:
         self.s, self.iteration, self.sweeps = s.copy(), iteration, sweeps  # those who listen write into what they were given
         self.whole_at = iteration + 1
         self.measured = np.nan
+        self.gains.clear()
 
     def recall(self, latest: Sequence[Memory]) -> None:
         """Go on after the last of these iterations as if nothing had happened."""
@@ -134,6 +139,7 @@ class Batch:
                 verdict = criterion(best, local, measures)
                 moved, asked = measures().largest
                 self.sweeps += asked * share * (1 - self.frozen.mean())
+                self.gains.append(self.measured / verdict.approached if verdict.approached > 0 else np.inf)
                 self.measured = verdict.approached
                 self.sweeps += verdict.sweeps * share
                 event = _event(criterion, verdict, measures(), iteration=self.iteration,
@@ -191,6 +197,7 @@ class Batch:
                                         self.method.skip.bound)
         self.criterion.recall(notes)
         self.criterion.lengths.told, self.measured = told, np.nan
+        self.gains.clear()
         self.far = FarBodies(self.d, self.criterion.lengths, self.numbers)
         self.far.recall(far)
 
@@ -210,12 +217,19 @@ class Batch:
         """What will be evaluated next unless another load step is done, and for which load steps that holds; where by all
         appearances there will be another iteration, the codes are told at once: they work while this one is judged.
         """
-        if not (self.alone and self.iteration < self.ending.last and self.measured > NEAR * self.criterion.value):
+        if not (self.alone and self.iteration < self.ending.last and self.measured > self._reach * self.criterion.value):
             return None
         done = self.criterion.done.copy()
         s = self._state(asked, done)
         self.d.stage.begin(s)
         return done, s
+
+    @property
+    def _reach(self) -> float:
+        """By what factor the measure may fall in the next iteration."""
+        if len(self.gains) < SHOWN or not np.isfinite(self.gains).all():
+            return NEAR
+        return min(NEAR, max(1.0, np.prod(sorted(self.gains)[-2:])))
 
     def _next(self, asked: np.ndarray | None, foreseen: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """The state to evaluate next."""
