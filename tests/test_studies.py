@@ -388,7 +388,7 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 def test_prediction_adds_up():
     from orchestrator.studies.performance.prediction import Costs, MacroCosts, largest, limit, predict, ranks_of
 
-    costs = Costs(start=1, scene=0.01, hand_out=0.001, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, results=0.03,
+    costs = Costs(start=1, scene=0.01, hand_out=0.001, bytes=1e6, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, results=0.03,
                   iterations=10, sweeps=12, trace=300)
     macro = MacroCosts(factorise=(1e-6, 2.0), solve=(1e-6, 4 / 3), entries=(100.0, 4 / 3), rigid_factorise=(1e-7, 1.5),
                        rigid_solve=(1e-7, 1.0), border=(1e-12, 1e-10))
@@ -400,7 +400,7 @@ def test_prediction_adds_up():
     assert unknowns == pytest.approx(9 * 3 * (900 - blocks * (each - each ** (2 / 3)))) and gigabytes == pytest.approx(
         8e-9 * unknowns**2 / 2)
     assert small["set_up"]["prepare"] == pytest.approx(0.5 * each) and small["end"]["results"] == pytest.approx(0.03 * each)
-    assert large["set_up"]["handing out parts, by one rank"] == pytest.approx(100)
+    assert large["set_up"]["handing out parts, by one rank"] == pytest.approx(100 + 10)
     assert large["set_up"]["repositioning, on every rank"] == pytest.approx(1e-7 * 1e5**1.5 + 12 * 7 * 36 * 1e5 / 1e10)
     assert large["iterations"]["repositioning, on every rank"] == pytest.approx(10 * (1e-2 + 2 * 48 * 1e5 / 1e10))
     assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * unknowns**3)

@@ -5,16 +5,17 @@ the macro unknowns that it alone sees; those on the borders between ranks are a 
 (``method.linear.spread``). The repositioning of the error bound is solved on every rank for all subdomains. More subdomains
 to a rank mean smaller borders and more work for each rank: the best number is sought for every N.
 
-Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to hand it to
-another rank, on a run with two; the macro problem and the repositioning, on matrices of their pattern; the borders, on a
-dense matrix. Assumed: the network, and that costs grow as far as they were not measured.
+Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to cut it out and
+pack it for another rank; the macro problem and the repositioning, on matrices of their pattern; the borders, on a dense
+matrix. Assumed: the network, and that costs grow as far as they were not measured.
 """
 
 from __future__ import annotations
 
 import math
+import pickle
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,12 +24,15 @@ import scipy.sparse as sp
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.part import Part
 from orchestrator.method.stopping.repositioning import RIGID
+from orchestrator.parallel.team import Team
+from orchestrator.scene.model import Scene
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
 FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube
 REDUCTIONS = 6  # per iteration: macro resultants, indicator, bound, jumps and imbalances, acceleration
-GRIDS = (4, 5, 6, 7, 8)  # cubes a side of the macro problems that are measured
+GRIDS = (4, 5, 6, 7, 8, 10, 12)  # cubes a side of the macro problems that are measured: some seconds
 BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
 SIDES = range(1, 17)  # subdomains along the side of a rank's block
 
@@ -41,7 +45,7 @@ class Costs:
     ----------
     start : of Python and the code's process
     scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
-    hand_out : cutting out a subdomain and sending it to its rank, which one rank does for all
+    hand_out : cutting out a subdomain and packing it for its rank, which one rank does for all; bytes : of the package
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads
     factorise : assembling and factorising
     solve : one back-substitution; message : what is on the way to the code and back
@@ -54,6 +58,7 @@ class Costs:
     start: float
     scene: float
     hand_out: float
+    bytes: float
     prepare: float
     factorise: float
     solve: float
@@ -65,16 +70,17 @@ class Costs:
     trace: float
 
     @classmethod
-    def of(cls, summary: Mapping[str, Any], ranks: Mapping[str, Any] | None = None) -> "Costs":
-        """Of a run with one rank and one worker, and of one with two ranks of one worker each, if there is one."""
+    def of(cls, summary: Mapping[str, Any], scene: Scene) -> "Costs":
+        """Of a run with one rank and one worker, and its scene."""
         count, sweeps, iterations = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"]
         timing = summary["timing"]
         (setup,), (loop,) = (summary["workload"][period]["workers"] for period in ("set_up", "iterations"))
         known = sum(timing[stage] for stage in ("startup", "start", "mesh", "parts", "soles"))
+        seconds, packed = handed_out(scene)
         periods = sum(summary["workload"][period]["seconds"] for period in ("set_up", "iterations"))
         return cls(
             start=timing["startup"] + timing["start"],
-            scene=timing["mesh"] / count, hand_out=(ranks["timing"]["parts"] if ranks else 0.0) / count, prepare=(timing["soles"] + setup["idle"]) / count,
+            scene=timing["mesh"] / count, hand_out=seconds / count, bytes=packed / count, prepare=(timing["soles"] + setup["idle"]) / count,
             factorise=(setup["assemble"] + setup["factorise"]) / count,
             solve=loop["solve"] / (count * sweeps), message=max(loop["messages"], 0.0) / (count * sweeps),
             own=loop["idle"] / (count * iterations), results=max(timing["total"] - known - periods, 0.0) / count, iterations=iterations, sweeps=sweeps,
@@ -103,6 +109,22 @@ class MacroCosts:
     def at(self, quantity: str, count: int) -> float:
         factor, exponent = getattr(self, quantity)
         return factor * count**exponent
+
+
+def handed_out(scene: Scene) -> tuple[float, int]:
+    """Seconds and bytes of the parts of a scene that has a rank for each subdomain, as rank 0 makes and packs them."""
+    ranks, packed = np.arange(len(scene.subdomains)), []
+
+    class Packing(Team):
+        size = len(ranks)
+
+        def hand_out(self, make: Callable[[int], Any]) -> Any:
+            packed.extend(len(pickle.dumps(make(rank))) for rank in range(1, self.size))
+            return make(0)
+
+    begin = time.process_time()
+    Part.handed_out(scene, ranks, Packing())
+    return time.process_time() - begin, round(sum(packed) * len(ranks) / max(len(packed), 1))
 
 
 def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[str, float]]]:
@@ -202,7 +224,7 @@ def _of_ranks(costs: Costs, macro: MacroCosts, count: int, each: int) -> dict[st
         "set_up": {
             "start": costs.start,
             "scene, on one rank": costs.scene * count,
-            "handing out parts, by one rank": 0.0 if alone else costs.hand_out * count,
+            "handing out parts, by one rank": 0.0 if alone else (costs.hand_out + costs.bytes / BANDWIDTH) * count,
             "prepare": costs.prepare * each,
             "factorise": costs.factorise,
             "macro columns": FIELDS * FACES * (costs.solve + costs.message),

@@ -12,10 +12,12 @@ from dataclasses import asdict
 from typing import Any
 
 from orchestrator.blackbox.pool.pool import default_workers
+from orchestrator.config import config_from
 from orchestrator.errors import CONVERGED
 from orchestrator.results.figures.plotting import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
 from orchestrator.results.summary.summary import blackbox_seconds
 from orchestrator.results.summary.workload import idle_share
+from orchestrator.scene.build import build_scene
 from orchestrator.studies.kit.commands import whole_command, without_ranks
 from orchestrator.studies.kit.framework import Study
 from orchestrator.studies.performance.prediction import (
@@ -64,7 +66,7 @@ def run(study: Study, elements: int = ELEMENTS) -> None:
         study.console.print(f"  ranks 2 and 4 are left out: {missing}")
     summaries = [_row(study, *row, elements) for row in rows]
     _targets(study)
-    costs = Costs.of(summaries[0], summaries[4] if missing is None else None)
+    costs = Costs.of(summaries[0], build_scene(config_from(cubes(STRONG, elements))))
     macro, measured = measure_macro()
     dofs = summaries[0]["dofs_decomposed"] // summaries[0]["subdomains"]
     study.folder.write("prediction.md", text(costs, macro, measured, dofs, study.rows[0]["others"]))
@@ -166,8 +168,8 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
-        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts" + (
-            "." if costs.hand_out else "; what that takes was not measured, for want of ranks."), "",
+        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts, "
+        "as it does today.", "",
         "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
         "| --- |" + " ---: |" * len(CLUSTER),
         "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",
