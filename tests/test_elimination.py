@@ -60,7 +60,7 @@ def test_threads_that_share_the_fronts_give_the_same_bits(monkeypatch):
     """Each has branches of its own, and all share larger fronts; a band ends within a front, and its last panel is narrower."""
     monkeypatch.setattr(elimination, "OWN_THREAD", 0.0)
     monkeypatch.setattr(elimination, "LARGE", 1e4)
-    monkeypatch.setattr(elimination, "SHARE", 1e4)
+    monkeypatch.setattr(elimination, "ROWS", 10)
     monkeypatch.setattr(elimination, "PANEL", 2 * SIZE)
     monkeypatch.setattr(elimination, "BAND", 5 * SIZE)
     ends, bodies = lattice(5)
@@ -73,7 +73,7 @@ def test_threads_that_share_the_fronts_give_the_same_bits(monkeypatch):
         assert len(made.layout.apart) == (0 if threads == 1 else threads)
         assert sorted(np.concatenate([*made.layout.apart, *(run for run, _ in made.layout.last)])) == list(range(len(made.fronts)))
         assert any(large for _, large in made.layout.last) == (threads > 1)
-        assert (made.layout.parts < made.layout.sizes[:, 1]).any()
+        assert (made.layout.shares[:, 1] < made.layout.sizes[:, 1]).any()
         assert max(made.layout.sizes[:, 0]) > made.layout.band
         found.append(made.factors(blocks).solve(right))
     assert np.array_equal(*found)

@@ -26,7 +26,9 @@ READ = 20.0  # operations that BLAS does in single precision in the time that a 
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
 OWN_THREAD = 1e7  # operations that BLAS does in the time that it takes to have another thread do something
-SHARE, LARGE = 4 * OWN_THREAD, 8 * OWN_THREAD  # of a thread in a front, and of a front that has shares for several
+LARGE = 16 * OWN_THREAD  # operations of a front that all threads share
+# Rows of a share, at least, and how many shares: for each, BLAS brings what they are multiplied with into its own order once more.
+ROWS, SHARES = 256, 2
 MANY, ORDERS = 1e9, 8  # operations that take as long as to look for another order; of a dozen the best saves a twentieth or a tenth
 PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
 BAND = 96  # rows of a band: products of so many columns are as quick as others, and its inverse costs next to nothing beside them
@@ -137,21 +139,21 @@ class Elimination:
 
         def some(which: np.ndarray) -> int:
             right = np.empty(at.right[which].max(initial=0), blocks.dtype)
-            return fronts.eliminate(0, len(which), fronts.WHOLE, which, 0, at.parts, given, right)
+            return fronts.eliminate(0, len(which), fronts.WHOLE, which, 0, at.shares, given, right)
 
         def shared(which: np.ndarray) -> int:
             """One large front by all threads."""
             f, = which
-            (a, m), part = at.sizes[f], int(at.parts[f])
+            (a, m), (below, left) = at.sizes[f], at.shares[f].tolist()
             right = np.empty(at.right[f], blocks.dtype)
-            fronts.eliminate(0, 0, fronts.ENTERED, which, 0, at.parts, given, right)
+            fronts.eliminate(0, 0, fronts.ENTERED, which, 0, at.shares, given, right)
             for p in range(0, a, at.band):
-                if fronts.eliminate(0, 0, fronts.ACROSS, which, p, at.parts, given, right) >= 0:
+                if fronts.eliminate(0, 0, fronts.ACROSS, which, p, at.shares, given, right) >= 0:
                     return f
                 if p + at.band < a:
-                    in_parts(fronts.eliminate, a + m - p - at.band, fronts.BELOW, which, p, at.parts, given, right, part=part)
+                    in_parts(fronts.eliminate, a + m - p - at.band, fronts.BELOW, which, p, at.shares, given, right, part=below)
             if m:
-                in_parts(fronts.eliminate, m, fronts.LEFT, which, 0, at.parts, given, right, part=part)
+                in_parts(fronts.eliminate, m, fronts.LEFT, which, 0, at.shares, given, right, part=left)
             return -1
 
         failed = max(together(some, at.apart), default=-1)
@@ -190,7 +192,7 @@ class Layout:
     rests: np.ndarray
     rest: np.ndarray
     within: np.ndarray
-    parts: np.ndarray
+    shares: np.ndarray
     right: np.ndarray
     apart: list[np.ndarray]
     last: list[tuple[np.ndarray, bool]]
@@ -207,8 +209,9 @@ class Layout:
         apart, last = _shared_out(parent, operations, cores())
         a, m = sizes.T
         band = max(1, BAND // panel) * panel
-        parts = np.ceil(SHARE / (2.0 * np.maximum(1, np.minimum(a, band) * (a + m)))).astype(int)  # rows that make a share
-        large = (operations > LARGE) & (cores() > 1)
+        large = operations > LARGE
+        shares = np.array([np.where(large, -(-x // np.clip(x // ROWS, 1, SHARES)), x) for x in (a + m, m)]).T  # whoever does them
+        large &= cores() > 1
         places = np.column_stack([_starts((a + m) * a)[:-1], _starts(a * m)[:-1], np.zeros(count, dtype=int)])
         begin = 0
         for some in [*apart, last]:
@@ -221,7 +224,7 @@ class Layout:
                                    for name in ("blocks", "row", "column")]),
             children=children, child=child, rests=_starts([len(front.rest) for front in fronts]),
             rest=np.concatenate([none, *(front.rest for front in fronts)]),
-            within=np.concatenate([none, *(front.within for front in fronts)]), parts=parts, right=a * (m + np.minimum(a, band)), apart=apart,
+            within=np.concatenate([none, *(front.within for front in fronts)]), shares=shares, right=a * (m + np.minimum(a, band)), apart=apart,
             last=[(run, bool(large[run[0]])) for run in _runs_of(last, large)])
 
 

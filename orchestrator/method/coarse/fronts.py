@@ -96,7 +96,7 @@ WHOLE, ENTERED, ACROSS, BELOW, LEFT = range(-1, 4)  # what ``eliminate`` does
 
 
 @compiled
-def eliminate(start, stop, stage, which, at_row, parts, given, right):
+def eliminate(start, stop, stage, which, at_row, shares, given, right):
     """Eliminate some of the fronts, or do a part of what there is to be done for one: −1, or the number of one whose pivot vanishes.
 
     Parameters
@@ -105,7 +105,8 @@ def eliminate(start, stop, stage, which, at_row, parts, given, right):
         ``which[0]``: ``ENTERED``: what enters is added up; ``ACROSS``: the band from ``at_row`` on is inverted, what is beside it
         multiplied; ``BELOW``: what is below that band less what it changes, in rows from start to stop, which count from the
         band's end; ``LEFT``: what is left, in rows from start to stop
-    parts : (F,) int, at most so many rows are done as one, by whoever it be: products depend on it, to the last bit
+    shares : (F, 2) int, at most so many rows below a band, and of what is left, are done as one, by whoever it be: products
+        depend on it, to the last bit
     given : product: address of BLAS's product
         constants: (3,) −1, 0 and 1, of the factors' precision
         blocks: (b, size, size) of the matrix
@@ -130,16 +131,16 @@ def eliminate(start, stop, stage, which, at_row, parts, given, right):
         sizes, band = given[5], given[4]
         for k in range(start, stop):
             f = which[k]
-            a, m, part = sizes[f, 0], sizes[f, 1], parts[f]
+            a, m = sizes[f]
             _entered(f, given, right)
             for p in range(0, a, band):
                 if not _across(f, p, given, right):
                     return f
                 rows = a + m - min(p + band, a)
-                for i in range(0, rows, part):
-                    _below(f, p, i, min(i + part, rows), given, right)
-            for i in range(0, m, part):
-                _left(f, i, min(i + part, m), given)
+                for i in range(0, rows, shares[f, 0]):
+                    _below(f, p, i, min(i + shares[f, 0], rows), given, right)
+            for i in range(0, m, max(1, shares[f, 1])):
+                _left(f, i, min(i + shares[f, 1], m), given)
     return -1
 
 
