@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.parallel.borders import Borders, Meeting
+from orchestrator.scene.partition.numbering import split_numbering
 
 if TYPE_CHECKING:
     from orchestrator.results.fields.fields import Fields
@@ -43,13 +44,12 @@ class Nodal:
         if fields.part is not None and len(fields.parts) > 1:
             kind = kind + np.int64(kind.max() + 1) * fields.part
         kinds = np.unique(kind, return_inverse=True)[1].ravel() if kind.any() else kind
-        key = joined + (int(joined.max()) + 1) * np.asarray(kinds, np.int64)[:, None]
-        present = np.zeros(int(key.max()) + 1, dtype=bool)
-        present[key] = True
-        self.corner = (np.cumsum(present) - 1)[key]
-        count = int(self.corner.max()) + 1
-        self.node, self.part = np.zeros((2, count), dtype=int)
-        self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
+        split = split_numbering(joined, kinds, int(joined.max()) + 1)
+        self.corner, self.node = split.corners, split.nodes
+        if fields.joined is not None:
+            self.node = np.empty(len(split.nodes), dtype=int)
+            self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
+        count, self.part = len(self.node), np.zeros(len(self.node), dtype=int)
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
         self._borders = Borders(*NOWHERE) if self.fields.meeting is None else self._at_others(self.fields.meeting)
