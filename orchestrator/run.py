@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.codes.finding import find_codes
@@ -19,9 +23,10 @@ from orchestrator.compiled import make_ready
 from orchestrator.config import Config, Loaded
 from orchestrator.config.blackbox import entry_path
 from orchestrator.config.method import Method
+from orchestrator.cost import predicted_cost
 from orchestrator.errors import CONVERGED, NOT_CONVERGED, InputError, Problem
 from orchestrator.memory import give_back, keep_at_hand, trim
-from orchestrator.method.decomposition import prepare
+from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.pseudo_loads import with_pseudo_loads
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
@@ -29,6 +34,7 @@ from orchestrator.method.delivery.reference import Reference, TrueError, check_r
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.load_cases import LoadCases, common_load_cases
 from orchestrator.method.part import Part
+from orchestrator.method.placing import Placing, Unbalanced
 from orchestrator.method.solver import check_iterations, iterate
 from orchestrator.method.start import Start, numbers_of
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
@@ -61,7 +67,8 @@ from orchestrator.timing import Stopwatch
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *,
           reference: bool = False, start: Start | None = None, watch: Stopwatch | None = None,
-          team: Team = ALONE, ahead: Ahead | None = None) -> Solution | Piece:
+          team: Team = ALONE, ahead: Ahead | None = None, speeds: np.ndarray | None = None,
+          may_stop: Callable[[], bool] | None = None) -> Solution | Piece:
     """Solve a problem; nothing is written.
 
     Parameters
@@ -74,6 +81,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     team : the ranks that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only
         rank 0 gets the solution, the others their pieces of its fields, and only its subscribers see whole states
     ahead : where the codes' processes may have been started already
+    speeds : (ranks,) of the ranks, shares of 1, by which they get subdomains; None: all alike
+    may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
 
     Returns
     -------
@@ -83,6 +92,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     ------
     InputError : the problem cannot be solved, or a code is not there
     BlackBoxError : a code fails, hangs or answers nonsense
+    Unbalanced : where ``may_stop`` allows it: call it again, on all ranks, with the speeds found and the latest start
 
     Examples
     --------
@@ -107,15 +117,19 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
             told.stage("meshing")
             with watch("mesh"):
                 scene = build_scene(config)
-        return _solve(config, scene, told, reference, start, watch, team, ahead)
+        return _solve(config, scene, told, reference, start, watch, team, ahead, speeds, may_stop)
+    except Unbalanced:
+        raise
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
         told.failed(team.cause(error))
         raise
 
 
 def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bool, start: Start | None,
-           watch: Stopwatch, team: Team, ahead: Ahead | None) -> Solution | Piece:
+           watch: Stopwatch, team: Team, ahead: Ahead | None, speeds: np.ndarray | None,
+           may_stop: Callable[[], bool] | None) -> Solution | Piece:
     """The stages of a solution: prepare, iterate, deliver, summarise; the whole scene is on rank 0."""
+    begun = time.perf_counter()
     if team.size > 1:
         give_back()
     method, codes = config.method, with_workers(config.codes, team)
@@ -123,7 +137,7 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         whole = with_own_loads(whole, codes)
     exact = _undecomposed(codes, whole, told, watch, team) if reference else None
     cases = common_load_cases(whole, method, team)
-    rank_of = team.share(None if team.rank else ranks_of(whole, team.size))
+    rank_of = team.share(None if team.rank else ranks_of(whole, team.size, speeds))
     with watch("parts"):
         parts = [Part.handed_out(whole, rank_of, team)]
     estimate, on_the_way = DiscretisationEstimate(whole, cases), reference or method.tolerance.error == "auto"
@@ -131,7 +145,8 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         placement = Placement.of(parts[0].scene, rank_of, team)
         delivered, setup_sweeps, ranks = _part_solved(  # which alone holds the part
             config, parts.pop(), placement, codes, cases, told, start, watch, team, ahead,
-            estimate, (whole, exact) if reference else None)
+            estimate, (whole, exact) if reference else None,
+            partial(_placing, team, begun, may_stop) if team.size > 1 and speeds is None and not on_the_way else None)
     wanted, fields, piece = method.tolerance.error == "auto" or config.output.fields, None, None
     with watch("bound"):
         if team.rank == 0:
@@ -156,12 +171,14 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
 
 def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequence, cases: LoadCases, told: Subscribers,
                  start: Start | None, watch: Stopwatch, team: Team, ahead: Ahead | None, estimate: DiscretisationEstimate,
-                 reference: tuple[Scene | None, Reference | None] | None) -> tuple[Delivered, float, list[Spent] | None]:
+                 reference: tuple[Scene | None, Reference | None] | None,
+                 placing: Callable[[Decomposition], Placing] | None) -> tuple[Delivered, float, list[Spent] | None]:
     """This rank's part of a solution: what is delivered, back-substitutions in set-up, and on rank 0 what all have spent.
 
     Parameters
     ----------
     reference : whole scene and undecomposed solution, on rank 0, where it is asked for
+    placing : watches the balance of what is decomposed; None: nobody does
     """
     method, scene, savings, workers = config.method, part.scene, Savings(), max(code.workers for code in codes)
     if team.rank == 0:
@@ -194,7 +211,8 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         if team.size > 1:
             keep_at_hand(16 * d.steps * d.space.size)  # traces of all load steps, two such arrays in one
         iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
-                           estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen])
+                           estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen],
+                           placing=placing and placing(chosen))
         workload.end("iterations")
         if team.size > 1:
             give_back()
@@ -206,6 +224,16 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         ranks = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                      true_error.asked if true_error else 0.0))
     return delivered, d.setup_sweeps, ranks
+
+
+def _placing(team: Team, begun: float, may_stop: Callable[[], bool] | None, d: Decomposition) -> Placing:
+    """What watches the balance of the ranks, set up since a moment of ``time.perf_counter``."""
+    usage, load = d.blackbox.usage, predicted_cost([(~s.fixed).sum() for s in d.own]).sum()
+
+    def busy() -> float:
+        return max((worker.solve + worker.messages for worker in usage.activity()), default=0.0)
+
+    return Placing(team, busy, float(load), time.perf_counter() - begun, may_stop)
 
 
 def _check_nonlinear(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method: Method, reference: bool,
@@ -276,9 +304,17 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]))
             with Record(folder, config, scene, watch, resume=resume) as record:
                 team.share((config, reference))
-                solution = solve(config, scene, [*record.subscribers, progress], reference=reference,
-                                 start=record.start, watch=watch, team=team, ahead=ahead)
+                start, speeds, placed = record.start, None, []
+                while True:
+                    try:
+                        solution = solve(config, scene, [*record.subscribers, progress], reference=reference, start=start,
+                                         watch=watch, team=team, ahead=ahead, speeds=speeds, may_stop=record.keeps)
+                        break
+                    except Unbalanced as found:
+                        start, speeds = record.latest(), found.speeds
+                        placed = [f"{found}: after iteration {found.iteration} subdomains were placed anew, by the ranks' speeds"]
                 progress.close()
+                solution.summary["warnings"] += placed
                 if config.output.fields:
                     solution.summary["warnings"] += finish_parts(config.codes, solution.scene.subdomains, solution.parts,
                                                                  solution.joints, folder.path)
@@ -301,7 +337,13 @@ def _beside(config: Config, solution: Solution) -> list[OwnFields]:
 def follow(team: Team) -> int:
     """What the other ranks do: their parts of rank 0's scene, without a word. Returns 0; the exit code is rank 0's."""
     config, reference = team.share(None)
-    piece = solve(config, reference=reference, team=team)
+    speeds = None
+    while True:
+        try:
+            piece = solve(config, reference=reference, team=team, speeds=speeds)
+            break
+        except Unbalanced as found:
+            speeds = found.speeds
     if config.output.fields:
         write_piece(piece)
     return CONVERGED

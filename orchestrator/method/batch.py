@@ -19,6 +19,7 @@ from orchestrator.method.following import WORTH
 from orchestrator.method.iterated import Iterated, Paired
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
+from orchestrator.method.placing import Placing, Unbalanced
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.criteria import Criterion, Verdict, make_criterion
 from orchestrator.method.stopping.ending import Ending
@@ -50,8 +51,9 @@ class Batch:
 
     def __init__(self, d: Decomposition, method, place: tuple[int, int, int], numbers: Sequence[int],
                  watch: Stopwatch, true_error: ErrorOf | None,
-                 estimate: EstimateOf | None):
+                 estimate: EstimateOf | None, placing: Placing | None = None):
         self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
+        self.placing = placing
         self.alone = true_error is None and estimate is None  # nobody but the linear stage and the criterion asks the codes
         self.numbers, self.estimate = numbers, estimate
         self.acceleration = make_acceleration(d, method)
@@ -135,7 +137,10 @@ class Batch:
                     residual, best = acceleration.take(replace(evaluated, s=self.s), local.s)[0], evaluated
                 foreseen = self._foreseen(evaluated.s) if d.nonlinear is None else None
             with watch("bound"):
-                measures = measure(d.stage, d.local, best, local, residual, exact, criterion.begin(best, local), largest)
+                more = criterion.begin(best, local)
+                if self.placing is not None:
+                    more.append(self.placing.told())
+                measures = measure(d.stage, d.local, best, local, residual, exact, more, largest)
                 verdict = criterion(best, local, measures)
                 moved, asked = measures().largest
                 self.sweeps += asked * share * (1 - self.frozen.mean())
@@ -158,6 +163,8 @@ class Batch:
                     told.warned(sentence)
             history.append(replace(event, state=event.state[:0].copy()))  # the states themselves are large, and views hold them
             told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason)))
+            if reason is None and self.placing is not None:
+                self._place(measures().more[-1])
             if reason is None and self.anew:
                 with watch("local_stage"):
                     self._pair_anew(evaluated.w)
@@ -174,6 +181,13 @@ class Batch:
             self.sweeps += spent * share
         return Iterated(best, local, bound, verdict.met and not self.anew, reason, self.iteration, self.sweeps, event, history,
                         self.left_out, self._strayed, self._paired)
+
+    def _place(self, table: np.ndarray) -> None:
+        try:
+            self.placing.judge(table, self.iteration)
+        except Unbalanced:
+            self.d.stage.forget()
+            raise
 
     @property
     def _paired(self) -> list[Paired]:

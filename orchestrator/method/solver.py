@@ -17,6 +17,7 @@ from orchestrator.method.batch import Batch, ErrorOf, EstimateOf
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.iterated import Iterated
+from orchestrator.method.placing import Placing
 from orchestrator.method.start import Start
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.savings import Savings
@@ -30,7 +31,8 @@ FORESEEN, MOST_FORESEEN = 1e-2, 100
 
 def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(), *,
             true_error: ErrorOf | None = None, estimate: EstimateOf | None = None,
-            savings: Savings | None = None, numbers: Sequence[int] | None = None) -> Iterated:
+            savings: Savings | None = None, numbers: Sequence[int] | None = None,
+            placing: Placing | None = None) -> Iterated:
     """Solve all load steps, batch after batch; with perfect interfaces there is one batch.
 
     Parameters
@@ -45,6 +47,11 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     estimate : of the discretisation error; needed for ``tolerance: {error: auto}``
     savings : where it is noted what need not be done
     numbers : of the load steps, from 1, for people; None: 1, 2, …
+    placing : of several ranks, judges whether they are balanced
+
+    Raises
+    ------
+    Unbalanced : they are not, see there
     """
     numbers = range(1, d.steps + 1) if numbers is None else numbers
     told, batches = Subscribers(subscribers), batches_of(d.steps, d.all_perfect, 1 if d.nonlinear or d.following else method.increment)
@@ -64,7 +71,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
         if len(batches) > 1 or d.nonlinear is not None:
             view = d.batch(steps, previous)
             listener = _PartOfAll(told, state, steps)
-        batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate)
+        batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate, placing)
         if told_of_all:
             batch.criterion.lengths.told = max(batch.criterion.lengths.told, told_of_all)
         if number < len(start.ended):
@@ -83,7 +90,7 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
                 state[steps] = _foreseen(view, method, state[steps], numbers[steps], watch)
             batch.begin(state[steps], *done)
         if begun is None:
-            begun = batch.iteration
+            begun = batch.iteration if start.before is None else start.before
         batch.end_at(begun + method.max_iterations - (len(batches) - 1 - number))  # one is left to each that follows
         ended.append(batch.iterate(listener, start.seconds))
     result = Iterated.joined(ended)

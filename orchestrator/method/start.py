@@ -23,6 +23,7 @@ class Start:
     seconds : spent so far
     ended : the last iteration of each batch of load steps that is done
     latest : the latest iterations of the batch under way, as many as have to be known to go on after the last
+    before : of the iterations, those that ``max_iterations`` does not count; None: all
     """
 
     state: np.ndarray | None = None
@@ -31,6 +32,7 @@ class Start:
     seconds: float = 0.0
     ended: Sequence[Memory] = ()
     latest: Sequence[Memory] = ()
+    before: int | None = None
 
     @staticmethod
     def handed_out(start: Start | None, d: Decomposition, numbers: Numbers) -> Start:

@@ -51,8 +51,12 @@ class Placement:
         return cls(rank_of, touched, sorted({scene.subdomains[e].code for e in near}))
 
 
-def ranks_of(scene: Scene, ranks: int) -> np.ndarray:
+def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.ndarray:
     """(subdomains,) int, by predicted cost and neighbourhood.
+
+    Parameters
+    ----------
+    speeds : (ranks,) of the ranks, shares of 1; None: all alike
 
     Raises
     ------
@@ -64,7 +68,8 @@ def ranks_of(scene: Scene, ranks: int) -> np.ndarray:
                                  "at least one subdomain for every rank",
                                  f"mpiexec -n {count} at most, or cut into more subdomains"))
     costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
-    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks)
+    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks,
+                  speeds)
 
 
 def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
@@ -73,7 +78,8 @@ def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
     return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in codes]
 
 
-def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int) -> np.ndarray:
+def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int,
+           speeds: np.ndarray | None = None) -> np.ndarray:
     """Partition the graph of the subdomains.
 
     Parameters
@@ -82,11 +88,12 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
     pairs : (m, 2) int, the subdomains of each interface
     dofs : (m,) int, what each interface has to exchange
     ranks : how many parts, at most n
+    speeds : (ranks,) shares of the cost, which sum up to 1; None: equal ones
 
     Returns
     -------
-    (n,) int, the rank of each subdomain; every rank has some. Rank 0, which also solves the coarse contact problem and
-    writes, has the part with the fewest interface dofs
+    (n,) int, the rank of each subdomain; every rank has some. Of equal ranks 0, which also solves the coarse contact problem
+    and writes, has the part with the fewest interface dofs
     """
     costs = np.asarray(costs, float)
     n = len(costs)
@@ -96,7 +103,8 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
     graph = sp.coo_array((np.tile(dofs, 2), (np.r_[one, two], np.r_[two, one])), shape=(n, n)).tocsr()
     weights = np.maximum(1, np.rint(UNITS * costs / costs.sum())).astype(int)
     found = pymetis.part_graph(ranks, pymetis.CSRAdjacency(graph.indptr, graph.indices), vweights=weights.tolist(),
-                               eweights=graph.data.astype(int).tolist(), recursive=True)
+                               eweights=graph.data.astype(int).tolist(), recursive=True,
+                               tpwgts=None if speeds is None else (speeds * (1 - 1e-6)).tolist())  # METIS takes no sum above 1
     owner = np.asarray(found.vertex_part, dtype=int)
     for rank in range(ranks):  # METIS may leave a part empty where there are few subdomains
         if not (owner == rank).any():
@@ -104,5 +112,7 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
             spare = np.bincount(owner, minlength=ranks) > 1
             richest = np.flatnonzero(owner == np.argmax(np.where(spare, load, -1.0)))
             owner[richest[np.argmin(costs[richest])]] = rank
+    if speeds is not None:
+        return owner
     lightest = np.argmin(np.bincount(owner[np.r_[one, two]], weights=np.tile(dofs, 2), minlength=ranks))
     return np.where(owner == lightest, 0, np.where(owner == 0, lightest, owner))

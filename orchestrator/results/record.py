@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from types import TracebackType
 
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.config import Config
+from orchestrator.method.start import Start
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, TooSlow
 from orchestrator.results.figures.figures import write_figures
@@ -51,7 +53,7 @@ class Record:
         if not resume:
             folder.clear()
             begun(folder)
-        self._folder, self._watch = folder, watch
+        self._folder, self._watch, self._key = folder, watch, key
         self._checkpoint = Checkpoint(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         self._remains = Remains(folder, config, scene, watch)
@@ -88,6 +90,17 @@ class Record:
             forget_mesh(self._folder)
         if artist:
             await_figures(self._folder, solution, self._watch, artist)
+
+    def latest(self) -> Start | None:
+        """Where the run stands, to go on from: all that it has told is in the checkpoint."""
+        self._checkpoint.write()
+        found = load_checkpoint(self._folder, self._key)
+        # this run's clock goes on, and so does its count of iterations
+        return found and replace(found, seconds=0.0, before=0 if self.start is None else self.start.iteration)
+
+    def keeps(self) -> bool:
+        """Whether a checkpoint is written, so that there is something to go on from."""
+        return self._checkpoint.keeps
 
     def __enter__(self) -> Record:
         return self

@@ -141,7 +141,7 @@ class ErrorCriterion:
         return [self.d.bound.pull(fields)]
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        pull, = measures().more
+        pull = measures().more[0]
         bound = self.d.bound(fields, complete=False, pull=pull)
         if not self.by_error:
             eta = measures().indicator
@@ -200,7 +200,7 @@ class LawCriterion:
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         laws, apart, _ = self._begun
-        sums, products = measures().more
+        sums, products = measures().more[:2]
         largest, loose = self.lengths.deformed(apart, products)
         deformation, *largest = self.d.space.team.max(largest, *laws.largest)
         lengths, bound = self.lengths.of(deformation, loose), None

@@ -101,6 +101,11 @@ class Checkpoint(Subscriber):
 
     # ---- what the owner asks -------------------------------------------------------------------
 
+    @property
+    def keeps(self) -> bool:
+        """Whether iterations are written; the disk may have been full."""
+        return not self._given_up
+
     def write(self) -> None:
         """Write what is pending now, and wait for the disk."""
         with self._lock:

@@ -1,0 +1,73 @@
+"""Whether subdomains are to be placed on the ranks anew: where one rank's codes take much longer than those of the mean rank.
+
+Predicted cost says who gets what, see ``parallel.placement``. Where the machine says otherwise, for whatever reason (a slower
+node, another program on it, a prediction that is wrong), the run stops after an iteration, all is set up again on ranks whose
+share is their measured speed, and goes on where it stood, as resumed runs do. That is once, and only where the seconds saved in
+the iterations to come outweigh those of a set-up: factors are made anew on every rank.
+
+Every rank knows all ranks' seconds from the sums of an iteration's measures: no message is sent for it, and all decide alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from orchestrator.blackbox.cost import STAGES, to_come
+from orchestrator.blackbox.pool.sharing import IMBALANCE, LEAST, NOTICED
+from orchestrator.parallel.team import Team
+
+CERTAIN = 2.0  # times the set-up's seconds that are to be saved: on a machine with others seconds repeat no better than that
+
+
+class Unbalanced(Exception):
+    """The run is to go on with subdomains placed by the ranks' speeds (ranks,), shares of 1; on all ranks at once."""
+
+    def __init__(self, speeds: np.ndarray, imbalance: float, iteration: int):
+        super().__init__(f"the slowest rank's codes took {imbalance:.1f} times as long as the mean")
+        self.speeds, self.imbalance, self.iteration = speeds, imbalance, iteration
+
+
+class Placing:
+    """What the ranks' codes take, iteration by iteration.
+
+    Parameters
+    ----------
+    team : the ranks
+    busy : seconds so far in which this rank's codes were at work
+    load : predicted cost of its subdomains
+    set_up : seconds that its set-up took
+    possible : on rank 0, whether what has been done so far can be gone on from
+    """
+
+    def __init__(self, team: Team, busy: Callable[[], float], load: float, set_up: float, possible: Callable[[], bool] | None):
+        self._team, self._busy, self._load, self._set_up, self._possible = team, busy, load, set_up, possible
+        self._before, self._requests = busy(), 0
+
+    def told(self) -> np.ndarray:
+        """(4, ranks) this rank's column of what is summed over the ranks."""
+        table = np.zeros((4, self._team.size))
+        sound = self._possible is not None and self._possible()
+        table[:, self._team.rank] = self._busy() - self._before, self._load, self._set_up, sound
+        return table
+
+    def judge(self, table: np.ndarray, iteration: int) -> None:
+        """After an iteration that is not the last.
+
+        Parameters
+        ----------
+        table : sum of all ranks' ``told``
+
+        Raises
+        ------
+        Unbalanced : it pays to place anew
+        """
+        self._requests += 1
+        busy, load, set_up, sound = table
+        if self._requests < LEAST or not sound.any() or busy.min() <= 0 or busy.max() <= IMBALANCE * busy.mean():
+            return
+        speeds = load / busy
+        gain = (busy.max() - load.sum() / speeds.sum()) / self._requests * to_come(self._requests, STAGES)
+        if gain > max(NOTICED, CERTAIN * set_up.max()):
+            raise Unbalanced(speeds / speeds.sum(), float(busy.max() / busy.mean()), iteration)
