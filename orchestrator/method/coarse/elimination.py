@@ -31,7 +31,7 @@ LARGE = 16 * OWN_THREAD  # operations of a front that all threads share
 ROWS, SHARES = 256, 2
 MANY, ORDERS = 1e9, 8  # operations that take as long as to look for another order; of a dozen the best saves a twentieth or a tenth
 PANEL = 12  # rows of a panel: at fewer products are slower, at more what is not products
-BAND = 96  # rows of a band: products of so many columns are as quick as others, and its inverse costs next to nothing beside them
+BAND = 48  # rows of a band: products of so many columns are nearly as quick as others, and its inverse costs little beside them
 
 
 @dataclass
@@ -224,7 +224,8 @@ class Layout:
                                    for name in ("blocks", "row", "column")]),
             children=children, child=child, rests=_starts([len(front.rest) for front in fronts]),
             rest=np.concatenate([none, *(front.rest for front in fronts)]),
-            within=np.concatenate([none, *(front.within for front in fronts)]), shares=shares, right=a * (m + np.minimum(a, band)), apart=apart,
+            within=np.concatenate([none, *(front.within for front in fronts)]),
+            shares=shares, right=a * (m + np.minimum(a, band)), apart=apart,
             last=[(run, bool(large[run[0]])) for run in _runs_of(last, large)])
 
 

@@ -20,33 +20,41 @@ from orchestrator.compiled import SUMS, compiled
 from orchestrator.method.coarse.products import gemm
 
 
+LANES = 16  # numbers that a core works on at once: loops over so many become one instruction
+
+
 @numba.njit(nogil=True, fastmath=SUMS)
 def _inverted(P, turn):
-    """Replace a square by its inverse (Gauss and Jordan, rows exchanged); False if a pivot vanishes."""
-    n = len(P)
+    """Replace a square, whose rows are filled up with zeros to whole ``LANES``, by its inverse (Gauss and Jordan, rows exchanged);
+    False if a pivot vanishes."""
+    n, width = P.shape
     for k in range(n):
-        best = k
+        best, largest = k, abs(P[k, k])
         for i in range(k + 1, n):
-            if abs(P[i, k]) > abs(P[best, k]):
-                best = i
-        pivot = P[best, k]
-        if not abs(pivot) > 0.0:
+            if abs(P[i, k]) > largest:
+                best, largest = i, abs(P[i, k])
+        if not largest > 0.0:
             return False
         turn[k] = best
-        if best != k:
-            for j in range(n):
-                P[k, j], P[best, j] = P[best, j], P[k, j]
-        P[k, k] = P.dtype.type(1.0)
         above = P[k]
-        for j in range(n):
-            above[j] = above[j] / pivot
+        if best != k:
+            other = P[best]
+            for s in range(0, width, LANES):
+                for j in range(s, s + LANES):
+                    above[j], other[j] = other[j], above[j]
+        share = P.dtype.type(1.0) / above[k]
+        above[k] = P.dtype.type(1.0)
+        for s in range(0, width, LANES):
+            for j in range(s, s + LANES):
+                above[j] *= share
         for i in range(n):
             if i != k:
                 row = P[i]
                 share = row[k]
                 row[k] = P.dtype.type(0.0)
-                for j in range(n):
-                    row[j] -= share * above[j]
+                for s in range(0, width, LANES):
+                    for j in range(s, s + LANES):
+                        row[j] -= share * above[j]
     for k in range(n - 1, -1, -1):
         other = turn[k]
         if other != k:
@@ -60,7 +68,8 @@ def _inverted_by_panels(P, panel, product, constants):
     """The same for a larger one, panel after panel: with D a panel's inverse, its rows become D·P, all others less their part of
     the panel's columns times these."""
     n, minus, nothing, one = len(P), constants[0], constants[1], constants[2]
-    turn, square = np.empty(panel, np.int64), np.empty(panel * panel, P.dtype)
+    width = (panel + LANES - 1) // LANES * LANES
+    turn, square = np.empty(panel, np.int64), np.zeros((panel, width), P.dtype)
     beside, below = np.empty(2 * n * panel, P.dtype), np.empty(n * panel, P.dtype)
     at_P, at_square, at_below = np.int64(P.ctypes.data), np.int64(square.ctypes.data), np.int64(below.ctypes.data)
     at_beside = np.int64(beside.ctypes.data)
@@ -68,10 +77,10 @@ def _inverted_by_panels(P, panel, product, constants):
     for p in range(0, n, panel):
         q = min(p + panel, n)
         w = q - p
-        D = square[: w * w].reshape(w, w)
+        D = square[:w]
         for i in range(w):
-            for j in range(w):
-                D[i, j] = P[p + i, p + j]
+            for j in range(width):
+                D[i, j] = P[p + i, p + j] if j < w else nothing
         if not _inverted(D, turn):
             return False
         for i in range(n):
@@ -87,7 +96,7 @@ def _inverted_by_panels(P, panel, product, constants):
                 row[j] = nothing
             for j in range(w):
                 below[(p + i) * w + j] = minus if i == j else nothing
-        gemm(product, w, n, w, one, at_square, w, at_beside, n, nothing, at_rows, n)
+        gemm(product, w, n, w, one, at_square, width, at_beside, n, nothing, at_rows, n)
         gemm(product, n, n, w, minus, at_below, w, at_rows, n, one, at_P, n)
     return True
 
@@ -151,26 +160,27 @@ def _entered(f, given, right):
     size, nothing, (a, m) = blocks.shape[1], constants[1], sizes[f]
     L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
     R, runs = right[: a * m].reshape(a, m), np.empty((len(within), 3), np.int64)
-    L[:] = nothing
-    R[:] = nothing
+    for flat in (own_parts[places[f, 0] : places[f, 0] + (a + m) * a], right[: a * m]):
+        for i in range(len(flat)):
+            flat[i] = nothing
     for k in range(enters[f], enters[f + 1]):
         b, i0, j0 = enter[k, 0], size * enter[k, 1], size * enter[k, 2]
         for i in range(size):
-            row = L[i0 + i, j0 : j0 + size] if j0 < a else R[i0 + i, j0 - a : j0 - a + size]
-            of = blocks[b, i]
             for j in range(size):
-                row[j] += of[j]
+                if j0 < a:
+                    L[i0 + i, j0 + j] += blocks[b, i, j]
+                else:
+                    R[i0 + i, j0 - a + j] += blocks[b, i, j]
     for k in range(children[f], children[f + 1]):
         c = child[k]
         m_c, first = sizes[c, 1], withins[c]
-        S = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
         split, count = _runs(within[first : withins[c + 1]], size, a, runs)
-        for i in range(m_c):
-            u, r = divmod(i, size)
-            to = size * within[first + u] + r
-            _added(L[to], S[i], runs[:split])
-            if to < a:
-                _added(R[to], S[i], runs[split:count])
+        for u in range(m_c // size):
+            for r in range(size):
+                to, of = size * within[first + u] + r, places[c, 2] + m_c * (size * u + r)
+                _added(own_parts, places[f, 0] + a * to, work, of, runs, 0, split)
+                if to < a:
+                    _added(right, m * to, work, of, runs, split, count)
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
@@ -183,17 +193,17 @@ def _across(f, p, given, right):
     q = min(p + band, a)
     w, rest = q - p, a - q
     P = right[a * m : a * m + w * w].reshape(w, w)  # what is made here may be gone before its address has been used
-    P[:] = L[p:q, p:q]
+    _copied(L[p:q, p:q], P)
     if not _inverted_by_panels(P, panel, product, constants):
         return False
-    L[p:q, p:q] = P
+    _copied(P, L[p:q, p:q])
     at_P = np.int64(P.ctypes.data)
     if m:
         gemm(product, w, m, w, one, at_P, w, np.int64(right.ctypes.data) + bytes_of * m * p, m, nothing,
              np.int64(U.ctypes.data) + bytes_of * m * p, m)
     if rest:
         others = right[a * m + w * w : a * m + w * w + w * rest].reshape(w, rest)
-        others[:] = L[p:q, q:]
+        _copied(L[p:q, q:], others)
         gemm(product, w, rest, w, one, at_P, w, np.int64(others.ctypes.data), rest, nothing,
              np.int64(L.ctypes.data) + bytes_of * (a * p + q), a)
     return True
@@ -224,19 +234,27 @@ def _left(f, start, stop, given):
     """Some rows of what is left."""
     product, constants, blocks, _, _, sizes, places, _, _, children, child, withins, within, own_parts, beside, work = given
     size, minus, nothing, bytes_of, (a, m) = blocks.shape[1], constants[0], constants[1], work.itemsize, sizes[f]
-    S, runs = work[places[f, 2] : places[f, 2] + m * m].reshape(m, m), np.empty((len(within), 3), np.int64)
+    runs, at_S = np.empty((len(within), 3), np.int64), np.int64(work.ctypes.data) + bytes_of * places[f, 2]
     gemm(product, stop - start, m, a, minus, np.int64(own_parts.ctypes.data) + bytes_of * (places[f, 0] + a * (a + start)), a,
-         np.int64(beside.ctypes.data) + bytes_of * places[f, 1], m, nothing, np.int64(S.ctypes.data) + bytes_of * m * start, m)
+         np.int64(beside.ctypes.data) + bytes_of * places[f, 1], m, nothing, at_S + bytes_of * m * start, m)
     for k in range(children[f], children[f + 1]):
         c = child[k]
         m_c, first = sizes[c, 1], withins[c]
-        of = work[places[c, 2] : places[c, 2] + m_c * m_c].reshape(m_c, m_c)
         split, count = _runs(within[first : withins[c + 1]], size, a, runs)
-        for i in range(m_c):
-            u, r = divmod(i, size)
-            to = size * within[first + u] + r - a
-            if start <= to < stop:
-                _added(S[to], of[i], runs[split:count])
+        for u in range(m_c // size):
+            for r in range(size):
+                to = size * within[first + u] + r - a
+                if start <= to < stop:
+                    _added(work, places[f, 2] + m * to, work, places[c, 2] + m_c * (size * u + r), runs, split, count)
+
+
+@numba.njit(nogil=True, fastmath=SUMS)
+def _copied(given, result):
+    """result = given, row after row: numba's own is slow."""
+    for i in range(len(given)):
+        row, of = result[i], given[i]
+        for j in range(len(row)):
+            row[j] = of[j]
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
@@ -257,12 +275,13 @@ def _runs(within, size, own, runs):
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
-def _added(row, given, runs):
-    """row += given, run after run."""
-    for v in range(len(runs)):
-        to, of = row[runs[v, 0] : runs[v, 0] + runs[v, 2]], given[runs[v, 1] : runs[v, 1] + runs[v, 2]]
-        for j in range(len(to)):
-            to[j] += of[j]
+def _added(result, to, given, of, runs, first, last):
+    """result += given, run after run, from where ``to`` and ``of`` are on. A view of each would take longer than what is done on it,
+    and indices without a sign are never counted from the end."""
+    for v in range(first, last):
+        a, b, length = np.uint64(to + runs[v, 0]), np.uint64(of + runs[v, 1]), np.uint64(runs[v, 2])
+        for j in range(length):
+            result[a + j] += given[b + j]
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
