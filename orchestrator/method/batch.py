@@ -27,7 +27,7 @@ from orchestrator.method.stopping.far_bodies import FarBodies, FarBody, sentence
 from orchestrator.method.stopping.indicator import Measures, measure
 from orchestrator.timing import Stopwatch
 
-# (fields, bound) → relative energy error
+# (fields, bound) → relative energy error; ``silent`` where it asks no code
 ErrorOf = Callable[[Admissible, Bound | None], float]
 # (decomposition of some load steps, fields, bound) → estimated discretisation error, relative, energy norm
 EstimateOf = Callable[[Decomposition, Admissible, Bound], float]
@@ -54,7 +54,8 @@ class Batch:
                  estimate: EstimateOf | None, placing: Placing | None = None):
         self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
         self.placing = placing
-        self.alone = true_error is None and estimate is None  # nobody but the linear stage and the criterion asks the codes
+        # nobody but the linear stage and the criterion asks the codes
+        self.alone = estimate is None and (true_error is None or getattr(true_error, "silent", False))
         self.numbers, self.estimate = numbers, estimate
         self.acceleration = make_acceleration(d, method)
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)

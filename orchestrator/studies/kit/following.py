@@ -57,6 +57,8 @@ class Trail:
     space : numbering of the traces
     """
 
+    silent = True  # it asks no code, which may work on meanwhile
+
     def __init__(self, space: TraceSpace):
         self.space = space
         stride = -(-space.size // _KEPT)
