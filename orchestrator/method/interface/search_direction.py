@@ -92,9 +92,14 @@ class SearchDirection:
         return blocks
 
     @cached_property
+    def whole_diagonal(self) -> np.ndarray:
+        """(D + G,) the diagonal of k⁻, ghosts included."""
+        return self.diagonal if self.whole is self.k else self.whole.diagonal()
+
+    @cached_property
     def other_diagonal(self) -> np.ndarray:
         """(D,) the diagonal of the neighbour's k⁻, seen from this side."""
-        return self.space.transfer.across(self.whole.diagonal())
+        return self.space.transfer.across(self.whole_diagonal)
 
     @cached_property
     def other(self) -> sp.csr_array:

@@ -79,7 +79,7 @@ class Exchange:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation; parameters as of ``hats``."""
         k, theirs = self.direction.diagonal, self.direction.other_diagonal
         own_w, own_f = w[:, : len(k)], f[:, : len(k)]
-        kw = self.direction.whole.diagonal() * w - f  # of ghosts too: nothing has to travel
+        kw = self.direction.whole_diagonal * w - f  # of ghosts too: nothing has to travel
         w_hat = (kw[:, : len(k)] + self.direction.space.transfer.across(kw)) / (k + theirs)
         return self._with_tied(w, f, w_hat, own_f - k * (own_w - w_hat))
 
