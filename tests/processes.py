@@ -78,6 +78,11 @@ def working_below(folder) -> list[int]:
     return found
 
 
-def nothing_left(folder, patience=5.0) -> bool:
+def nothing_left(folder, patience=10.0) -> bool:
     """Whether no process works below a folder and no file is in it, before the seconds of patience are over."""
-    return gone(working_below(folder), patience) and not working_below(folder) and not list(folder.iterdir())
+    end = time.monotonic() + patience
+    while working_below(folder) or list(folder.iterdir()):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
