@@ -129,6 +129,8 @@ class Batch:
             if d.coarse is not None:
                 with watch("coarse"):
                     evaluated = d.coarse(evaluated)
+                    if d.self_stress is not None:
+                        evaluated = d.self_stress(evaluated, d.local)
             with watch("local_stage"):
                 local = d.local(evaluated)
             with watch("acceleration"):

@@ -17,6 +17,7 @@ from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.following import Following
 from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.method.coarse.correction import CoarseCorrection
+from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import LinearStage
@@ -61,6 +62,7 @@ class Decomposition:
     nonlinear : the subdomains that are; None where none is
     following : the interfaces that are paired anew as they slide, where there are some
     sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
+    self_stress : at nodes where interfaces that open meet, beside the coarse contact problem; None where there is none
     """
 
     scene: Scene
@@ -79,6 +81,7 @@ class Decomposition:
     nonlinear: Nonlinear | None = None
     following: Following | None = None
     sole_scale: float = 1.0
+    self_stress: SelfStress | None = None
 
     @property
     def all_perfect(self) -> bool:
@@ -211,7 +214,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if space.ties is not None:
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
     modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
-    bound = coarse = judge = None
+    bound = coarse = judge = self_stress = None
 
     def meeting(direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
         """The pairs, their local stage, and how they are stabilised."""
@@ -261,6 +264,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if method.coarse != "none" and not all(space.perfect):
             coarse = CoarseCorrection(scene, stage, pairs)
             sweeps += coarse.sweeps / scene.steps
+            self_stress = SelfStress.of(space, local)
     if judge is not None:
         with watch("bound"):
             bound = judge.result()
@@ -268,7 +272,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         bound = bound.of(stage, loading, floor)
     following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
     return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
-                         stage, local, modes, bound, coarse, sweeps, nonlinear, following, scale)
+                         stage, local, modes, bound, coarse, sweeps, nonlinear, following, scale, self_stress)
 
 
 def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
