@@ -68,8 +68,7 @@ class GuardedTraces(Layer):
         self.settle()
         answers, judged = self.inner.traces(forces), {}
         first = {(id(forces[e]), id(u)): e for e, u in reversed(answers.items()) if u.size}
-        unknown = [e for e in first.values() if e not in self.own]
-        self.own |= zip(unknown, self.direction.robin_blocks(unknown))
+        self.soles(list(first.values()))
         for e, u in answers.items():
             f, part = np.asarray(forces[e]), self.parts[e]
             which = id(f), id(u)
@@ -81,6 +80,12 @@ class GuardedTraces(Layer):
                 alone = Segments([slice(0, f.shape[1])])
                 self._judge(f, u, alone, [e], part, lambda x, e=e, of=alone: of.sums(x * times(self.own[e], x)))
         return answers
+
+    def soles(self, subdomains: Sequence[int]) -> dict[int, sp.csr_array]:
+        """(t, t) NᵀkN on the boundary dofs of these subdomains, and of all that were asked for before."""
+        unknown = [e for e in subdomains if e not in self.own]
+        self.own |= zip(unknown, self.direction.robin_blocks(unknown))
+        return self.own
 
     def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
         """As ``Layer`` says, and as ``traces`` does, all subdomains at once."""

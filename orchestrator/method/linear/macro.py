@@ -26,6 +26,7 @@ from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.spread import SpreadFactor
+from orchestrator.method.linear.macro_answers import MacroAnswers
 from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
 from orchestrator.parallel.team import Team
 
@@ -49,11 +50,13 @@ class Macro:
     number : (size,) int, ascending, which of the macro unknowns of all ranks these are; shared : (size,) bool, those
         that another rank sees too
     blocks : V, subdomain by subdomain
+    known : what they tell of the subdomains' own answers, once somebody has asked
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray],
                  strategy: str, spent: float = 0.0):
         self.space, self.strategy, self.spent = space, strategy, spent
+        self.known: MacroAnswers | None = None
         self.number, self.shared = _numbers(space, bases)
         C = moved(space, bases)
         if strategy == "equilibrium":

@@ -20,6 +20,7 @@ import numpy as np
 
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
+from orchestrator.method.linear.macro_answers import MacroAnswers
 from orchestrator.method.linear.nonlinear import AtStep
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
@@ -170,6 +171,17 @@ class LinearStage:
     def robin_force(self, s: np.ndarray, alpha: np.ndarray) -> np.ndarray:
         """(T, D) s − G α: what the extended subdomains are loaded with, eq. 19 (macro continuity: eq. 37)."""
         return s if self.macro is None else s - times(self.macro.G, alpha)
+
+    def known_answers(self, h: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """What the macro columns tell of S⁺h, see ``MacroAnswers``; None without a macro problem."""
+        if self.macro is None:
+            return None
+        if self.macro.known is None:
+            starts = {part.start: e for e, part in enumerate(self.space.boundary) if part.stop > part.start}
+            own = self.blackbox.soles([starts[int(at)] for block in self.macro.blocks
+                                       for at in block.columns[: len(block.answers), 0]])
+            self.macro.known = MacroAnswers(self.macro.blocks, own, starts)
+        return self.macro.known(h)
 
     def solve(self, forces: np.ndarray) -> np.ndarray:
         """(rows, B) M⁻¹ of eq. 13 applied to boundary forces (rows, B), restricted to the boundary dofs."""

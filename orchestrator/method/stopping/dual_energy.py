@@ -1,7 +1,8 @@
 """Energy of interface forces, hᵀS⁺h, by conjugate gradients preconditioned with the black box itself.
 
 S is the subdomains' Schur complement on their boundary, which nobody forms: N M⁻¹Nᵀ = (S + NᵀkN)⁻¹ is what the black
-box applies, so that S p = (S + k) p − k p, of which the first term follows by recurrence.
+box applies, so that S p = (S + k) p − k p, of which the first term follows by recurrence. They begin with what the macro
+columns know, for any x₀: hᵀS⁺h = 2 x₀ᵀh − x₀ᵀS x₀ + rᵀS⁺r, r = h − S x₀.
 """
 
 from __future__ import annotations
@@ -40,7 +41,15 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         return np.zeros(len(h)), 0
     of = Segments(space.boundary)
 
-    r, total, p, q, rz_old, steps = h.copy(), 0.0, None, None, None, []
+    r, total, p, q, rz_old, steps = h.copy(), np.zeros(len(h)), None, None, None, []
+    known = stage.known_answers(h)
+    if known is not None:
+        x, robin = known
+        answered = robin - stage.direction.robin(x)
+        total, = space.team.sum(of.sums(x * (2 * h - answered)).sum(axis=1))
+        if beyond(total):
+            return total, 0
+        r -= answered
     for sweeps in range(1, MAX_STEPS + 1):
         z = stage.solve(r)
         rz = np.maximum(of.sums(r * z), 0.0)
@@ -70,7 +79,7 @@ def _tail(steps: list[float]) -> float:
     """What the steps to come would add: a geometric series, at the slower of the last two rates."""
     last = steps[-3:]
     rates = [b / a for a, b in zip(last, last[1:]) if a > 0]
-    rate = min(max(rates, default=0.5), SLOWEST)
+    rate = min(max(rates, default=SLOWEST), SLOWEST)
     return steps[-1] * rate / (1 - rate)
 
 
