@@ -1,11 +1,18 @@
 """What makes the coarse contact problem quick leaves it what it is."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from contact_case import contact
+from contact_case import contact, converged
 from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
+from orchestrator.config import Config
+from orchestrator.method.coarse.correction import MANY, kind_of
+from orchestrator.parallel.team import Team
+from orchestrator.registry import LAWS
 from orchestrator.scene.build import build_scene
 
 
@@ -20,12 +27,18 @@ def decomposed(config):
         return prepared(config, scene, blackbox)
 
 
-@pytest.fixture(scope="module", params=["shared nodes", "nodes apart"])
+def rigidly(config):
+    """The same with a coarse problem of rigid bodies."""
+    return Config.model_validate({**config.complete(), "method": {**config.complete()["method"], "coarse": "rigid"}})
+
+
+@pytest.fixture(scope="module", params=["shared nodes", "nodes apart", "shared nodes, rigid bodies"])
 def coarse(request, tmp_path_factory):
     """The coarse contact problem of two blocks."""
-    shared = request.param == "shared nodes"
+    shared = request.param.startswith("shared nodes")
     folder = tmp_path_factory.mktemp("coarse")
-    result = decomposed(contact(0.3) if shared else made(folder, two_parts(rough_top), MEASURED)).coarse
+    config = contact(0.3) if shared else made(folder, two_parts(rough_top), MEASURED)
+    result = decomposed(rigidly(config) if request.param.endswith("rigid bodies") else config).coarse
     assert result.problem.fields.phi.shape[1] == (4 if shared else 8)
     return result
 
@@ -52,7 +65,7 @@ def test_moments_do_the_work_of_the_fields(coarse, steps):
     weight = np.ones(len(pairs))
     assert at.carried(answer.force, weight, 2).ravel() == pytest.approx(carried, abs=1e-12 * np.abs(carried).max())
     slopes = np.einsum("pif,ijp,pjg->fg", T[answer.active], answer.derivative, at.L[answer.active])
-    assert np.abs(at.slopes(answer, weight)[0].swapaxes(1, 2).reshape(24, 24) - slopes).max() < 1e-5 * np.abs(slopes).max()
+    assert np.abs(at.slopes(answer, weight)[0].swapaxes(1, 2).reshape(slopes.shape) - slopes).max() < 1e-5 * np.abs(slopes).max()
 
 
 @pytest.mark.parametrize("reach", [0.0, 1e-3, 1.0])
@@ -67,3 +80,33 @@ def test_pairs_left_out_come_back_when_they_matter(coarse, steps, reach):
         assert np.abs(exact).max() > 0
         assert found == pytest.approx(exact, abs=1e-6 * np.abs(exact).max())
         assert same == pytest.approx(force, abs=1e-6 * np.abs(force).max())
+
+
+def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():
+    """Six fields per body, that strain nothing; where bodies end is no matter of how many there are."""
+    config = contact(0.3, error=1e-8)
+    d = decomposed(rigidly(config))
+    x = d.scene.mesh.nodes[d.space.dof // 3]
+    assert d.coarse.response.U.shape == (6, d.space.size) and d.coarse.sweeps == 6
+    for e, part in enumerate(d.coarse.parts):
+        of_node = {}
+        for column, dof in zip(range(part.start, part.stop), d.space.dof[part]):
+            of_node.setdefault(dof // 3, {})[dof % 3] = column
+        whole = np.array([[c[0], c[1], c[2]] for c in of_node.values() if len(c) == 3])
+        apart = np.linalg.norm(x[whole[1:, 0]] - x[whole[0, 0]], axis=1)
+        u = d.coarse.response.U[:, whole]  # distances between nodes do not change to first order
+        way = (x[whole[1:, 0]] - x[whole[0, 0]]) / apart[:, None]
+        assert np.abs(((u[:, 1:] - u[:, :1]) * way).sum(axis=2)).max() < 1e-10 * np.abs(u).max()
+    one, two = converged(config), converged(rigidly(config))
+    assert two.displacement == pytest.approx(one.displacement, abs=1e-7 * np.abs(one.displacement).max())
+
+
+def test_many_loose_bodies_are_rigid_in_it():
+    """From a hundred bodies on, where they are stabilised, and none is cut into several."""
+    scene = build_scene(contact(0.3))
+    loose, held = SimpleNamespace(stabilisation=np.full(3, 1e-6)), SimpleNamespace(stabilisation=None)
+    many = replace(scene, subdomains=scene.subdomains * (MANY // 2))
+    assert kind_of("auto", many, loose, Team()) == "rigid"
+    assert {kind_of("auto", scene, loose, Team()), kind_of("auto", many, held, Team()), kind_of("affine", many, loose, Team())} == {"affine"}
+    joined = replace(many, interfaces=[replace(i, law=LAWS["perfect"]()) for i in many.interfaces])
+    assert kind_of("auto", joined, loose, Team()) == "affine"

@@ -16,7 +16,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.following import Following
 from orchestrator.method.stopping.bound import ErrorBound
-from orchestrator.method.coarse.correction import CoarseCorrection
+from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.local.stage import LawStage
@@ -262,7 +262,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             sweeps += macro.solve(guarded) / scene.steps
         stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
         if method.coarse != "none" and not all(space.perfect):
-            coarse = CoarseCorrection(scene, stage, pairs)
+            coarse = CoarseCorrection(scene, stage, pairs, kind_of(method.coarse, scene, pairs, space.team))
             sweeps += coarse.sweeps / scene.steps
             self_stress = SelfStress.of(space, local)
     if judge is not None:

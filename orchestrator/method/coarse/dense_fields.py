@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.kernels import spread
-from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
+from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.interface.pairs import Pairs
 
 
@@ -28,7 +28,7 @@ class DenseFields(PairFields):
 
     def __init__(self, pairs: Pairs, T: np.ndarray, all_L: np.ndarray, bodies: np.ndarray,
                  chosen: np.ndarray | None = None):
-        super().__init__(pairs, np.empty((len(T), 0)), np.empty((len(bodies), 0, 2 * FIELDS)), all_L, bodies, chosen)
+        super().__init__(pairs, np.empty((len(T), 0)), np.empty((len(bodies), 0, all_L.shape[2])), all_L, bodies, chosen)
         self.T = T
 
     def some(self, chosen: np.ndarray) -> DenseFields:
@@ -44,21 +44,21 @@ class DenseFields(PairFields):
 
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
         """As for ``PairFields``."""
-        result, weighted = np.zeros((bodies, FIELDS)), (force * weight[self.chosen]).T
+        result, weighted = np.zeros((bodies, self.size)), (force * weight[self.chosen]).T
         for i, part in self._parts(np.arange(len(self.chosen))):
-            both = np.tensordot(weighted[part], self.T[self.chosen[part]], axes=2).reshape(2, FIELDS)
+            both = np.tensordot(weighted[part], self.T[self.chosen[part]], axes=2).reshape(2, self.size)
             for body, own in zip(self.bodies[i], both):
                 result[body] += own
         return result
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
         """As for ``PairFields``."""
-        result = np.zeros((len(self.bodies), 2, 2, FIELDS, FIELDS))
+        result = np.zeros((len(self.bodies), 2, 2, self.size, self.size))
         for i, part in self._parts(answer.active):
             at = self.chosen[answer.active[part]]
             turned = answer.derivative[:, :, part].transpose(2, 0, 1) * weight[at, None, None] @ self.all_L[at]
-            whole = self.T[at].reshape(-1, 2 * FIELDS).T @ turned.reshape(-1, 2 * FIELDS)
-            result[i] = whole.reshape(2, FIELDS, 2, FIELDS).swapaxes(1, 2)
+            whole = self.T[at].reshape(-1, 2 * self.size).T @ turned.reshape(-1, 2 * self.size)
+            result[i] = whole.reshape(2, self.size, 2, self.size).swapaxes(1, 2)
         self._collective(answer, weight, result)
         return result
 

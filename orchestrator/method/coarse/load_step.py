@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
-from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
+from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.parallel.team import Team
 
 REACH = 2.0  # size of the fields that pairs must be able to close at, over the size last seen
@@ -63,14 +63,14 @@ class Bodies:
         everyones = sum(team.all_gather([(i.index, *i.subdomains) for i in mine]), [])
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
-        pattern = BlockPattern(ends, count, FIELDS, order) if team.rank == 0 else None
+        pattern = BlockPattern(ends, count, fields.size, order) if team.rank == 0 else None
         weight, springs, affine = np.ones(len(theirs)), None, None
-        slopes = np.zeros((len(counted), 2, 2, FIELDS, FIELDS), fields.all_L.dtype)
+        slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
             weight, every = 1 - fields.pairs.stabilisation, np.arange(len(theirs))
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
                                    fields.pairs.stabilisation)[counted]
-            here = BlockPattern(fields.bodies[counted], count, FIELDS)
+            here = BlockPattern(fields.bodies[counted], count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
         gathered = team.gather(slopes)
         if pattern is not None:

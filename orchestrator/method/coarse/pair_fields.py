@@ -19,7 +19,7 @@ from orchestrator.method.coarse.kernels import carried, gathered, moved, spread
 from orchestrator.method.interface.pairs import Pairs
 
 MONOMIALS = 4
-FIELDS = 3 * MONOMIALS
+AFFINE = 3 * MONOMIALS
 WORTH = 1 << 13  # pairs, over which a loop takes much longer than to hand them out to a thread
 SLOPES = 4  # how much longer pairs take whose slopes are summed
 
@@ -63,6 +63,11 @@ class PairFields:
         return max(1, len(self.bodies) * WORTH // max(1, pairs))
 
     @property
+    def size(self) -> int:
+        """Fields of a body."""
+        return self.all_L.shape[2] // 2
+
+    @property
     def L(self) -> np.ndarray:
         """(Q, 3, 24) what the predicted force F changes with the fields."""
         return self.all_L if len(self.chosen) == len(self.all_L) else self.all_L[self.chosen]
@@ -84,7 +89,7 @@ class PairFields:
 
     def both(self, y: np.ndarray) -> np.ndarray:
         """(I, 24) fields of the two bodies of every interface."""
-        return y[self.bodies].reshape(-1, 2 * FIELDS)
+        return y[self.bodies].reshape(-1, 2 * self.size)
 
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
         """(bodies, 12) ΣTᵀ ω f̂ of forces (3, Q).
@@ -93,7 +98,7 @@ class PairFields:
         ----------
         weight : (P,) ω of all node pairs
         """
-        each, result = np.empty((len(self.A), 2, FIELDS)), np.zeros((bodies, FIELDS))
+        each, result = np.empty((len(self.A), 2, self.size)), np.zeros((bodies, self.size))
         in_parts(carried, len(each), self.phi, self.chosen, self.pairs.bounds, self.A, np.ascontiguousarray(force), weight, each,
                  part=self.part(len(self.chosen)))
         gathered(self.bodies, each, result)
@@ -104,7 +109,7 @@ class PairFields:
         from orchestrator.method.coarse.products import PRODUCT
         from orchestrator.method.coarse.slopes import slopes
 
-        result = np.empty((len(self.A), 2, 2, FIELDS, FIELDS), self.all_L.dtype)
+        result = np.empty((len(self.A), 2, 2, self.size, self.size), self.all_L.dtype)
         first = np.searchsorted(answer.active, self.pairs.bounds)
         in_parts(slopes, len(result), PRODUCT[self.all_L.dtype], self.phi, self.all_L, self.chosen, self.turned, answer.active,
                  first, np.ascontiguousarray(answer.derivative), weight, result, part=self.part(SLOPES * len(answer.active)))
@@ -119,11 +124,11 @@ class PairFields:
             i = int(np.searchsorted(self.pairs.bounds, at[0], side="right")) - 1
             column = np.einsum("pif,ip->f", self.some(at).at_pairs(), given * weight[self.chosen[at]])
             row = np.einsum("ip,pif->f", taken, self.all_L[self.chosen[at]])
-            slopes[i] -= np.outer(column, row).reshape(2, FIELDS, 2, FIELDS).swapaxes(1, 2)
+            slopes[i] -= np.outer(column, row).reshape(2, self.size, 2, self.size).swapaxes(1, 2)
 
     def at_pairs(self) -> np.ndarray:
         """(Q, 3, 24) T."""
-        A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * FIELDS), np.diff(self.pairs.bounds), axis=0)
+        A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * self.size), np.diff(self.pairs.bounds), axis=0)
         return np.einsum("pm,pimf->pif", self.phi[self.chosen], A)
 
     @cached_property

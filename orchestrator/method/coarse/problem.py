@@ -21,7 +21,7 @@ from orchestrator.method.coarse.searched import SearchedNewton
 from orchestrator.method.coarse.kept_factors import KeptFactors
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import Newton, Stall
-from orchestrator.method.coarse.pair_fields import FIELDS, PairFields
+from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import Team
@@ -96,7 +96,7 @@ class CoarseProblem:
         def ahead(rho: np.ndarray) -> np.ndarray:
             return self.team.share(-kept.again(rho) if kept else None)
 
-        run, end = SearchedNewton(at, np.zeros((self.bodies.count, FIELDS)), direction, ahead, self._farthest), ""
+        run, end = SearchedNewton(at, np.zeros((self.bodies.count, self.fields.size)), direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):
             if run.solved(REDUCTION):
                 return run.y, run.size, run.start, "tolerance"
@@ -110,7 +110,7 @@ class CoarseProblem:
 
     def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """The same where nothing is stabilised, or where the search has not arrived."""
-        newton = Newton(at, np.zeros((self.bodies.count, FIELDS)), partial(self._direction, radius))
+        newton = Newton(at, np.zeros((self.bodies.count, self.fields.size)), partial(self._direction, radius))
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
@@ -163,7 +163,7 @@ class CoarseProblem:
         """Take back what was told of an iteration."""
         self._reach, pattern = dict(enumerate(memory.arrays["interface/reach"])), self.bodies.pattern
         if pattern is not None:
-            self._kept = {int(name.removeprefix(FACTORISED)): KeptFactors(pattern, blocks.reshape(-1, FIELDS, FIELDS))
+            self._kept = {int(name.removeprefix(FACTORISED)): KeptFactors(pattern, blocks.reshape(-1, pattern.size, pattern.size))
                           for name, blocks in memory.arrays.items() if name.startswith(FACTORISED)}
         self.newton_steps, self.ends = memory.notes["coarse"]["newton_steps"], dict(memory.notes["coarse"]["ends"])
 
@@ -175,7 +175,7 @@ class CoarseProblem:
 
     def _settle(self, body: int, newton: Newton, goal: float, radius: float) -> np.ndarray:
         """(bodies, 12) change of one body that settles while the others rest; its rank knows all its pairs."""
-        change, F = np.zeros((len(self.own), FIELDS)), newton.at.forces(newton.y)
+        change, F = np.zeros((len(self.own), self.fields.size)), newton.at.forces(newton.y)
         for e in np.flatnonzero(self.own == body):
             if body not in self._alone:
                 self._alone[body] = self._body(body, self.W[e])
@@ -187,7 +187,7 @@ class CoarseProblem:
         first, second = (np.repeat(side == body, np.diff(bounds)) for side in self.fields.bodies.T)
         chosen = np.flatnonzero(first | second)
         first, fields = first[chosen, None, None], self.fields.some(chosen)
-        T, L = (np.where(first, x[:, :, :FIELDS], x[:, :, FIELDS:]) for x in (fields.at_pairs(), fields.L))
+        T, L = (np.where(first, x[:, :, :fields.size], x[:, :, fields.size:]) for x in (fields.at_pairs(), fields.L))
         return Body(fields.pairs, chosen, T, L, self.bodies.K0[body], W)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:

@@ -245,8 +245,9 @@ def _end(d: Decomposition, config: Config, scene: Scene, iterated: Iterated, con
 
 
 def _coarse(d: Decomposition, scene: Scene, method):
-    from orchestrator.method.coarse.correction import CoarseCorrection
+    from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
     from orchestrator.method.interface.pairing import make_pairs
     from orchestrator.method.interface.stabilisation import stabilisation
 
-    return CoarseCorrection(scene, d.stage, make_pairs(scene, d.space, d.stage.direction.k, stabilisation(scene, method, d.sole_scale)))
+    pairs = make_pairs(scene, d.space, d.stage.direction.k, stabilisation(scene, method, d.sole_scale))
+    return CoarseCorrection(scene, d.stage, pairs, kind_of("auto", scene, pairs, d.space.team))
