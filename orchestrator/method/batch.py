@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from orchestrator.method.acceleration.choice import make_acceleration
+from orchestrator.method.coarse.self_stress import RESTING
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.method.following import WORTH
@@ -64,6 +65,7 @@ class Batch:
         self.anew = False
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
         self.measured = np.nan  # what the criterion has compared last
+        self.resting = False  # whether it has been so small already that what is left may be self-stress
         self.gains: deque[float] = deque(maxlen=SHOWN)  # by what it has fallen; nothing but who waits for whom hangs on it
 
     def end_at(self, last: int) -> None:
@@ -74,7 +76,7 @@ class Batch:
         """Begin from a state (T, D), after so many iterations and sweeps."""
         self.s, self.iteration, self.sweeps = s.copy(), iteration, sweeps  # those who listen write into what they were given
         self.whole_at = iteration + 1
-        self.measured = np.nan
+        self.measured, self.resting = np.nan, False
         self.gains.clear()
 
     def recall(self, latest: Sequence[Memory]) -> None:
@@ -92,7 +94,7 @@ class Batch:
         if self.far is not None:
             self.far.recall(last.notes["far"])
         self.begin(np.empty(0), last.iteration, notes["sweeps"])
-        self.whole_at, self.left_out = notes["whole_at"], notes["left_out"]
+        self.whole_at, self.left_out, self.resting = notes["whole_at"], notes["left_out"], notes["resting"]
         self.s = last.arrays["trace/s"].copy() if notes["anew"] else self._next(last.arrays.get("trace/asked"))
 
     def recalled(self, memory: Memory) -> Iterated:
@@ -129,7 +131,7 @@ class Batch:
             if d.coarse is not None:
                 with watch("coarse"):
                     evaluated = d.coarse(evaluated)
-                    if d.self_stress is not None:
+                    if d.self_stress is not None and self.resting:
                         evaluated = d.self_stress(evaluated, d.local)
             with watch("local_stage"):
                 local = d.local(evaluated)
@@ -149,6 +151,7 @@ class Batch:
                 self.sweeps += asked * share * (1 - self.frozen.mean())
                 self.gains.append(self.measured / verdict.approached if verdict.approached > 0 else np.inf)
                 self.measured = verdict.approached
+                self.resting |= self.measured <= RESTING
                 self.sweeps += verdict.sweeps * share
                 event = _event(criterion, verdict, measures(), iteration=self.iteration,
                                sweeps=d.setup_sweeps + self.sweeps, seconds=earlier + watch.total, state=best.s,
@@ -274,7 +277,8 @@ class Batch:
         whole = self.whole_at == self.iteration
         arrays, notes, back = self.acceleration.told(whole)
         notes = {"acceleration": notes, "criterion": self.criterion.notes, "ending": self.ending.notes, "reason": reason,
-                 "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at, "anew": self.anew},
+                 "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at, "anew": self.anew,
+                           "resting": bool(self.resting)},
                  "last": self.place[0] == self.place[1] - 1, "steps": self.place[2], "seconds": event.seconds}
         if self.d.coarse is not None:
             more, notes["coarse"] = self.d.coarse.told()
