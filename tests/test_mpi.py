@@ -72,7 +72,7 @@ def alone(case: str) -> dict[str, np.ndarray]:
     return found(case)
 
 
-@pytest.mark.parametrize("ranks", [2, 3, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.long), 4])
 def test_ranks_find_what_one_process_finds(ranks, tmp_path):
     several = [case for case in CASES if len(CASES[case].get("parts", range(4))) >= 4]  # subdomains: one for each rank
     four = several[::2]
