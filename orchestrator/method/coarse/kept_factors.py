@@ -35,11 +35,11 @@ class KeptFactors:
         blocks = self.pattern.shifted(values, shift)
         single = blocks.astype(np.float32, copy=False)
         tries = int(WORTH * self.pattern.elimination.worth)
-        x = self._tried(single, right, tries) if self.blocks is not None else None
+        x = self._tried(blocks, right, tries) if self.blocks is not None else None
         if x is None:
             try:
                 self.blocks, self._factors = single, self.pattern.elimination.factors(single, self._factors)
-                x = self._tried(single, right, max(tries, REFINED))
+                x = self._tried(blocks, right, max(tries, REFINED))
             except ZeroDivisionError:
                 pass
         if x is not None:

@@ -23,6 +23,7 @@ from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.parallel.team import Team
 
+RESOLVED = 100 * float(np.finfo(np.float32).eps)  # ε above which the springs alone are told apart in single precision
 REACH = 2.0  # size of the fields that pairs must be able to close at, over the size last seen
 
 
@@ -64,18 +65,20 @@ class Bodies:
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
         pattern = BlockPattern(ends, count, fields.size, order) if team.rank == 0 else None
-        weight, springs, affine = np.ones(len(theirs)), None, None
+        weight, springs, affine, least = np.ones(len(theirs)), None, None, 0.0
         slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
-            weight, every = 1 - fields.pairs.stabilisation, np.arange(len(theirs))
+            epsilon = fields.pairs.stabilisation
+            weight, every = 1 - epsilon, np.arange(len(theirs))
+            least = -team.max(-epsilon[epsilon > 0].min(initial=np.inf))[0]
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
-                                   fields.pairs.stabilisation)[counted]
+                                   epsilon)[counted]
             here = BlockPattern(fields.bodies[counted], count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
         gathered = team.gather(slopes)
         if pattern is not None:
             affine = pattern.values(-np.concatenate(gathered), K0)
-            if springs is not None:  # every mode has its stiffness, which single precision resolves
+            if least > RESOLVED:  # every mode has a stiffness that single precision resolves
                 affine = affine.astype(np.float32)
         return cls(team, count, fields, K0, counted, theirs, pattern, weight, springs, affine)
 
