@@ -131,8 +131,9 @@ class Batch:
             if d.coarse is not None:
                 with watch("coarse"):
                     evaluated = d.coarse(evaluated)
-                    if d.self_stress is not None and self.resting:
-                        evaluated = d.self_stress(evaluated, d.local)
+                    at_nodes = d.self_stress() if self.resting and d.self_stress is not None else None
+                    if at_nodes is not None:
+                        evaluated = at_nodes(evaluated, d.local)
             with watch("local_stage"):
                 local = d.local(evaluated)
             with watch("acceleration"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,7 +62,8 @@ class Decomposition:
     nonlinear : the subdomains that are; None where none is
     following : the interfaces that are paired anew as they slide, where there are some
     sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
-    self_stress : at nodes where interfaces that open meet, beside the coarse contact problem; None where there is none
+    self_stress : beside the coarse contact problem, makes that at nodes where interfaces that open meet, or None where there is
+        none; once, when it is first asked for, by all ranks: most runs end before
     """
 
     scene: Scene
@@ -81,7 +82,7 @@ class Decomposition:
     nonlinear: Nonlinear | None = None
     following: Following | None = None
     sole_scale: float = 1.0
-    self_stress: SelfStress | None = None
+    self_stress: Callable[[], SelfStress | None] | None = None
 
     @property
     def all_perfect(self) -> bool:
@@ -264,7 +265,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         if method.coarse != "none" and not all(space.perfect):
             coarse = CoarseCorrection(scene, stage, pairs, kind_of(method.coarse, scene, pairs, space.team))
             sweeps += coarse.sweeps / scene.steps
-            self_stress = SelfStress.of(space, local)
+            self_stress = cache(partial(SelfStress.of, space, local))
     if judge is not None:
         with watch("bound"):
             bound = judge.result()

@@ -67,8 +67,7 @@ class Ranks(Team):
                 self._count(everyone if self.rank == 0 else np.empty(0))
                 self._wait(self._world.Ibcast(everyone, root=0))
             total = everyone.sum(axis=0) if len(everyone) > 1 else everyone[0]
-            ends = np.cumsum([a.size for a in arrays])
-            return [total[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)]
+            return _apart(total, arrays)
 
         return result
 
@@ -84,9 +83,8 @@ class Ranks(Team):
 
         def result() -> tuple[list[np.ndarray], list[float]]:
             self._wait(request)
-            ends = np.cumsum([a.size for a in arrays])
-            total, rest = everyone[:, : len(mine) - len(largest)].sum(axis=0), everyone[:, len(mine) - len(largest) :]
-            return [total[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)], rest.max(axis=0).tolist()
+            sums, ends = np.split(everyone, [len(mine) - len(largest)], axis=1)
+            return _apart(sums.sum(axis=0), arrays), ends.max(axis=0).tolist()
 
         return result
 
@@ -288,3 +286,9 @@ class Ranks(Team):
             if dead:
                 gone.append(rank)
         return gone
+
+
+def _apart(flat: np.ndarray, arrays: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """What has travelled together, in the shapes of these arrays."""
+    ends = np.cumsum([a.size for a in arrays])
+    return [flat[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)]

@@ -75,7 +75,7 @@ class CoarseCorrection:
     problem : the contact problem of one load step
     """
 
-    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str = "affine"):
+    def __init__(self, scene: Scene, stage: LinearStage, pairs: Pairs, kind: str):
         self.stage, self.pairs = stage, pairs
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
@@ -201,11 +201,11 @@ class CoarseCorrection:
     def _independent(self, fields: np.ndarray, k_fields: np.ndarray, allowed: np.ndarray) -> np.ndarray:
         """(own bodies, 12, n) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.
 
+        On a body that has a single plane interface, the gradients along its normal are.
+
         Parameters
         ----------
         fields, k_fields : (12, D); allowed : (12, n) combinations of them
-
-        On a body that has a single plane interface, the gradients along its normal are.
         """
         result = np.zeros((len(self.own), *allowed.shape))
         for r, gram in zip(result, self._per_body(fields, k_fields)):

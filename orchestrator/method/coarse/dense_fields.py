@@ -23,7 +23,7 @@ class DenseFields(PairFields):
 
     Parameters
     ----------
-    T : (P, 3, 24); all_L, bodies : as for ``PairFields``
+    T : (P, 3, 2n); all_L, bodies : as for ``PairFields``
     """
 
     def __init__(self, pairs: Pairs, T: np.ndarray, all_L: np.ndarray, bodies: np.ndarray,
@@ -63,7 +63,7 @@ class DenseFields(PairFields):
         return result
 
     def at_pairs(self) -> np.ndarray:
-        """(Q, 3, 24) T."""
+        """(Q, 3, 2n) T."""
         return self.T[self.chosen]
 
     def _parts(self, points: np.ndarray) -> Iterator[tuple[int, slice]]:

@@ -39,9 +39,9 @@ def spread(start, stop, L, chosen, bounds, both, F):
 
     Parameters
     ----------
-    L : (P, 3, 24); chosen : (Q,) int, among these, interface after interface
+    L : (P, 3, 2n); chosen : (Q,) int, among these, interface after interface
     bounds : (I + 1,) int, where those of each interface start
-    both : (I, 24) fields of the two bodies
+    both : (I, 2n) fields of the two bodies
     """
     for i in range(start, stop):
         y = both[i]
@@ -70,11 +70,11 @@ def moved(start, stop, phi, chosen, bounds, C, d):
 
 @compiled
 def carried(start, stop, phi, chosen, bounds, A, force, weight, result):
-    """result (I, 2, 12) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
+    """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
     Parameters
     ----------
-    phi : (P, m); A : (I, 3m, 24); weight : (P,) ω
+    phi : (P, m); A : (I, 3m, 2n); weight : (P,) ω
     others : as for ``spread``
     """
     m, half = phi.shape[1], A.shape[2] // 2
@@ -99,7 +99,7 @@ def carried(start, stop, phi, chosen, bounds, A, force, weight, result):
 
 @compiled
 def gathered(ends, each, result):
-    """result (bodies, 12) += what each (I, 2, 12) interface brings its two bodies ``ends`` (I, 2)."""
+    """result (bodies, n) += what each (I, 2, n) interface brings its two bodies ``ends`` (I, 2)."""
     for i in range(len(ends)):
         for side in range(2):
             for f in range(each.shape[2]):

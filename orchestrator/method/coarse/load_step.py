@@ -36,12 +36,12 @@ class Bodies:
     team : the ranks
     count : number of bodies, of all ranks
     fields : at the node pairs of all interfaces that this rank touches
-    K0 : (bodies, 12, 12) stiffness of the fields
+    K0 : (bodies, n, n) stiffness of the fields
     counted : int, interfaces that this rank adds up; theirs : (P,) bool, their node pairs
     pattern : of the Newton matrices, on rank 0
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
-    affine : (n, 12, 12) K₀ − ΣTᵀε L of all ranks, for the pattern, in the precision of Newton matrices
+    affine : (blocks, n, n) K₀ − ΣTᵀε L of all ranks, for the pattern, in the precision of Newton matrices
     """
 
     team: Team
@@ -91,14 +91,14 @@ class LoadStep:
     bodies : what all load steps share
     number : of the load step in the scene
     F0 : (3, P) predicted forces
-    resultant : (bodies, 12) Uᵀf
+    resultant : (bodies, n) Uᵀf
     previous : (3, P) jump at the end of the load step before
     reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
 
     Attributes
     ----------
     seen : (I,) largest size of the fields so far
-    F, stiff, sprung : (3, Q) forces, (bodies, 12) K₀ y and this rank's ΣTᵀε L y, with which ρ was formed last
+    F, stiff, sprung : (3, Q) forces, (bodies, n) K₀ y and this rank's ΣTᵀε L y, with which ρ was formed last
     """
 
     def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
@@ -135,14 +135,14 @@ class LoadStep:
         return True
 
     def residual(self, y: np.ndarray) -> np.ndarray:
-        """(bodies, 12) ρ; the forces that it was formed with are kept for ``matrix``."""
+        """(bodies, n) ρ; the forces that it was formed with are kept for ``matrix``."""
         self._reach_for(y)
         self.F = self.fields.predicted(self.F0_near, y)
         self.stiff, self.sprung = self._linear(y)
         return self._imbalance(self.fields.pairs.force(self.F, self.before, self.number).force)
 
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
-        """(bodies, 12) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
+        """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
         bodies = self.bodies
         sprung = 0.0 if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
         return np.matmul(bodies.K0, y[:, :, None])[:, :, 0], sprung
@@ -187,7 +187,7 @@ class Line:
     Parameters
     ----------
     at : the load step, where it formed ρ(y)
-    dy : (bodies, 12)
+    dy : (bodies, n)
     """
 
     def __init__(self, at: LoadStep, dy: np.ndarray):
@@ -209,7 +209,7 @@ class Line:
         return float(self.start + theta * self.slope - carried)
 
     def end(self, theta: float) -> np.ndarray:
-        """(bodies, 12) ρ(y + θ dy), which the load step then stands at."""
+        """(bodies, n) ρ(y + θ dy), which the load step then stands at."""
         at = self.at
         if self.theta != theta:
             self(theta)

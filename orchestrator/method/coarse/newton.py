@@ -29,11 +29,11 @@ class Newton:
     Parameters
     ----------
     at : the load step
-    direction : (matrix values, ρ, δ) → (bodies, 12) the step dy, no longer than allowed
+    direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
 
     Attributes
     ----------
-    y, rho, size : (bodies, 12) fields, their ρ, and ‖ρ‖
+    y, rho, size : (bodies, n) fields, their ρ, and ‖ρ‖
     still : the last accepted step gained next to nothing
     """
 

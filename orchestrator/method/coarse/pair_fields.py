@@ -32,12 +32,12 @@ class PairFields:
     ----------
     pairs : Q of the node pairs, of I interfaces
     phi : (P, m) monomials at all P node pairs
-    A : (I, 3m, 24), components outside, from the fields of the first body, then of the second, to the monomials of T
-    all_L : (P, 3, 24) what the predicted force F changes with the fields, at all node pairs. In single precision: reading it
+    A : (I, 3m, 2n), components outside, from the fields of the first body, then of the second, to the monomials of T
+    all_L : (P, 3, 2n) what the predicted force F changes with the fields, at all node pairs. In single precision: reading it
         is what a sum over pairs costs, and a correction whose forces are off by a ten-millionth corrects as well
     bodies : (I, 2) int
     chosen : (Q,) int, ascending, which ``pairs`` are; default: all
-    turned : (I, 24, 3m) A transposed, in the precision of ``all_L``
+    turned : (I, 2n, 3m) A transposed, in the precision of ``all_L``
     """
 
     pairs: Pairs
@@ -69,18 +69,18 @@ class PairFields:
 
     @property
     def L(self) -> np.ndarray:
-        """(Q, 3, 24) what the predicted force F changes with the fields."""
+        """(Q, 3, 2n) what the predicted force F changes with the fields."""
         return self.all_L if len(self.chosen) == len(self.all_L) else self.all_L[self.chosen]
 
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """(3, Q) F₀ + L y of the fields y (bodies, 12)."""
+        """(3, Q) F₀ + L y of the fields y (bodies, n)."""
         F = np.array(F0, order="C")
         in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F,
                  part=self.part(len(self.chosen)))
         return F
 
     def jump(self, y: np.ndarray) -> np.ndarray:
-        """(3, Q) T y, what the first body moves in the fields y (bodies, 12), less what the second one does."""
+        """(3, Q) T y, what the first body moves in the fields y (bodies, n), less what the second one does."""
         result = np.empty((3, len(self.chosen)))
         combined = np.matmul(self.A, self.both(y)[:, :, None])[:, :, 0]
         in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result,
@@ -88,11 +88,11 @@ class PairFields:
         return result
 
     def both(self, y: np.ndarray) -> np.ndarray:
-        """(I, 24) fields of the two bodies of every interface."""
+        """(I, 2n) fields of the two bodies of every interface."""
         return y[self.bodies].reshape(-1, 2 * self.size)
 
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
-        """(bodies, 12) ΣTᵀ ω f̂ of forces (3, Q).
+        """(bodies, n) ΣTᵀ ω f̂ of forces (3, Q).
 
         Parameters
         ----------
@@ -105,7 +105,7 @@ class PairFields:
         return result
 
     def slopes(self, answer: Answer, weight: np.ndarray) -> np.ndarray:
-        """(I, 2, 2, 12, 12) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
+        """(I, 2, 2, n, n) ΣTᵀ ω (∂f̂/∂F) L, blocks of the two bodies, in L's precision; ω as for ``carried``."""
         from orchestrator.method.coarse.products import PRODUCT
         from orchestrator.method.coarse.slopes import slopes
 
@@ -127,7 +127,7 @@ class PairFields:
             slopes[i] -= np.outer(column, row).reshape(2, self.size, 2, self.size).swapaxes(1, 2)
 
     def at_pairs(self) -> np.ndarray:
-        """(Q, 3, 24) T."""
+        """(Q, 3, 2n) T."""
         A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * self.size), np.diff(self.pairs.bounds), axis=0)
         return np.einsum("pm,pimf->pif", self.phi[self.chosen], A)
 

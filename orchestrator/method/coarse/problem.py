@@ -1,4 +1,4 @@
-"""The coarse contact problem: 12 fields per body, the true laws at every node pair, load step by load step.
+"""The coarse contact problem: n = 12 fields per body, or 6, the true laws at every node pair, load step by load step.
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
@@ -43,8 +43,8 @@ class CoarseProblem:
     team : the ranks
     bodies, own : their number; (b,) int, those of this rank
     fields : at the node pairs of all interfaces that this rank touches
-    K0 : (bodies, 12, 12) stiffness of the fields
-    W : per own body (t, 12), displacement of its traces in the fields
+    K0 : (bodies, n, n) stiffness of the fields
+    W : per own body (t, n), displacement of its traces in the fields
 
     Attributes
     ----------
@@ -68,13 +68,13 @@ class CoarseProblem:
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
               radius: float) -> tuple[np.ndarray, np.ndarray]:
-        """(bodies, 12) y of one load step, and (3, P) F = F₀ + L y.
+        """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         Parameters
         ----------
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
         F0 : (3, P) predicted forces
-        resultant : (bodies, 12) Uᵀf
+        resultant : (bodies, n) Uᵀf
         previous : (3, P) jump at the end of the load step before
         radius : longest move of a body in one Newton step
         """
@@ -87,7 +87,7 @@ class CoarseProblem:
         return y, at.forces(y)
 
     def _searched(self, step: int, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
-        """Fields (bodies, 12), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
+        """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
         kept = self._kept.setdefault(step, KeptFactors(self.bodies.pattern)) if self.bodies.pattern else None
 
         def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
@@ -132,12 +132,12 @@ class CoarseProblem:
         return newton.y, newton.size, start, "tolerance" if newton.size <= REDUCTION * start else end
 
     def _direction(self, radius: float, matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, 12) Newton step."""
+        """(bodies, n) Newton step."""
         pattern = self.bodies.pattern
         return self._clipped(-pattern.solve(matrix, rho, shift) if pattern else None, radius)
 
     def _clipped(self, dy: np.ndarray | None, radius: float) -> np.ndarray:
-        """(bodies, 12) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
+        """(bodies, n) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than
         the radius."""
         dy = self.team.share(dy)
         move = self.farthest * np.linalg.norm(dy, axis=1)
@@ -149,7 +149,7 @@ class CoarseProblem:
         return dy * (radius / np.maximum(self._of_all(move), radius))[:, None]
 
     def _farthest(self, y: np.ndarray) -> float:
-        """How far any body moves in the fields (bodies, 12) at most, by Cauchy and Schwarz."""
+        """How far any body moves in the fields (bodies, n) at most, by Cauchy and Schwarz."""
         return float((self.farthest * np.linalg.norm(y, axis=1)).max(initial=0.0))
 
     def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
@@ -174,7 +174,7 @@ class CoarseProblem:
         return int(each.argmax()) if each.max() > DOMINATING * newton.size else None
 
     def _settle(self, body: int, newton: Newton, goal: float, radius: float) -> np.ndarray:
-        """(bodies, 12) change of one body that settles while the others rest; its rank knows all its pairs."""
+        """(bodies, n) change of one body that settles while the others rest; its rank knows all its pairs."""
         change, F = np.zeros((len(self.own), self.fields.size)), newton.at.forces(newton.y)
         for e in np.flatnonzero(self.own == body):
             if body not in self._alone:

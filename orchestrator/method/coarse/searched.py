@@ -30,13 +30,13 @@ class SearchedNewton:
     Parameters
     ----------
     at : the load step
-    direction : (matrix values, ρ, δ) → (bodies, 12) the step dy, no longer than allowed
-    ahead : ρ → (bodies, 12) about the step that would follow, by the last step's own factors
-    farthest : fields (bodies, 12) → how far any body moves in them at most
+    direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
+    ahead : ρ → (bodies, n) about the step that would follow, by the last step's own factors
+    farthest : fields (bodies, n) → how far any body moves in them at most
 
     Attributes
     ----------
-    y, size : (bodies, 12) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
+    y, size : (bodies, n) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
     """
 
     def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],

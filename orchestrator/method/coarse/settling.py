@@ -6,7 +6,7 @@ as the imbalance falls (pseudo-transient continuation, Kelley & Keyes, SIAM J. N
 
     (J + 1/Δt) dv = −ρ
 
-The other bodies stay where they are, so that a step costs the laws of this body's own pairs and a 12 × 12 system.
+The other bodies stay where they are, so that a step costs the laws of this body's own pairs and a n × n system.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class Body:
     Parameters
     ----------
     pairs : the Q node pairs of its interfaces; chosen : (Q,) int, where they are among all
-    T, L : (Q, 3, 12) its fields at these pairs and their response, as in ``coarse``
-    K : (12, 12) stiffness of its fields
-    W : (t, 12) displacement of its traces in them
+    T, L : (Q, 3, n) its fields at these pairs and their response, as in ``coarse``
+    K : (n, n) stiffness of its fields
+    W : (t, n) displacement of its traces in them
     """
 
     pairs: Pairs
@@ -44,13 +44,13 @@ class Body:
     W: np.ndarray
 
     def settle(self, F: np.ndarray, previous: np.ndarray, number: int, rho: np.ndarray, goal: float, radius: float) -> np.ndarray:
-        """(12,) change of the body's fields that brings the size of its ρ to ``goal``, or as far as it may go.
+        """(n,) change of the body's fields that brings the size of its ρ to ``goal``, or as far as it may go.
 
         Parameters
         ----------
         F, previous : (3, P) predicted forces and jumps before the load step, of all pairs
         number : of the load step in the scene
-        rho : (12,) imbalance of the body there
+        rho : (n,) imbalance of the body there
         radius : longest move
         """
         start, previous = F[:, self.chosen], previous[:, self.chosen]
@@ -83,11 +83,11 @@ class Body:
         return best
 
     def _sum(self, force: np.ndarray) -> np.ndarray:
-        """(12,) Tᵀ of forces (3, Q)."""
+        """(n,) Tᵀ of forces (3, Q)."""
         return np.tensordot(self.T, force, axes=((1, 0), (0, 1)))
 
     def _slope(self, F: np.ndarray, previous: np.ndarray, number: int) -> np.ndarray:
-        """(12, 12) derivative of ρ."""
+        """(n, n) derivative of ρ."""
         answer = self.pairs.force(F, previous, number, derivative=True)
         slope = self.K - np.tensordot(self.T[answer.active], answer.derivative.transpose(2, 0, 1) @ self.L[answer.active],
                                       axes=((0, 1), (0, 1)))
