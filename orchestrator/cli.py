@@ -5,19 +5,17 @@ from __future__ import annotations
 import atexit
 import gc
 import re
-import signal
 import sys
-import threading
-from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, OrchestratorError, Problem
+from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, Problem
+from orchestrator.guarded import guarded
 from orchestrator.imports import all_there
-from orchestrator.interrupts import heard, interrupt, raise_waiting
+from orchestrator.interrupts import heard
 from orchestrator.registry import CODES
 from orchestrator.streams import guard_streams, lost_output
 
@@ -37,8 +35,6 @@ def every_command(version: Annotated[bool, typer.Option("--version", callback=_v
                                                         help="print the version and end")] = False) -> None:
     """Multiscale domain decomposition around an untouched finite element code."""
 
-
-PAIRS = 50  # that check shows; inspect shows all
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
@@ -94,7 +90,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
                 cause = team.cause(error)
                 raise located(cause, loaded) if isinstance(cause, InputError) else error
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -108,27 +104,15 @@ def check(config: ConfigFile, overrides: Overrides = None,
         if syntax_only:
             print("OK")
             return CONVERGED
-        from orchestrator.blackbox.codes.finding import find_codes
-        from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
-        from orchestrator.scene.build import build_scene
-        from orchestrator.scene.cautions import scene_cautions
+        from orchestrator.check import checked
 
         try:
-            scene = build_scene(loaded.config)
-            for code in find_codes(loaded.config.codes, {s.code for s in scene.subdomains}).values():
-                code.check()
-            _check_iterations(scene, loaded.config.method)
-            print(f"OK: {scene!r}")
-            if scene.element is not None:
-                print(f"element: {scene.element}")
-            _show_pairs(scene, loaded.config)
-            for sentence in [*scene_cautions(scene), *stabilisation_cautions(loaded.config.method)]:
-                print(f"warning: {sentence}")
+            print("\n".join(checked(loaded.config)))
         except InputError as error:
             raise located(error, loaded) from error
         return CONVERGED
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -159,7 +143,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
                 raise InputError(Problem((), f"{html}: {error.strerror}", "a place that can be written to", "name another one")) from error
         return CONVERGED
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -173,7 +157,7 @@ def init(target: Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML
         print("\n".join(begin(target, source, h)))
         return CONVERGED
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -190,7 +174,7 @@ def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a resu
         write(directory, _figures(cut, parts, view), interactive)
         return CONVERGED
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -216,7 +200,7 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
         raise InputError(Problem((), f"study '{name}'", "one of\n" + listing,
                                  nearest(name, list(STUDIES), otherwise="take one of these")))
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -230,7 +214,7 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '
         all_there()
         return try_out(code, transport, timeout)
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -245,7 +229,7 @@ def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its
         print(write(), end="")
         return CONVERGED
 
-    _guarded(action)
+    guarded(action)
 
 
 @app.command()
@@ -258,7 +242,7 @@ def doctor() -> None:
         print("\n".join(lines))
         return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
 
-    _guarded(action)
+    guarded(action)
 
 
 def main() -> None:
@@ -301,64 +285,3 @@ def _figures(cut: str | None, parts: list[str] | None, view: str | None) -> dict
         raise InputError(Problem((), f"--cut {cut}" if "cut" not in figures and cut is not None else f"--view {view}",
                                  "an axis and a place, or two angles in degrees", "write --cut x=80, --view 30,20")) from None
     return figures or None
-
-
-def _show_pairs(scene, config) -> None:
-    """Pairs that have been found rather than named, and those whose meshes do not match."""
-    if any(entry.found for entry in config.interfaces) or any(i.mortar is not None for i in scene.interfaces):
-        from orchestrator.scene.inspection.pairs import pairs_of_scene
-        from orchestrator.scene.inspection.tables import pair_table
-
-        print("\n".join(pair_table(pairs_of_scene(scene), PAIRS)))
-
-
-def _check_iterations(scene, method) -> None:
-    """Whether there are enough of them; where there is no doubt, the method is not even imported."""
-    if scene.steps > method.max_iterations:
-        from orchestrator.method.load_cases import load_cases
-        from orchestrator.method.solver import check_iterations
-
-        check_iterations(len(load_cases(scene, method.skip).chosen), all(i.law.perfect for i in scene.interfaces), method)
-
-
-def _guarded(action: Callable[[], int]) -> None:
-    """Runs a command and ends the program with its exit code; errors of the user's are shown, not traced.
-
-    SIGTERM, SIGHUP and SIGUSR2 interrupt like Ctrl-C, so that batch systems and lost terminals get the checkpoint too; what is
-    ignored, as SIGHUP is under nohup, stays so.
-    """
-    in_main = threading.current_thread() is threading.main_thread()
-    # SIGUSR2 is what launchers of parallel runs forward to all ranks, and what batch systems can be told to send
-    asked = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR2
-    ends = [number for number in asked if signal.getsignal(number) != signal.SIG_IGN]
-    previous = {number: signal.signal(number, interrupt) for number in ends} if in_main else {}
-    try:
-        raise_waiting()
-        code = action()
-        raise_waiting()  # a short command may end before it has been looked again
-    except OrchestratorError as error:
-        _show(error)
-        code = error.exit_code
-    except KeyboardInterrupt:
-        print("Interrupted.", file=sys.stderr)
-        code = INTERRUPTED
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
-    raise typer.Exit(code)
-
-
-def _show(error: OrchestratorError) -> None:
-    """An error on stderr: a count, then one paragraph per problem, unwrapped so that paths stay whole."""
-    from rich.console import Console
-    from rich.text import Text
-
-    console = Console(stderr=True, soft_wrap=True, highlight=False)
-    if isinstance(error, InputError):
-        count = len(error.problems)
-        console.print(Text(f"{count} problem{'s' if count > 1 else ''} in the input", style="bold red"))
-        for problem in error.problems:
-            head, _, rest = str(problem).partition("\n")
-            console.print(Text.assemble("\n", (head, "bold"), "\n", rest))
-    else:
-        console.print(Text.assemble(("Error: ", "bold red"), str(error)))

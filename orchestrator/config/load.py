@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from orchestrator.config.blackbox import CodeSettings, settings_class
-from orchestrator.config.checks import broken_rules
+from orchestrator.config.rules import broken_rules
 from orchestrator.config.explain import echo, explained
 from orchestrator.config.files import with_files_of_codes, with_meshes
 from orchestrator.config.model import Config

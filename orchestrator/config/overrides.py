@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from orchestrator.config.checks import ONE_OF
+from orchestrator.config.rules.combinations import ONE_OF
 from orchestrator.config.paths import matches
 from orchestrator.errors import KeyPath, Problem
 

@@ -1,0 +1,50 @@
+"""``orchestrator check``: what is wrong with a configuration and its mesh, and what should be known before it is solved."""
+
+from __future__ import annotations
+
+from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.config import Config
+from orchestrator.config.method import Method
+from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.cautions import scene_cautions
+from orchestrator.scene.model import Scene
+
+PAIRS = 50  # that are shown; ``orchestrator inspect`` shows all
+
+
+def checked(config: Config) -> list[str]:
+    """Lines on a sound scene.
+
+    Raises
+    ------
+    InputError : the mesh, the codes or the number of iterations do not fit it
+    """
+    scene = build_scene(config)
+    for code in find_codes(config.codes, {s.code for s in scene.subdomains}).values():
+        code.check()
+    _check_iterations(scene, config.method)
+    lines = [f"OK: {scene!r}"]
+    if scene.element is not None:
+        lines.append(f"element: {scene.element}")
+    lines += _pairs(scene, config)
+    return lines + [f"warning: {sentence}" for sentence in [*scene_cautions(scene), *stabilisation_cautions(config.method)]]
+
+
+def _pairs(scene: Scene, config: Config) -> list[str]:
+    """Pairs that have been found rather than named, and those whose meshes do not match."""
+    if not any(entry.found for entry in config.interfaces) and all(i.mortar is None for i in scene.interfaces):
+        return []
+    from orchestrator.scene.inspection.pairs import pairs_of_scene
+    from orchestrator.scene.inspection.tables import pair_table
+
+    return pair_table(pairs_of_scene(scene), PAIRS)
+
+
+def _check_iterations(scene: Scene, method: Method) -> None:
+    """Whether there are enough of them; where there is no doubt, the method is not even imported."""
+    if scene.steps > method.max_iterations:
+        from orchestrator.method.load_cases import load_cases
+        from orchestrator.method.solver import check_iterations
+
+        check_iterations(len(load_cases(scene, method.skip).chosen), all(i.law.perfect for i in scene.interfaces), method)

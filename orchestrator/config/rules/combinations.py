@@ -1,0 +1,137 @@
+"""Keys that belong together, exclude each other, or mean nothing beside others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from orchestrator.config.blackbox import settings_class
+from orchestrator.config.foreign_parts import KINDS
+from orchestrator.config.method import RATIO_RANGE
+from orchestrator.config.paths import find, get
+from orchestrator.config.rules.raw import dotted, is_number, law_of, shown
+from orchestrator.errors import KeyPath, Problem
+
+SMALLEST, HUGEST = 1e-30, 1e30
+
+SOURCES = ("beam", "box", "polycrystal", "file", "step")
+# Mappings of which exactly one of some keys must be given.
+ONE_OF: dict[KeyPath, tuple[str, ...]] = {
+    ("mesh",): SOURCES,
+    ("parts", "*"): ("mesh", *KINDS),
+    ("parts", "*", "mesh"): SOURCES,
+    ("subdomains",): ("slices", "grid", "metis", "groups"),
+    ("method", "tolerance"): ("error", "indicator"),
+    ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant", "foundation", "coupling"),
+    ("loads", "*"): ("body_force", "gravity", "spin", "temperature"),
+}
+
+
+def exactly_one(data: Any) -> Iterator[Problem]:
+    for pattern, keys in ONE_OF.items():
+        for path, value in find(data, pattern):
+            if not isinstance(value, dict):
+                continue
+            given = [key for key in value if key in keys and value[key] is not None]
+            if len(given) > 1:
+                yield Problem((*path, given[1]), " and ".join(given) + " together", "exactly one of " + ", ".join(keys),
+                              f"keep {given[0]} or {given[1]}, remove the other")
+            elif not given and not any(key in keys for key in value):
+                yield Problem(path, "none of " + ", ".join(keys), "exactly one of them", f"add one, such as {keys[0]}")
+
+
+def belongs_to(data: Any) -> Iterator[Problem]:
+    """Keys that mean something only beside another one."""
+    meshes = (("mesh",), ("parts", "*", "mesh"))
+    for pattern, key, partner in (*((mesh, key, "step") for mesh in meshes for key in ("h", "conforming", "exclude")),
+                                  (("subdomains",), "split_above", "groups")):
+        for path, value in find(data, pattern):
+            if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
+                yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only",
+                              f"remove {key}, or use {partner}")
+    for mesh in meshes:
+        for path, value in find(data, mesh):
+            if isinstance(value, dict) and isinstance(value.get("h"), dict) and value.get("conforming") is not False:
+                yield Problem((*path, "h"), "an element size for each solid, where solids share their faces",
+                              "one number, or solids that share nothing", "write conforming: false beside it")
+    for path, tolerance in find(data, ("method", "tolerance")):
+        if isinstance(tolerance, dict) and tolerance.get("fraction") is not None and tolerance.get("error") != "auto":
+            fixed = next((f"{key}: {shown(tolerance[key])}" for key in ("error", "indicator")
+                          if tolerance.get(key) is not None), "no error")
+            yield Problem((*path, "fraction"), f"fraction beside {fixed}", "fraction beside error: auto only",
+                          "remove fraction, or write error: auto")
+    for path, entry in find(data, ("interfaces", "*")):
+        for key, *told in law_of(entry).Parameters.broken(entry) if isinstance(entry, dict) else ():
+            yield Problem((*path, key), *told)
+
+
+def sole_ratio(data: Any) -> Iterator[Problem]:
+    ratio, low, high = get(data, "method", "sole", "modulus_ratio"), *RATIO_RANGE
+    extreme = get(data, "method", "sole", "allow_extreme") is True
+    if is_number(ratio) and ratio > 0 and not low <= ratio <= high and not extreme:
+        yield Problem(("method", "sole", "modulus_ratio"), f"{ratio:g}", f"a number from {low:g} to {high:g}",
+                      "take 0.5; outside the range rounding spoils the result (allow_extreme: true permits it for studies)")
+
+
+def following(data: Any) -> Iterator[Problem]:
+    """Sides that are paired anew as they slide change what crosses them from one load step to the next."""
+    if not any(isinstance(entry, dict) and entry.get("pairing") == "follow" for _, entry in find(data, ("interfaces", "*"))):
+        return
+    if get(data, "method", "macro", "on") == "all":
+        yield Problem(("method", "macro", "on"), "all beside pairing: follow", "perfect: a macro problem across sides that slide "
+                      "on would have to be made anew with every pairing", "leave on out")
+    increment = get(data, "method", "increment")
+    if is_number(increment) and increment > 1:
+        yield Problem(("method", "increment"), f"{increment:g} beside pairing: follow", "one load step after the other: where sides "
+                      "have slid to decides who meets next", "leave increment out")
+
+
+def acceleration_fits(data: Any) -> Iterator[Problem]:
+    if get(data, "method", "acceleration") == "gmres" and not all(
+            law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
+        yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect",
+                      "a linear problem for gmres", "use anderson")
+
+
+def heeded(data: Any) -> Iterator[Problem]:
+    """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
+    acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
+    if acceleration in ("gmres", "none") and memory not in (None, "auto"):
+        why = "gmres keeps the whole history" if acceleration == "gmres" else "relaxation alone has none"
+        yield Problem(("method", "memory"), f"memory: {shown(memory)} beside acceleration: {acceleration}",
+                      f"memory beside acceleration: anderson only; {why}", "remove memory, or take anderson")
+    kplus = get(data, "method", "search_direction", "kplus")
+    opens = [(path, entry) for path, entry in find(data, ("interfaces", "*")) if not law_of(entry).perfect]
+    stabilisation = get(data, "method", "contact", "stabilisation")
+    if is_number(stabilisation) and stabilisation and not opens:
+        yield Problem(("method", "contact", "stabilisation"), f"stabilisation: {shown(stabilisation)} where all interfaces "
+                      "are perfect", "a number beside interfaces that may open or slide", "remove it")
+    if kplus not in (None, "exchange") and opens:
+        path, entry = opens[0]
+        yield Problem(("method", "search_direction", "kplus"), f"kplus: {shown(kplus)} beside law: {shown(entry.get('law'))} "
+                      f"({dotted(path)})", "a choice of k⁺ where all interfaces are perfect; beside other laws it is the "
+                      "diagonal that their pointwise answers need", "remove kplus")
+
+
+def one_element(data: Any) -> Iterator[Problem]:
+    """The same element in all entries of ``blackbox``."""
+    elements = [(path, entry.get("element", settings_class(entry).model_fields["element"].default))
+                for path, entry in find(data, ("blackbox", "*")) if isinstance(entry, dict)]
+    for path, element in elements[1:]:
+        if element != (first := elements[0][1]):
+            yield Problem((*path, "element"), f"{element} beside {first}", "the same element in all entries",
+                          "interfaces need the same nodes on both sides: choose one element")
+
+
+def magnitudes(data: Any, path: KeyPath = ()) -> Iterator[Problem]:
+    """Numbers whose products with each other are numbers still: twenty powers of ten more than any unit asks for."""
+    if is_number(data):
+        known = isinstance(data, int) or math.isfinite(data)  # others are refused as no numbers
+        if data and known and not SMALLEST <= abs(data) <= HUGEST:
+            yield Problem(path, f"{data:.3g}" if isinstance(data, float) else f"a number of {len(str(data))} digits",
+                          f"0, or a number from {SMALLEST:g} to {HUGEST:g} but for its sign",
+                          "take units in which the problem's numbers are of ordinary size")
+    elif isinstance(data, (dict, list)):
+        for key, value in data.items() if isinstance(data, dict) else enumerate(data):
+            yield from magnitudes(value, (*path, key))
