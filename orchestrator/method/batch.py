@@ -127,7 +127,10 @@ class Batch:
             self.iteration += 1
             with watch("linear_stage"):
                 evaluated = d.stage(self.s)
+                evaluated.send(None if d.bound is None else d.bound.continuity.weight)
                 largest = np.abs(evaluated.w).max(initial=0.0), self.s.any()
+            with watch("acceleration"):
+                acceleration.ahead()
             if d.coarse is not None:
                 with watch("coarse"):
                     evaluated = d.coarse(evaluated)

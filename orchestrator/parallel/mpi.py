@@ -28,7 +28,7 @@ _SHORT = 1 << 15  # bytes that travel together with their number
 _EAGER = 50e-6  # seconds of polling without a nap
 _NAPS = (20e-6, 1e-3)  # shortest and longest
 _LISTENING = 0.1  # seconds between two looks for failures elsewhere
-_GATHERED = 1 << 14  # numbers, over all ranks, up to which a sum is gathered rather than reduced
+_GATHERED = 1 << 16  # numbers, over all ranks, up to which a sum is gathered, in one message, rather than reduced and sent back
 
 
 class Ranks(Team):
@@ -38,7 +38,7 @@ class Ranks(Team):
         # a communicator of its own for failures, so that no other message is taken for one
         self._world, self._alarm = MPI.COMM_WORLD, MPI.COMM_WORLD.Dup()
         self.rank, self.size = self._world.rank, self._world.size
-        self.waited, self.messages, self.bytes = 0.0, 0, 0
+        self.waited, self.messages, self.bytes, self.reductions = 0.0, 0, 0, 0
         node = self._world.Split_type(MPI.COMM_TYPE_SHARED)
         self._neighbours = node.allgather((self.rank, os.getpid(), sorted(os.sched_getaffinity(0))))
         self._failed, self._over, self._heard = False, threading.Event(), None
@@ -53,6 +53,7 @@ class Ranks(Team):
         # one alone is not copied: nobody changes what is under way
         mine = np.concatenate([a.ravel() for a in arrays]) if len(arrays) != 1 else np.ascontiguousarray(arrays[0]).ravel()
         self._count(mine)
+        self.reductions += 1
         if len(mine) * self.size <= _GATHERED:
             everyone = np.empty((self.size, len(mine)))
             request = self._world.Iallgather(mine, everyone)
@@ -78,6 +79,7 @@ class Ranks(Team):
             return super().both_later(parts, largest)
         everyone = np.empty((self.size, len(mine)))
         self._count(mine)
+        self.reductions += 1
         request = self._world.Iallgather(mine, everyone)
         self._open[id(request)] = request, mine, everyone
 
@@ -91,6 +93,7 @@ class Ranks(Team):
     def max_later(self, *values: float) -> Callable[[], list[float]]:
         everyone, mine = np.empty((self.size, len(values))), np.array(values, float)
         self._count(mine)
+        self.reductions += 1
         request = self._world.Iallgather(mine, everyone)
         self._open[id(request)] = request, mine, everyone
 
@@ -100,16 +103,19 @@ class Ranks(Team):
 
         return result
 
-    def exchange(self, outgoing: Mapping[int, np.ndarray],
-                 incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:
-        received = {rank: np.empty(shape) for rank, shape in incoming.items()}
-        requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in received.items()]
-        requests += [self._world.Isend(np.ascontiguousarray(array), rank, _TRACES) for rank, array in outgoing.items()]
+    def exchange_later(self, outgoing: Mapping[int, np.ndarray],
+                       incoming: dict[int, np.ndarray]) -> Callable[[], dict[int, np.ndarray]]:
+        requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in incoming.items()]
+        requests += [self._world.Isend(array, rank, _TRACES) for rank, array in outgoing.items()]
         self._count(*outgoing.values())
-        self._open |= {id(request): (request, received) for request in requests}
-        for request in requests:
-            self._wait(request)
-        return received
+        self._open |= {id(request): (request, outgoing, incoming) for request in requests}
+
+        def result() -> dict[int, np.ndarray]:
+            for request in requests:
+                self._wait(request)
+            return incoming
+
+        return result
 
     def all_gather(self, part: Any) -> list[Any]:
         mine = np.frombuffer(pickle.dumps(part), np.uint8)

@@ -24,11 +24,12 @@ class Team:
     rank, size : which of how many
     waited : seconds spent waiting for others
     messages, bytes : sent to others so far; of what all take part in, this rank's own part of it counts as one message
+    reductions : of these, sums and maxima over all ranks: what nobody goes on without who needs them
     """
 
     rank, size = 0, 1
     waited = 0.0
-    messages = bytes = 0
+    messages = bytes = reductions = 0
 
     def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
         """Begin to sum arrays (or numbers) over the ranks; calling what is returned waits for the sums."""
@@ -54,7 +55,16 @@ class Team:
     def exchange(self, outgoing: Mapping[int, np.ndarray],
                  incoming: Mapping[int, tuple[int, ...]]) -> dict[int, np.ndarray]:
         """Point to point: send an array to each of some ranks, receive one of known shape from each of some."""
-        return {}
+        outgoing = {rank: np.ascontiguousarray(array) for rank, array in outgoing.items()}
+        return self.exchange_later(outgoing, {rank: np.empty(shape) for rank, shape in incoming.items()})()
+
+    def exchange_later(self, outgoing: Mapping[int, np.ndarray],
+                       incoming: dict[int, np.ndarray]) -> Callable[[], dict[int, np.ndarray]]:
+        """Begin to send arrays that lie together in memory, and to receive into others; calling what is returned waits for all.
+
+        Until then nobody may write into either. All ranks begin their exchanges in the same order.
+        """
+        return lambda: incoming
 
     def all_gather(self, part: Any) -> list[Any]:
         """Every rank's object, on all ranks."""

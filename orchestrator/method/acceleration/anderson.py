@@ -42,6 +42,9 @@ class Anderson:
         self.s = self.r = None
         self.smallest, self.forget = np.inf, forget
 
+    def ahead(self) -> None:
+        """Nothing."""
+
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation; the best known point is the evaluation itself."""
         s = evaluated.s

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from orchestrator.method.acceleration.anderson import FORGET, Anderson
+from orchestrator.method.acceleration.carried import Carried
 from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
@@ -28,6 +29,9 @@ class Acceleration(Protocol):
     """
 
     title: str
+
+    def ahead(self) -> None:
+        """What the next evaluation is not needed for, while its traces are under way."""
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation.
@@ -82,7 +86,8 @@ def make_acceleration(d: Decomposition, method) -> Acceleration:
         return Relaxation(_stable_relaxation(d) if auto else method.relaxation)
     if kind is ResidualMinimisation:
         return ResidualMinimisation(d.stage.complete, weight, None if method.acceleration == "gmres" else memory,
-                                    1.0 if auto else method.relaxation, d.space.team)
+                                    1.0 if auto else method.relaxation, d.space.team,
+                                    Carried(d.stage, d.bound) if d.space.team.size > 1 else None)
     return Anderson(weight, memory or CONTACT_MEMORY, 0.8 if auto else method.relaxation, d.space.team,
                     FORGET if d.nonlinear is None else FORGET_FLOWING)
 

@@ -10,7 +10,16 @@ GMRES for affine F, with the last m directions it is Anderson's acceleration of 
     s* ← s* + Δs γ,  r* ← r* + Δr γ,  γ = −Δrᵀr*
     next evaluation at s* + β r*
 
-References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schultz, ibid. 20 (1983).
+Among ranks that takes one message. All products of Δr, of r* and of the direction before with the directions Q travel at
+once: QᵀQ = I + E is measured, to rounding, before it is used, so that one pass
+
+    Δr ← Δr − Q c,   c = (I − E) QᵀΔr,       ‖Δr − Q c‖² = ‖Δr‖² − 2 cᵀQᵀΔr + cᵀ(I + E) c
+
+leaves of orthogonality what rounding of Δr leaves, and errors of earlier directions do not add up (the classical process
+would lose it step by step). Where that difference cancels it is not believed, and a second pass follows, with a message.
+
+References: Walker & Ni, SIAM J. Numer. Anal. 49 (2011); Eisenstat, Elman & Schultz, ibid. 20 (1983); on one reduction with
+delayed corrections Świrydowicz, Langou, Ananthan, Yang & Thomas, Numer. Linear Algebra Appl. 28 (2021).
 """
 
 from __future__ import annotations
@@ -19,6 +28,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from orchestrator.method.acceleration.carried import Carried
 from orchestrator.method.interface.rows import add, dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
@@ -26,6 +36,9 @@ from orchestrator.parallel.team import ALONE, Team
 
 _NAMES = [("trace", "r"), ("trace", "s"), ("boundary", "u"), ("macro", "alpha")]
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
+# Of a square that is the difference of two, so much of these at least: twelve digits of it are right then. What a second pass
+# would still find are angles of a hundred times rounding, which the next step measures.
+AGAIN = 1e-4
 
 
 class Relaxation:
@@ -40,6 +53,9 @@ class Relaxation:
 
     def __init__(self, relaxation: float):
         self.relaxation = relaxation
+
+    def ahead(self) -> None:
+        """Nothing."""
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation; the best known point is the evaluation itself."""
@@ -70,18 +86,26 @@ class ResidualMinimisation:
     memory : directions kept; None keeps all
     relaxation : β of the next evaluation
     team : the ranks that share the state
+    carried : among several ranks, what is carried beside the state
     """
 
     title = "residual minimisation (generalised conjugate residuals, equivalent to GMRES)"
 
     def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
-                 team: Team = ALONE):
+                 team: Team = ALONE, carried: Carried | None = None):
         self.complete, self.root = complete, np.sqrt(weight)
-        self.memory, self.relaxation, self.team = memory, relaxation, team
+        self.memory, self.relaxation, self.team, self.carried = memory, relaxation, team, carried
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
+        self.tilted: np.ndarray | None = None  # (T, n, n) E; of the last direction nothing is known yet
+        self._ahead: list[np.ndarray] | None = None
         self.r: np.ndarray | None = None
         self.point: list[np.ndarray] = []
         self.gamma, self.taken = np.zeros(0), 0
+
+    def ahead(self) -> None:
+        """What the next evaluation is not needed for, while its traces are under way."""
+        self._ahead = [product for q, _ in self.directions
+                       for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
         """Take in an evaluation; residual and fields at the combination of least residual.
@@ -89,24 +113,25 @@ class ResidualMinimisation:
         u and α are affine functions of s: they are combined like it.
         """
         r, point = self.root * (image - evaluated.s), [evaluated.s, evaluated.u, evaluated.alpha]
+        asked = []
+        if self.carried is not None:
+            point += self.carried.of(evaluated)
+            asked = [self.carried.bound.pull(evaluated)]
         if self.r is None:
-            self.r, self.point, best = r, point, evaluated
+            self.r, self.point, best = r, point + self.team.sum(*asked), evaluated
+            if asked:
+                best.pull = self.point[-1]
         else:
             dr = r - self.r
+            if self._ahead is None:
+                self.ahead()
+            ahead, self._ahead = self._ahead, None
+            size, scale, along, *products = self.team.sum(
+                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *ahead, *(dots(q, dr) for q, _ in self.directions), *asked)
+            point += products[len(products) - len(asked) :]
             dp = [a - b for a, b in zip(point, self.point)]
-            steps = np.zeros((len(self.directions), len(dr)))
-            # all products at once: one message among the ranks for each pass, of which twice is enough
-            size, scale, *first = self.team.sum(dots(dr, dr), dots(self.r, self.r), *(dots(q, dr) for q, _ in self.directions))
-            self._without(dr, first, steps)
-            norm, along, *products = self.team.sum(dots(dr, dr), dots(dr, self.r),
-                                                   *(f(q) for q, _ in self.directions
-                                                     for f in (lambda q: dots(q, dr), lambda q: dots(q, self.r))))
-            second, met = products[::2], products[1::2]
-            self._without(dr, second, steps)
-            # by Pythagoras: what the second pass takes away is rounding of the first
-            norm = norm - sum((c * c for c in second), np.zeros(len(dr)))
-            along = along - sum((c * m for c, m in zip(second, met)), np.zeros(len(dr)))
-            for (_, p), c in zip(self.directions, steps):
+            steps, norm, along = self._orthogonal(dr, size, scale, along, products)
+            for (_, p), c in zip(self.directions, steps.T):
                 for a, b in zip(dp, p):
                     add(a, -c, b)
             norm, size = np.sqrt(np.maximum(norm, 0.0)), np.sqrt(size)
@@ -116,19 +141,64 @@ class ResidualMinimisation:
             for a in dp:
                 a *= inverse[:, None]
             self.directions.append((dr, dp))
+            self.tilted = np.pad(self.tilted, ((0, 0), (0, 1), (0, 1)))
             if self.memory is not None and len(self.directions) > self.memory:
                 self.directions.pop(0)
+                self.tilted = self.tilted[:, 1:, 1:]
             self.gamma = -along * inverse
             self._step(dr, dp)
-            best = self.complete(*self.point)
+            best = self.complete(*self.point[:3])
+            if self.carried is not None:
+                self.carried.put(best, self.point[3:])
         self.taken += 1
         return self.r / self.root, best
 
-    def _without(self, dr: np.ndarray, products: list[np.ndarray], steps: np.ndarray) -> None:
-        """Take the directions kept out of dr, by its products with them (T,), and note these in the steps."""
-        for (q, _), c in zip(self.directions, products):
-            add(dr, -c, q)
-        steps += np.reshape(products, steps.shape)
+    def _orthogonal(self, dr: np.ndarray, size: np.ndarray, scale: np.ndarray, along: np.ndarray,
+                    products: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Take the directions kept out of dr (T, D), where it is.
+
+        Parameters
+        ----------
+        size, scale, along : (T,) dr·dr, r*·r* and dr·r*
+        products : with the n directions, (T,) each: those of ``ahead``, then with dr
+
+        Returns
+        -------
+        steps : (T, n) what has been taken out; and dr·dr and dr·r* of what is left, (T,)
+        """
+        n, steps_count = len(self.directions), len(dr)
+        met, last, first = (np.reshape(x, (n, steps_count)).T for x in (products[: 2 * n : 2], products[1 : 2 * n : 2],
+                                                                     products[2 * n : 3 * n]))
+        if self.tilted is None:
+            self.tilted = np.zeros((steps_count, 0, 0))
+        if n:
+            self._measured(last)
+        c, norm = self._projected(first, size)
+        along = along - (c * met).sum(axis=1)
+        self._without(dr, c)
+        if not ((norm < AGAIN * size) & (scale > 0)).any():
+            return c, norm, along
+        size, along, *products = self.team.sum(dots(dr, dr), dots(dr, self.r), *(dots(q, dr) for q, _ in self.directions))
+        more, norm = self._projected(np.reshape(products, (n, steps_count)).T, size)
+        self._without(dr, more)
+        return c + more, norm, along - (more * met).sum(axis=1)
+
+    def _measured(self, last: np.ndarray) -> None:
+        """Note the products (T, n) of the latest direction with all; where load steps had none it is zero."""
+        last = last.copy()
+        last[:, -1] -= last[:, -1] > 0.5
+        self.tilted[:, -1], self.tilted[:, :, -1] = last, last
+
+    def _projected(self, products: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """c (T, n), and the square (T,) of what it leaves, from the products with the directions and the square."""
+        c = products - np.einsum("tij,tj->ti", self.tilted, products)
+        left = size - 2 * (c * products).sum(axis=1) + (c * (c + np.einsum("tij,tj->ti", self.tilted, c))).sum(axis=1)
+        return c, left
+
+    def _without(self, dr: np.ndarray, c: np.ndarray) -> None:
+        """Take the directions kept, times c (T, n), out of dr."""
+        for (q, _), own in zip(self.directions, c.T):
+            add(dr, -own, q)
 
     def _step(self, dr: np.ndarray, dp: list[np.ndarray]) -> None:
         """From the best point along a direction, by γ."""
@@ -146,9 +216,9 @@ class ResidualMinimisation:
         arrays, gamma = {}, []
         if self.directions:
             dr, dp = self.directions[-1]
-            arrays, gamma = _named("d", dr, dp), self.gamma.tolist()
+            arrays, gamma = _named("d", dr, dp[:3]), self.gamma.tolist()
         if whole or not self.directions:
-            arrays |= _named("", self.r, self.point)
+            arrays |= _named("", self.r, self.point[:3])
         back = self.taken if self.memory is None else min(self.taken, max(self.memory, INTERVAL))
         return arrays, {"gamma": gamma, "directions": len(self.directions), "taken": self.taken}, back
 
@@ -166,6 +236,26 @@ class ResidualMinimisation:
                 self._step(dr, dp)
         self.taken = notes["taken"]
         del self.directions[: len(self.directions) - notes["directions"]]
+        self._recall_others()
+
+    def _recall_others(self) -> None:
+        """Measure the directions again, and have told what is carried beside the state."""
+        before, count, steps = [q for q, _ in self.directions[:-1]], len(self.directions), len(self.r)
+        self.tilted = np.zeros((steps, count, count))
+        products = [dots(a, b) for i, a in enumerate(before) for b in before[: i + 1]]
+        asked, others = [], []
+        if self.carried is not None:
+            fields = [self.carried.evaluated(*self.point), *(self.carried.difference(*dp) for _, dp in self.directions)]
+            others = [self.carried.of(x) for x in fields]
+            asked = [self.carried.bound.pull(x) for x in fields]
+        products = self.team.sum(*asked, *products)
+        for point, more, pull in zip([self.point, *(dp for _, dp in self.directions)], others, products):
+            point += [*more, pull]
+        row, column = np.tril_indices(max(count - 1, 0))
+        if len(row):
+            found = np.reshape(products[len(asked) :], (len(row), steps)).T
+            found = found - ((row == column) & (found > 0.5))
+            self.tilted[:, row, column] = self.tilted[:, column, row] = found
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""

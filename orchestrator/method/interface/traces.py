@@ -20,7 +20,7 @@ brings the ghosts' values, point to point; fields are kept without them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -87,6 +87,7 @@ class TraceSpace:
     sends: dict[int, np.ndarray] = field(default_factory=dict)
     receives: dict[int, np.ndarray] = field(default_factory=dict)
     shared: dict[int, np.ndarray] = field(default_factory=dict)
+    _spare: dict[tuple[int, int, int], list] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> "TraceSpace":
@@ -184,16 +185,58 @@ class TraceSpace:
 
     def extended(self, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
         """Fields (rows, D) with the values of the ghosts behind, (rows, D + G): one message per neighbour."""
-        if not self.receives:
-            return fields
-        counts = [len(f) for f in fields]
-        arrived = self.team.exchange(
-            {r: np.vstack([f[:, dofs] for f in fields]) for r, dofs in self.sends.items()},
-            {r: (sum(counts), len(dofs)) for r, dofs in self.receives.items()})
-        ghosts = np.empty((sum(counts), len(self.owner) - self.size))
-        for r, dofs in self.receives.items():
-            ghosts[:, dofs - self.size] = arrived[r]
-        return tuple(np.hstack([f, own]) for f, own in zip(fields, np.split(ghosts, np.cumsum(counts)[:-1])))
+        return self.extended_later(*fields)()[0]
+
+    def extended_later(self, *fields: np.ndarray, values: np.ndarray | None = None
+                       ) -> Callable[[], tuple[tuple[np.ndarray, ...], np.ndarray | None]]:
+        """Begin what ``extended`` does; calling what is returned waits for it.
+
+        Parameters
+        ----------
+        values : (T, B) boundary values whose ``class_sums`` are returned too, and travel in the same messages; all ranks
+            give them, or none does
+        """
+        summed = None if values is None else times(self.classes, values)
+        met = {} if values is None else self.shared
+        if not self.receives and not met:
+            return lambda: (fields, summed)
+        counts, none = [len(f) for f in fields], np.empty(0, int)
+        rows, steps = sum(counts), 0 if values is None else len(values)
+        ends, outgoing, incoming = {}, {}, {}
+        for r in sorted({*self.receives, *met}):
+            ghosts, dofs, classes = self.receives.get(r, none), self.sends.get(r, none), met.get(r, none)
+            ends[r] = rows * len(ghosts)
+            outgoing[r], incoming[r] = self._buffers(r, rows * len(dofs) + steps * len(classes), ends[r] + steps * len(classes))
+            own, begin = outgoing[r], 0
+            for field, at in [*((f, dofs) for f in fields), *([] if summed is None else [(summed, classes)])]:
+                stop = begin + len(field) * len(at)
+                np.take(field, at, axis=1, out=own[begin:stop].reshape(len(field), len(at)), mode="clip")
+                begin = stop
+        wait = self.team.exchange_later(outgoing, incoming)
+
+        def result() -> tuple[tuple[np.ndarray, ...], np.ndarray | None]:
+            arrived = wait()
+            ghosts = np.empty((rows, len(self.owner) - self.size))
+            for r, dofs in self.receives.items():
+                ghosts[:, dofs - self.size] = arrived[r][: ends[r]].reshape(rows, len(dofs))
+            total = summed
+            if met:
+                total = np.zeros_like(summed)
+                for r in sorted([*met, self.team.rank]):  # in one order, for the same bits on all ranks
+                    if r == self.team.rank:
+                        total += summed
+                    else:
+                        total[:, met[r]] += arrived[r][ends[r] :].reshape(steps, len(met[r]))
+            for r in outgoing:
+                self._spare.setdefault((r, len(outgoing[r]), len(incoming[r])), []).append((outgoing[r], incoming[r]))
+            return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, np.cumsum(counts)[:-1]))), total
+
+        return result
+
+    def _buffers(self, rank: int, sent: int, received: int) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers to send to a neighbour and to receive: those of an exchange that is over, if there has been such a one."""
+        spare = self._spare.get((rank, sent, received))
+        return spare.pop() if spare else (np.empty(sent), np.empty(received))
 
     def across(self, field: np.ndarray) -> np.ndarray:
         """(rows, D) what the other sides have where a field (rows, D) has its own."""
@@ -268,18 +311,7 @@ class TraceSpace:
 
     def class_sums(self, values: np.ndarray) -> np.ndarray:
         """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""
-        mine = times(self.classes, values)
-        if not self.shared:
-            return mine
-        arrived = self.team.exchange({r: mine[:, c] for r, c in self.shared.items()},
-                                     {r: (len(mine), len(c)) for r, c in self.shared.items()})
-        total = np.zeros_like(mine)
-        for r in sorted([*self.shared, self.team.rank]):  # in one order, for the same bits on all ranks
-            if r == self.team.rank:
-                total += mine
-            else:
-                total[:, self.shared[r]] += arrived[r]
-        return total
+        return self.extended_later(values=values)()[1]
 
 
 def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ so that affine combinations of its results are its results for the combined stat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -39,6 +39,11 @@ class Admissible:
     w, f : (T, D) traces of displacement and interface forces
     space : numbering
     robin : (T, D) s − G α, where it is known already
+
+    Attributes
+    ----------
+    sums : (T, classes) ``class_sums`` of what ``send`` was given; None where it was given nothing
+    pull : (T, modes) what these traces ask of rigid motions, of all ranks, where it is known; see ``Repositioning``
     """
 
     s: np.ndarray
@@ -48,6 +53,9 @@ class Admissible:
     f: np.ndarray
     space: TraceSpace
     robin: np.ndarray | None = field(default=None, init=False, repr=False)
+    sums: np.ndarray | None = field(default=None, init=False, repr=False)
+    pull: np.ndarray | None = field(default=None, init=False, repr=False)
+    _arrive: Callable | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
@@ -57,10 +65,24 @@ class Admissible:
         fields.extended = w, f
         return fields
 
+    def send(self, weight: np.ndarray | None = None) -> None:
+        """Let traces travel to other ranks while this one goes on; ``extended`` waits for theirs.
+
+        Parameters
+        ----------
+        weight : (B,) of the displacements whose class sums travel in the same messages
+        """
+        if self.space.team.size > 1:
+            self._arrive = self.space.extended_later(self.w, self.f, values=None if weight is None else weight * self.u)
+
     @cached_property
     def extended(self) -> tuple[np.ndarray, np.ndarray]:
         """w and f with the neighbours' values behind, (T, D + G) each: they travel once, whoever asks."""
-        return self.space.extended(self.w, self.f)
+        if self._arrive is None:
+            return self.space.extended(self.w, self.f)
+        arrive, self._arrive = self._arrive, None
+        traces, self.sums = arrive()
+        return traces
 
     @property
     def rows(self) -> tuple[np.ndarray, ...]:
@@ -156,6 +178,11 @@ class LinearStage:
         fields = Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space)
         fields.robin = robin
         return fields
+
+    def difference(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
+        """The same for differences of (s, u, α): nothing is prescribed."""
+        w, robin = self.space.trace(u), self.robin_force(s, alpha)
+        return Admissible(s, u, alpha, w, robin - self.direction.times(w), self.space)
 
     def trace(self, u: np.ndarray) -> np.ndarray:
         """(T, D) traces of the boundary displacements (T, B), with what is prescribed."""

@@ -19,7 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -70,6 +71,33 @@ class Bound:
         """What is known of all load steps from batches of them, in order; no bound holds for all."""
         return cls(np.nan, np.nan, np.concatenate([b.energy for b in batches]),
                    *(np.vstack([getattr(b, name) for b in batches]) for name in ("repositioned", "correction")))
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What is known of a linear stage's bound before any back-substitution.
+
+    Parameters
+    ----------
+    c : (T, modes) rigid motions of all ranks' floating subdomains
+    u, delta : (T, B) boundary displacements with these, and δ
+    a2, energy : (T,) a² and ‖u_D‖²_K: this rank's part, until they are ``summed``
+    """
+
+    c: np.ndarray
+    u: np.ndarray
+    delta: np.ndarray
+    a2: np.ndarray
+    energy: np.ndarray
+
+    @property
+    def parts(self) -> list[np.ndarray]:
+        """What is to be summed over the ranks."""
+        return [self.a2, self.energy]
+
+    def summed(self, a2: np.ndarray, energy: np.ndarray) -> Begun:
+        """The same with the sums."""
+        return replace(self, a2=a2, energy=energy)
 
 
 class ErrorBound:
@@ -158,28 +186,55 @@ class ErrorBound:
                         for side in (one, two))
         return np.stack([one, two]) / np.maximum(one + two, TINY)
 
+    @cached_property
+    def moved_sums(self) -> sp.csr_array:
+        """(classes, modes) what rigid motions add to the class sums of weighted displacements; all ranks have to ask."""
+        space = self.space
+        mine = sp.csr_array(space.classes @ sp.diags_array(self.weight) @ self.modes.boundary)
+        if not space.shared:
+            return mine
+        met = np.unique(np.concatenate(list(space.shared.values())))
+        total = None
+        for rank, (labels, rows) in enumerate(self.team.all_gather((space.labels[met], mine[met]))):
+            if rank != self.team.rank:
+                at, theirs = np.intersect1d(space.labels, labels, assume_unique=True, return_indices=True)[1:]
+                place = sp.csr_array((np.ones(len(at)), (at, theirs)), shape=(len(space.labels), len(labels)))
+                rows = place @ rows
+            else:
+                rows = mine
+            total = rows if total is None else total + rows  # in one order, for the same bits on all ranks
+        return sp.csr_array(total)
+
     def pull(self, fields: Admissible) -> np.ndarray:
-        """(T, modes) what has to be summed over the ranks before a linear stage's bound can be evaluated."""
+        """(T, modes) what the traces of a linear stage ask of rigid motions: this rank's part, to be summed over the ranks."""
         return self.reposition.pull(fields.extended[0])
 
-    def __call__(self, fields: Admissible, complete: bool = True, useful: float = np.inf, pull: np.ndarray | None = None) -> Bound:
+    def begin(self, fields: Admissible) -> Begun:
+        """Begin to evaluate the bound of a linear stage: a message is sent only for what ``fields`` do not know of others."""
+        pull = self.team.sum(self.pull(fields))[0] if fields.pull is None else fields.pull
+        c = self.reposition(pull)
+        u = fields.u + times(self.modes.boundary, c)
+        sums = None if fields.sums is None else fields.sums + times(self.moved_sums, c)
+        delta = self.continuity(u, self.stage.known, sums)
+        forces = self.space.loads(fields.f)
+        robin = self.space.loads(self.stage.robin_of(fields))
+        a2 = dots(delta, times(self.stiffness, delta))
+        energy = self.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
+        return Begun(c, u, delta, a2, energy)
+
+    def __call__(self, fields: Admissible, complete: bool = True, useful: float = np.inf, begun: Begun | None = None) -> Bound:
         """Evaluate the bound of a linear stage.
 
         Parameters
         ----------
-        pull : what the ranks have summed already, see there; None: they do it now
         complete : False leaves out b, and with it all back-substitutions
         useful : a bound above it need not be known: it is infinite then, and ``least`` what has been reached
+        begun : what has been begun of it, summed over the ranks; None: nothing has
         """
-        c = self.reposition(self.team.sum(self.pull(fields))[0] if pull is None else pull)
-        u = fields.u + times(self.modes.boundary, c)
-        delta = self.continuity(u, self.stage.known)
-
-        forces = self.space.loads(fields.f)
-        robin = self.space.loads(self.stage.robin_of(fields))
-        a2 = dots(delta, times(self.stiffness, delta))
-        energy = self.loading.energy_of(robin, fields.u, forces)
-        a2, energy = self.team.sum(a2, energy + 2 * dots(delta, self.external + forces) + a2)
+        if begun is None:
+            begun = self.begin(fields)
+            begun = begun.summed(*self.team.sum(*begun.parts))
+        c, u, delta, a2, energy = begun.c, begun.u, begun.delta, begun.a2, begun.energy
         size, moved = np.sqrt(max(energy.max(initial=0.0), 0.0)), c[:, self.modes.own]
         a = self._largest(a2)
         if not complete:

@@ -45,15 +45,16 @@ class Continuity:
             self.points = np.concatenate([none, *here])
             self.points = self.points[transfer.mine[self.points]]  # theirs is the first side
 
-    def __call__(self, u: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+    def __call__(self, u: np.ndarray, known: np.ndarray | None = None, sums: np.ndarray | None = None) -> np.ndarray:
         """(T, B) δ of boundary displacements (T, B).
 
         Parameters
         ----------
         known : (T, D) prescribed traces; None where there are none
+        sums : (T, classes) class sums of the weighted displacements, where they are known
         """
         space = self.space
-        mean = space.class_sums(self.weight * u) / self.class_weight
+        mean = (space.class_sums(self.weight * u) if sums is None else sums) / self.class_weight
         if self.tied:
             w = space.trace(mean.take(space.label, axis=1))
             jump = space.transfer.jump(space.extended(w if known is None else w + known)[0])[:, self.points]

@@ -138,18 +138,19 @@ class ErrorCriterion:
 
     def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
         """As the protocol says."""
-        return [self.d.bound.pull(fields)]
+        self._begun = self.d.bound.begin(fields)
+        return self._begun.parts
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        pull = measures().more[0]
-        bound = self.d.bound(fields, complete=False, pull=pull)
+        begun, self._begun = self._begun.summed(*measures().more[:2]), None
+        bound = self.d.bound(fields, complete=False, begun=begun)
         if not self.by_error:
             eta = measures().indicator
             return Verdict(eta <= self.value, eta, bound)
         imbalance = measures().force_imbalance
         due = bound.a <= self.value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(self.value))
         if due or not self.spare:
-            bound = self.d.bound(fields, useful=self.value if self.spare else np.inf, pull=pull)
+            bound = self.d.bound(fields, useful=self.value if self.spare else np.inf, begun=begun)
             known = bound.relative if np.isfinite(bound.relative) else bound.least
             self.ratio = _of_size(known) / imbalance if np.isfinite(known) and imbalance > 0 else 0.0
             self.done[:] = bound.errors <= self.value

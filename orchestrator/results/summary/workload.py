@@ -18,7 +18,8 @@ from orchestrator.timing import Stopwatch
 STAGE_HEAD = ("stage", "rank", "calls", "seconds", "waiting for other ranks", "share")
 WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
                "waiting", "idle", "idle share")
-RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share", "messages", "MB sent", "peak memory MB")
+RANK_HEAD = ("rank", "seconds", "waiting for other ranks", "share", "messages", "of them sums",
+             "MB sent", "peak memory MB")
 PERIODS = {"set_up": "set-up", "iterations": "iterations"}
 _TABLES = ("stages", "workers", "ranks")
 _LEAST = 5e-3  # share from which a stage is worth a row
@@ -50,20 +51,21 @@ class Workload:
         begin, seconds, calls, waiting, before = self._begin, self._seconds, self._calls, self._waiting, self._activity
         earlier = self._others
         self._note()
-        waited, messages, sent = (now - then for now, then in zip(self._others, earlier))
+        waited, messages, sent, reductions = (now - then for now, then in zip(self._others, earlier))
         wall = self._begin - begin
         stages = [{"rank": self.team.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
                    "seconds": spent, "waiting": self._waiting[stage] - waiting.get(stage, 0.0), "share": spent / wall}
                   for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
         workers = [_row(self.team.rank, now.since(then)) for now, then in zip(self._activity, before)]
         ranks = [{"rank": self.team.rank, "seconds": wall, "waiting": waited, "share": waited / wall, "messages": messages,
-                  "bytes": sent, "memory_peak_mb": memory_peak_mb()}]
+                  "reductions": reductions, "bytes": sent, "memory_peak_mb": memory_peak_mb()}]
         self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
 
     def _note(self) -> None:
         self._begin = time.perf_counter()
         self._seconds, self._calls, self._waiting = (dict(x) for x in (self.watch.seconds, self.watch.calls, self.watch.waiting))
-        self._activity, self._others = self.usage.activity(), (self.team.waited, self.team.messages, self.team.bytes)
+        self._activity, self._others = self.usage.activity(), (
+            self.team.waited, self.team.messages, self.team.bytes, self.team.reductions)
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
@@ -115,10 +117,11 @@ def ranks_text(summary: Mapping[str, object]) -> str | None:
     ranks, count = (period or {}).get("ranks") or (), summary.get("iterations")
     if len(ranks) < 2 or not count:
         return None
-    waiting, messages, sent, memory = ([row[name] for row in ranks] for name in ("share", "messages", "bytes", "memory_peak_mb"))
+    waiting, messages, sums, sent, memory = ([row[name] for row in ranks]
+                                             for name in ("share", "messages", "reductions", "bytes", "memory_peak_mb"))
     whole = summary.get("rank_memory_peak_mb") or memory
     return (f"waiting {100 * min(waiting):.0f} to {100 * max(waiting):.0f} % of the iterations; per iteration and rank at most "
-            f"{max(messages) / count:.0f} messages, {max(sent) / count / 1e6:.2f} MB; "
+            f"{max(messages) / count:.1f} messages, {max(sums) / count:.1f} of them sums over all ranks, {max(sent) / count / 1e6:.2f} MB; "
             f"{min(whole):,.0f} to {max(whole):,.0f} MB at the peak, codes not counted")
 
 
@@ -141,5 +144,5 @@ def rank_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
     """As ``RANK_HEAD``; none for a single rank."""
     ranks = period.get("ranks") or ()
     return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %",
-             f"{row['messages']:,}", f"{row['bytes'] / 1e6:.2f}", f"{row['memory_peak_mb']:,.0f}")
+             f"{row['messages']:,}", f"{row['reductions']:,}", f"{row['bytes'] / 1e6:.2f}", f"{row['memory_peak_mb']:,.0f}")
             for row in ranks] if len(ranks) > 1 else []
