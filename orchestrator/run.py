@@ -41,15 +41,15 @@ from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.artist import Artist
-from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
 from orchestrator.results.record import Record
-from orchestrator.results.solution import Solution
+from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.subscribers.checkpoint import begun
+from orchestrator.results.subscribers.drawing import Drawing
 from orchestrator.results.subscribers.progress import Progress
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
@@ -147,18 +147,22 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
             config, parts.pop(), placement, codes, cases, told, start, watch, team, ahead,
             estimate, (whole, exact) if reference else None,
             partial(_placing, team, begun, may_stop) if team.size > 1 and speeds is None and not on_the_way else None)
-    wanted, fields, piece = method.tolerance.error == "auto" or config.output.fields, None, None
+    wanted, fields, pieces, piece = method.tolerance.error == "auto" or config.output.fields, None, None, None
+    if team.rank == 0:
+        with watch("output"):
+            delivered = on_whole(delivered, whole)
+            fields = fields_of(whole, delivered, ranks)
+            told.solved(fields)
     with watch("bound"):
         if team.rank == 0:
-            delivered = on_whole(delivered, whole)
             if wanted and (team.size == 1 or whole.mesh.foreign):  # what stands for a part that is not ours has no moduli in fields
                 delivered = replace(delivered, discretisation=estimate.of_delivered(delivered.continuous))
         if team.size > 1:
             give_back()  # of this rank's part nothing is left
             if team.rank == 0:
                 known = delivered.discretisation
-                fields = Fields.of(whole, delivered.displacement, delivered.sides, None, known and known.cells)
-            piece, fields = Piece.handed_out(fields, rank_of, team), None
+                pieces = replace(fields, interfaces=None, believed=None, discretisation_error=known and known.cells)
+            piece, pieces = Piece.handed_out(pieces, rank_of, team), None
             if found := piece.estimate(wanted and team.rank == 0 and delivered.discretisation is None):
                 delivered = replace(delivered, discretisation=found)
     if team.rank:
@@ -166,7 +170,8 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         return piece
     summary = summarise(config, whole, delivered, setup_sweeps, exact, ranks, watch)
     with watch("output"):
-        return Solution.of(config, whole, delivered, summary, exact, piece)
+        known = delivered.discretisation
+        return Solution.of(config, whole, delivered, fields.with_error(known and known.cells), summary, exact, piece)
 
 
 def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequence, cases: LoadCases, told: Subscribers,
@@ -303,11 +308,16 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             with watch("mesh"):
                 scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]))
             with Record(folder, config, scene, watch, resume=resume) as record:
+                told = [*record.subscribers, progress]
+                if artist:
+                    told.append(drawn := Drawing(artist, config, team.size > 1))
+                    if team.size == 1:  # otherwise rank 0 does not keep its mesh, see ``set_aside``
+                        drawn.begin(scene)
                 team.share((config, reference))
                 start, speeds, placed = record.start, None, []
                 while True:
                     try:
-                        solution = solve(config, scene, [*record.subscribers, progress], reference=reference, start=start,
+                        solution = solve(config, scene, told, reference=reference, start=start,
                                          watch=watch, team=team, ahead=ahead, speeds=speeds, may_stop=record.keeps)
                         break
                     except Unbalanced as found:

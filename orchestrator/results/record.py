@@ -72,7 +72,7 @@ class Record:
         solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
             together: the others ``write_piece``
         fields : whether they are wanted
-        artist : who draws the figures; None: nobody
+        artist : who draws the figures, and has been told the solution (``Drawing``); None: nobody
         beside : fields of parts with a mesh of their own
 
         Raises
@@ -128,7 +128,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     with watch("output"):
         if artist:
             note_time(solution.summary, watch)
-            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
+            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"))
         if fields:
             write_fields(folder, solution.fields, solution.piece, beside)
         if solution.answers is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,9 @@ from orchestrator.results.fields.npz import read_npz, write_npz
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import columns, read_history, write_history
+from orchestrator.results.summary.spent import Spent
 from orchestrator.results.summary.summary import read_summary, write_summary
+from orchestrator.results.summary.workload import codes_of_all
 from orchestrator.scene.model import Scene
 
 
@@ -77,14 +80,9 @@ class Solution:
     piece: Piece | None = None
 
     @classmethod
-    def of(cls, config: Config, scene: Scene, delivered: Delivered, summary: dict[str, object],
+    def of(cls, config: Config, scene: Scene, delivered: Delivered, fields: Fields, summary: dict[str, object],
            reference: Reference | None, piece: Piece | None = None) -> Solution:
         """Of a run that has just been finished; its answers are entered in the summary, nothing is written."""
-        estimate = delivered.discretisation
-        foreign = {e for code in summary["codes"] if code["own_matter"] for e in code["subdomains"]}
-        foreign = sorted(foreign | {s.index for s in scene.subdomains if s.foreign})
-        fields = Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces, estimate and estimate.cells,
-                           believed=~np.isin(scene.cell_subdomain, foreign) if foreign else None)
         answers = Answers.of(scene, delivered, fields, summary.get("detached") or (), piece)
         summary |= answers.summary(config, delivered)
         return cls(summary, columns(delivered.iterated.history), fields, None, scene, delivered.iterated,
@@ -168,3 +166,11 @@ class Solution:
         state = "converged" if self.converged else f"stopped ({self.summary.get('stop_reason')})"
         bound = "" if math.isnan(self.error_bound) else f", error bound {self.error_bound:.1e}"
         return f"Solution({self.summary.get('name')}: {state} after {self.iterations} iterations{bound})"
+
+
+def fields_of(scene: Scene, delivered: Delivered, ranks: Sequence[Spent]) -> Fields:
+    """The fields of a run, without an estimate of their error; ``ranks`` tell which codes have matter of their own."""
+    own = [number for number, code in codes_of_all([rank.codes for rank in ranks]).items() if code["own_matter"]]
+    foreign = [s.index for s in scene.subdomains if s.foreign or s.code in own]
+    return Fields.of(scene, delivered.displacement, delivered.sides, delivered.interfaces,
+                     believed=~np.isin(scene.cell_subdomain, foreign) if foreign else None)

@@ -100,6 +100,21 @@ class Fields:
             known["_nodal"] = Nodal(self)
         return known["_nodal"]
 
+    def on_mesh_of(self, other: Fields) -> Fields:
+        """These fields, with all that has been found of the mesh for others on the same one."""
+        known, theirs = vars(self), vars(other)
+        known |= {name: theirs[name] for name in ("numbering", "material", "_geometry") if name in theirs}
+        if "_nodal" in theirs:
+            known["_nodal"] = other.nodal.of(self)
+        return self
+
+    def with_error(self, cells: np.ndarray | None) -> Fields:
+        """The same with an estimate of the discretisation error (steps, m); stresses stay those that have been found."""
+        result = replace(self, discretisation_error=cells).on_mesh_of(self)
+        if "_nodal" in vars(self):
+            vars(result)["_nodal"] = self.nodal
+        return result
+
     @property
     def apart(self) -> Fields:
         """The same where every stress at the nodes has nodes of its own; these fields themselves where each node has one."""

@@ -8,11 +8,13 @@ inside a part leave no trace. In between, and in the middle of edges, it is line
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orchestrator.method.stopping.stress import von_mises
 from orchestrator.parallel.borders import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
 
@@ -49,13 +51,19 @@ class Nodal:
         if fields.joined is not None:
             self.node = np.empty(len(split.nodes), dtype=int)
             self.node[self.corner[::-1]] = corners[::-1]  # the first one stays
-        count, self.part = len(self.node), np.zeros(len(self.node), dtype=int)
+        self.part = np.zeros(len(self.node), dtype=int)
         if fields.part is not None:
             self.part[self.corner] = fields.part[:, None]
         self._borders = Borders(*NOWHERE) if self.fields.meeting is None else self._at_others(self.fields.meeting)
-        self._weight = self._borders(np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=count))
+        self._weight: np.ndarray | None = None
         self._known: dict[int, np.ndarray] = {}
         self._principal: dict[int, np.ndarray] = {}
+
+    def _around(self) -> np.ndarray:
+        """(K,) volume around each; formed at the first stress: who only numbers nodes needs none."""
+        if self._weight is None:
+            self._weight = self._borders(np.bincount(self.corner.ravel(), np.repeat(self.fields.volumes, 4), minlength=len(self)))
+        return self._weight
 
     def _at_others(self, meeting: Meeting) -> Borders:
         cell = np.empty(len(self.node), dtype=int)
@@ -78,6 +86,16 @@ class Nodal:
         """(K, 3) principal stresses at one load step, the largest first."""
         return _kept(self._principal, step, lambda step: principal(self.stress(step)))
 
+    def von_mises(self, step: int) -> np.ndarray:
+        """(K + e,) von Mises stress at the places of ``split``."""
+        return von_mises(self.everywhere(self.stress(step)))
+
+    def of(self, fields: Fields) -> Nodal:
+        """The same nodes of fields with other displacements on the same mesh."""
+        other = copy(self)
+        other.fields, other._known, other._principal = fields.opened, {}, {}
+        return other
+
     def _averaged(self, step: int) -> np.ndarray:
         fields, volumes = self.fields, self.fields.volumes
         linear = fields.cells.shape[1] == 4
@@ -89,7 +107,7 @@ class Nodal:
         if fields.believed is not None:  # before other ranks' sums: theirs are no better there
             result[:, self.corner[~fields.believed]] = np.nan
         self._borders(result)
-        result /= self._weight
+        result /= self._around()
         return result.T
 
     @cached_property

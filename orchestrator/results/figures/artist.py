@@ -12,8 +12,9 @@ import pickle
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from queue import SimpleQueue
 from threading import Thread
 
 from orchestrator.parallel.launcher import without_launcher
@@ -33,6 +34,8 @@ class Artist:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._waiting: Thread | None = None
+        self._jobs: list[tuple[Callable[..., object], tuple]] = []
+        self._work: SimpleQueue[bytes | None] = SimpleQueue()
         self._answer = b""
         with suppress(OSError):
             self._process = subprocess.Popen(
@@ -40,17 +43,25 @@ class Artist:
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                 process_group=0)  # Ctrl-C is for the run, which then ends it
 
-    def begin(self, draw: Callable[..., object], *job: object) -> Artist:
-        """Has ``draw(*job, canvas=…)`` called there; returns this artist.
+    def prepare(self, draw: Callable[..., object], *job: object) -> Artist:
+        """Has ``draw(*job, canvas=…)`` called there, for what it returns: the next one has it as ``prepared=…``.
 
         Parameters
         ----------
         draw : a function of a module, whose ``canvas`` may be None: then matplotlib must do
         job : what can be pickled
         """
-        self._draw, self._job = draw, job
-        self._waiting = Thread(target=self._hand_over, args=[pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL)], daemon=True)
-        self._waiting.start()
+        self._jobs.append((draw, job))
+        self._work.put(pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL))
+        if self._waiting is None:
+            self._waiting = Thread(target=self._hand_over, daemon=True)
+            self._waiting.start()
+        return self
+
+    def begin(self, draw: Callable[..., object], *job: object) -> Artist:
+        """The same of the last one, whose result ``finish`` returns; returns this artist."""
+        self.prepare(draw, *job)
+        self._work.put(None)
         return self
 
     def finish(self) -> object:
@@ -73,16 +84,20 @@ class Artist:
                 raise TooSlow(f"the process that draws did nothing for {IDLE:g} s" if now - active > IDLE else
                               f"the process that draws was not done after {PATIENCE:g} s")
         if not self._answer:
-            return self._draw(*self._job, canvas=None)
+            return _one_after_another(self._jobs, None)
         result, error = pickle.loads(self._answer)
         if error is not None:
             raise error
         return result
 
-    def _hand_over(self, work: bytes) -> None:
+    def _hand_over(self) -> None:
         if self._process is not None:
             with suppress(OSError):  # it has ended before
-                self._answer, _ = self._process.communicate(work)
+                while (work := self._work.get()) is not None:
+                    self._process.stdin.write(work)
+                    self._process.stdin.flush()
+            with suppress(OSError):
+                self._answer, _ = self._process.communicate()
             self._process.kill()
 
     def _processor_time(self) -> str | None:
@@ -99,6 +114,7 @@ class Artist:
             if self._waiting is None:
                 self._process.communicate()
             else:
+                self._work.put(None)
                 self._waiting.join()
             self._process.wait()
 
@@ -107,6 +123,14 @@ class Artist:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
+
+
+def _one_after_another(jobs: Sequence[tuple[Callable[..., object], tuple]], canvas: object) -> object:
+    """What the last of these functions returns; each but the first is told what the one before it has returned."""
+    result = None
+    for number, (draw, job) in enumerate(jobs):
+        result = draw(*job, canvas=canvas, **({"prepared": result} if number else {}))
+    return result
 
 
 def drawn(draw: Callable[..., object], *job: object) -> object:

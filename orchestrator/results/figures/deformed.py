@@ -5,17 +5,17 @@ Where interfaces open, one panel per load step shows the bodies apart (see ``pan
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures import surface
 from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.painting import PAINTED, scale, show
 from orchestrator.results.figures.plotting import new_figure
-from orchestrator.results.figures.skin import skin
+from orchestrator.results.figures.skin import Shape, skin
+from orchestrator.results.figures.skin import shape as shape_of
 from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, toward_eye
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -31,23 +31,26 @@ def most_deformed(fields: Fields) -> int:
     return int(np.argmax(np.abs(fields.displacement).max(axis=(1, 2))))
 
 
-def view(fields: Fields, look: Look = Look()) -> View:
+def view(fields: Fields, look: Look = Look(), shape: Shape | None = None, stress: Mapping[int, np.ndarray] | None = None) -> View:
     """Prepares the picture of the load step with the largest displacement."""
-    return views(fields, [most_deformed(fields)], look=look)[0]
+    return views(fields, [most_deformed(fields)], WIDTH, look, shape, stress)[0]
 
 
-def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH, look: Look = Look()) -> list[View]:
-    """Pictures of several load steps: one camera, one exaggeration, one colour scale."""
+def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH, look: Look = Look(), shape: Shape | None = None,
+          stress: Mapping[int, np.ndarray] | None = None) -> list[View]:
+    """Pictures of several load steps: one camera, one exaggeration, one colour scale; shape and stress as for ``skin``."""
     drawn, units = fields.opened, look.units
     size = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    ours = np.unique(drawn.cells[drawn.lame[:, 1] > 0])  # others stand for parts whose mesh is another program's
+    ours = np.zeros(len(drawn.nodes), dtype=bool)
+    ours[drawn.cells[drawn.lame[:, 1] > 0]] = True  # others stand for parts whose mesh is another program's
     largest = {step: float(np.linalg.norm(drawn.displacement[step][ours], axis=1).max(initial=0.0)) for step in steps}
     factor = exaggeration(fields, steps, size, max(largest.values()))
 
-    plain = look.cut is None and not look.parts
-    outline = _outline(fields) if plain else np.empty((0, 2, 3))
     toward = toward_eye(fields.nodes) if look.direction is None else look.direction
-    seen = skin(fields, steps, look, toward)
+    if look.cut is None:
+        shape = shape or shape_of(fields, look)
+    outline = np.empty((0, 2, 3)) if look.cut is not None else shape.outline
+    seen = skin(fields, steps, look, toward, shape, stress)
     moved = {step: seen.points + factor * seen.displacement[step] for step in steps}
     camera = Camera.framing(np.concatenate([*moved.values(), outline.reshape(-1, 3)]),
                             direction=toward if look.cut is not None or look.direction is not None else None).shaped()
@@ -65,13 +68,6 @@ def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH, look: Loo
                          beyond, "   ·   ".join(told), inches=inches, magnified=factor,
                          mark=_mark(peak, factor, moved[step], seen.triangles, camera)))
     return made
-
-
-def _outline(fields: Fields) -> np.ndarray:
-    """(e, 2, 3) sharp edges of the undeformed structure, or its box."""
-    whole = surface.outer_faces(fields.nodes, fields.cells[fields.lame[:, 1] > 0])[0]
-    sharp = surface.edges(fields.nodes, whole)
-    return fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
 
 
 def _mark(peak: tuple[np.ndarray, float] | None, factor: float, points: np.ndarray, triangles: np.ndarray,

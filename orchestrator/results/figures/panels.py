@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from orchestrator.results.figures import deformed, surface
 from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.painting import PAINTED, scale, show
 from orchestrator.results.figures.plotting import new_figure
+from orchestrator.results.figures.skin import Shape
 from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, viridis
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -51,10 +53,10 @@ class Panels:
     caption: str
 
 
-def opened(fields: Fields, look: Look = Look()) -> Panels:
-    """The deformed structure at each load step, its bodies apart where interfaces have opened."""
-    steps, units = _chosen(fields.steps, _MOST), look.units
-    views = deformed.views(fields, steps, look=look)
+def opened(fields: Fields, look: Look = Look(), shape: Shape | None = None, stress: Mapping[int, np.ndarray] | None = None) -> Panels:
+    """The deformed structure at each load step, its bodies apart where interfaces have opened; shape and stress as for ``skin``."""
+    steps, units = shown_steps(fields), look.units
+    views = deformed.views(fields, steps, WIDTH, look, shape, stress)
     flat = views[0].camera.height < 0.45 * views[0].camera.width
     columns = 1 if len(steps) == 1 else 2 if flat or len(steps) in (2, 4) else 3
     exaggeration, *_ = views[0].caption.split("   ·   ")
@@ -142,6 +144,11 @@ def compose(panels: Panels, pictures: list[np.ndarray] | None, title: str) -> Fi
     figure.text(0.5, 0.08 / total, panels.caption + ("" if pictures else PAINTED), ha="center", va="bottom",
                 fontsize=8.5, color="0.3")
     return figure
+
+
+def shown_steps(fields: Fields) -> list[int]:
+    """The load steps whose deformed structure is drawn."""
+    return _chosen(fields.steps, _MOST)
 
 
 def _chosen(count: int, most: int) -> list[int]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.method.stopping.stress import von_mises
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.look import Look
@@ -34,26 +33,33 @@ class Skin:
     peaks: dict[int, tuple[np.ndarray, float] | None]
 
 
-def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray) -> Skin:
-    """What is drawn of a solution.
+@dataclass(frozen=True)
+class Shape:
+    """What is seen of an undeformed structure, where nothing is cut.
 
     Parameters
     ----------
-    toward : (3,) from the structure to the eye: what a cut takes away is there
+    kept : (k,) int, the tets that are drawn
+    own : (p,) int, the places with a stress in them, see ``Nodal.split``
+    used : (q,) int, those on the surface
+    triangles : (t, 3) int, indices into ``used``; cell : (t,) int, the tet behind each
+    lines : (e, 2) int, indices into ``used``: edges worth a line
+    outline : (o, 2, 3) sharp edges of the whole structure, or its box; none where parts of it are drawn
     """
-    drawn, nodal = fields.opened, fields.nodal
-    kept = look.chosen(fields.parts, fields.part, len(drawn.cells))
-    kept = kept[drawn.lame[kept, 1] > 0]  # others stand for parts whose mesh is another program's
-    node, cells = nodal.split
-    stress = {step: von_mises(nodal.everywhere(nodal.stress(step))) for step in steps}
-    own = np.unique(cells[kept])
-    if look.cut is not None:
-        front = toward[look.cut[0]] >= 0
-        behind = (drawn.nodes[node[own], look.cut[0]] <= look.cut[1]) == front
-        own = own[behind] if behind.any() else own
-    peaks = {step: _peak(drawn, node[own], step, values[own]) for step, values in stress.items()}
-    if look.cut is not None:
-        return _cut(fields, node, cells, kept, steps, stress, peaks, look.cut, toward)
+
+    kept: np.ndarray
+    own: np.ndarray
+    used: np.ndarray
+    triangles: np.ndarray
+    cell: np.ndarray
+    lines: np.ndarray
+    outline: np.ndarray
+
+
+def shape(fields: Fields, look: Look) -> Shape:
+    """Of a solution or of what will become one: its displacements play no part."""
+    drawn, (node, cells) = fields.opened, fields.nodal.split
+    kept = _kept(fields, look)
     faces, cell = surface.outer_faces(drawn.nodes, drawn.cells[kept])
     cell = kept[cell]
     lines = surface.edges(drawn.nodes, faces, fields.subdomain[cell])
@@ -61,9 +67,51 @@ def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray) -
     used, triangles = np.unique(cells[cell[:, None], local], return_inverse=True)
     place = np.zeros(len(drawn.nodes), dtype=int)
     place[node[used][::-1]] = np.arange(len(used))[::-1]
-    return Skin(drawn.nodes[node[used]], triangles.reshape(-1, 3), place[lines], cell,
-                {step: drawn.displacement[step][node[used]] for step in steps},
-                {step: values[used] for step, values in stress.items()}, peaks)
+    return Shape(kept, np.unique(cells[kept]), used, triangles.reshape(-1, 3), cell, place[lines],
+                 np.empty((0, 2, 3)) if look.parts else _outline(fields))
+
+
+def _kept(fields: Fields, look: Look) -> np.ndarray:
+    """(k,) int, tets that are drawn."""
+    kept = look.chosen(fields.parts, fields.part, len(fields.cells))
+    return kept[fields.lame[kept, 1] > 0]  # others stand for parts whose mesh is another program's
+
+
+def _outline(fields: Fields) -> np.ndarray:
+    """(e, 2, 3) sharp edges of the undeformed structure, or its box."""
+    whole = surface.outer_faces(fields.nodes, fields.cells[fields.lame[:, 1] > 0])[0]
+    sharp = surface.edges(fields.nodes, whole)
+    return fields.nodes[sharp] if len(sharp) else surface.box_edges(fields.nodes)
+
+
+def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray, seen: Shape | None = None,
+         known: Mapping[int, np.ndarray] | None = None) -> Skin:
+    """What is drawn of a solution.
+
+    Parameters
+    ----------
+    toward : (3,) from the structure to the eye: what a cut takes away is there
+    seen : ``shape`` of these fields; None: found here
+    known : step → ``Nodal.von_mises``; None: computed here
+    """
+    drawn, nodal = fields.opened, fields.nodal
+    node, cells = nodal.split
+    stress = {step: nodal.von_mises(step) for step in steps} if known is None else known
+    if look.cut is None:
+        seen = seen or shape(fields, look)
+        kept, own = seen.kept, seen.own
+    else:
+        kept = _kept(fields, look)
+        own = np.unique(cells[kept])
+        front = toward[look.cut[0]] >= 0
+        behind = (drawn.nodes[node[own], look.cut[0]] <= look.cut[1]) == front
+        own = own[behind] if behind.any() else own
+    peaks = {step: _peak(drawn, node[own], step, values[own]) for step, values in stress.items()}
+    if look.cut is not None:
+        return _cut(fields, node, cells, kept, steps, stress, peaks, look.cut, toward)
+    at = node[seen.used]
+    return Skin(drawn.nodes[at], seen.triangles, seen.lines, seen.cell, {step: drawn.displacement[step][at] for step in steps},
+                {step: values[seen.used] for step, values in stress.items()}, peaks)
 
 
 def _peak(drawn: Fields, nodes: np.ndarray, step: int, values: np.ndarray) -> tuple[np.ndarray, float] | None:

@@ -1,15 +1,16 @@
-"""The process that an ``Artist`` starts: gets ready, does one job, ends.
+"""The process that an ``Artist`` starts: gets ready, does its jobs, ends.
 
-    python -m orchestrator.results.figures.studio < JOB > ANSWER
+    python -m orchestrator.results.figures.studio < JOBS > ANSWER
 
-JOB is the pickled pair of a function and its arguments, ANSWER that of what it returned and of its InputError.
+JOBS are pickled pairs of a function and its arguments, one after the other; every function but the first is told what the
+one before has returned. ANSWER is the pickled pair of what the last returned and of an InputError.
 """
 
 from __future__ import annotations
 
 import gc
 
-gc.disable()  # one job, then the end: imports are already spared
+gc.disable()  # a few jobs, then the end: imports are already spared
 
 import atexit  # noqa: E402
 import os  # noqa: E402
@@ -35,16 +36,19 @@ def main() -> None:
         warm_up()
         canvas = Canvas()
         canvas.draw(_example())  # VTK loads its filters, and has its shaders compiled
-        try:
-            draw, job = pickle.load(sys.stdin.buffer)
-        except EOFError:  # the run has ended without a result
-            return
-        result = error = None
-        try:
-            result = draw(*job, canvas=canvas)
-        except InputError as its:
-            error = its
-        pickle.dump((result, error), answer)
+        result, error, told = None, None, {}
+        while error is None:
+            try:
+                draw, job = pickle.load(sys.stdin.buffer)
+            except EOFError:
+                break
+            try:
+                result = draw(*job, canvas=canvas, **told)
+            except InputError as its:
+                error = its
+            told = {"prepared": result}
+        if told:  # otherwise the run has ended without a result
+            pickle.dump((result, error), answer)
 
 
 def _example() -> View:
