@@ -1,7 +1,7 @@
 """Congruent subdomains as one model, and right-hand sides that need no solve.
 
-A layer around any black box. Subdomains that differ by a translation alone are loaded and factorised
-once; their forces become further right-hand sides of the one model. A right-hand side that is zero, that
+A layer around any black box. Subdomains that differ by a translation alone, or that are images of each other, are loaded
+and factorised once; their forces become further right-hand sides of the one model. A right-hand side that is zero, that
 occurs twice, or that was asked the last time already, is not solved at all.
 """
 
@@ -16,6 +16,8 @@ import numpy as np
 from orchestrator.blackbox.cost import copies
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.models.congruence import representatives
+from orchestrator.blackbox.models.images import Image, images
+from orchestrator.blackbox.models.span import spanned
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.savings import Savings
@@ -35,6 +37,11 @@ class SharedModels(Layer):
     workers : processes behind ``inner``
     steps : load steps, the right-hand sides of a subdomain in a linear stage
     savings : where what is saved is noted
+
+    Attributes
+    ----------
+    model_of : (subdomains,) int, the model of ``inner`` that answers for each
+    image_of : of a subdomain that is an image of its model, how: on all dofs, and on trace dofs
     """
 
     def __init__(self, inner: BlackBox, *, congruent: bool, repeated: bool, workers: int, steps: int,
@@ -43,14 +50,16 @@ class SharedModels(Layer):
         self.congruent, self.repeated, self.explicit = congruent, repeated, explicit
         self.workers, self.steps, self.savings = workers, steps, savings
         self.model_of = np.empty(0, int)
+        self.image_of: dict[int, tuple[Image, Image]] = {}
         self._last: dict[int, tuple[_Rows, np.ndarray]] = {}
         self._parts: Sequence[slice] | None = None
-        self._columns: dict[int, np.ndarray | slice] = {}
+        self._columns: dict[int, tuple[np.ndarray | slice, np.ndarray | None]] = {}
 
     def load(self, models: Sequence[Model]) -> None:
         """Load one of each kind; of a kind with much to solve, one per worker that shares the work."""
         self._last, self._parts = {}, None
         first = representatives(models, self.traits) if self.congruent else np.arange(len(models))
+        self.image_of = self._show(models, first) if self.congruent else {}
         self.model_of = np.empty(len(models), int)
         loaded: list[Model] = []
         for kind in np.unique(first):
@@ -64,6 +73,22 @@ class SharedModels(Layer):
         self.savings.add("congruent", "factorisations", len(models) - len(loaded))
         cases = self.steps * np.bincount(self.model_of, minlength=len(loaded))
         super().load([replace(model, cases=int(count)) for model, count in zip(loaded, cases)])
+
+    def _show(self, models: Sequence[Model], first: np.ndarray) -> dict[int, tuple[Image, Image]]:
+        """Have images stand behind what they are images of: ``first`` (models,) is changed. Per model that is one, how.
+
+        The matter of the codes asked is judged by the model's mesh and moduli, which are isotropic.
+        """
+        known = {code: self.traits(code) for code in {m.code for m in models}}
+        kinds = [int(i) for i in np.unique(first) if known[models[i].code].translation_invariant
+                 and not known[models[i].code].own_matter and not known[models[i].code].nonlinear and len(models[i].trace)]
+        shown: dict[int, tuple[Image, Image]] = {}
+        for kind, (original, image) in images(models, kinds).items():
+            both = image, image.on(models[kind].trace, models[original].trace)
+            members = np.flatnonzero(first == kind)
+            first[members] = original
+            shown |= dict.fromkeys(members.tolist(), both)
+        return shown
 
     def _prove(self, models: Sequence[Model]) -> None:
         """Raises BlackBoxError where models that are to share a stiffness have different ones: a code's own matter may vary
@@ -95,46 +120,62 @@ class SharedModels(Layer):
         if parts is not self._parts:
             self._parts, self._columns = parts, self._columns_of(parts)
         count, rows = len(forces), {}
-        for model, columns in self._columns.items():
+        for model, (columns, sign) in self._columns.items():
             if isinstance(columns, slice):
                 rows[model] = np.array(forces[:, columns])  # a copy: it is remembered
             else:
-                rows[model] = forces[:, columns].transpose(1, 0, 2).reshape(-1, columns.shape[1])
+                own = forces[:, columns] if sign is None else forces[:, columns] * sign
+                rows[model] = own.transpose(1, 0, 2).reshape(-1, columns.shape[1])
         answers, result = self._answered(rows, self.inner.traces, remember=True), np.zeros(forces.shape)
-        for model, columns in self._columns.items():
+        for model, (columns, sign) in self._columns.items():
             if isinstance(columns, slice):
                 result[:, columns] = answers[model]
             else:
-                result[:, columns] = answers[model].reshape(len(columns), count, -1).transpose(1, 0, 2)
+                own = answers[model].reshape(len(columns), count, -1).transpose(1, 0, 2)
+                result[:, columns] = own if sign is None else own * sign
         return result
 
-    def _columns_of(self, parts: Sequence[slice]) -> dict[int, np.ndarray | slice]:
-        """Per model that has any, the columns of the subdomains that it stands for: (subdomains, t), or those of the one."""
+    def _columns_of(self, parts: Sequence[slice]) -> dict[int, tuple[np.ndarray | slice, np.ndarray | None]]:
+        """Per model that has any, the columns of the subdomains that it stands for, (subdomains, t), or those of the one;
+        and their signs, where some are images."""
         starts, ends = np.array([(part.start, part.stop) for part in parts], dtype=int).reshape(-1, 2).T
         order = np.argsort(self.model_of, kind="stable")
         models, first = np.unique(self.model_of[order], return_index=True)
-        found: dict[int, np.ndarray | slice] = {}
+        found: dict[int, tuple[np.ndarray | slice, np.ndarray | None]] = {}
         for model, members in zip(models.tolist(), np.split(order, first[1:])):
             size = ends[members[0]] - starts[members[0]]
-            if size and len(members) == 1:
-                found[model] = parts[members[0]]
+            shown = [(place, self.image_of[e][1]) for place, e in enumerate(members.tolist()) if e in self.image_of]
+            if size and len(members) == 1 and not shown:
+                found[model] = parts[members[0]], None
             elif size:
-                found[model] = starts[members][:, None] + np.arange(size)
+                columns, sign = starts[members][:, None] + np.arange(size), np.ones((len(members), size)) if shown else None
+                for place, image in shown:
+                    columns[place, image.source] = starts[members[place]] + np.arange(size)
+                    sign[place, image.source] = image.sign
+                found[model] = columns, sign
         return found
 
     def _merged(self, forces: Mapping[int, np.ndarray], solve, remember: bool) -> dict[int, np.ndarray]:
-        """Right-hand sides that are one and the same array are looked at once for each model, and share their answer."""
-        groups: dict[int, dict[int, int]] = {}  # model → array → a subdomain that has it
-        key = {index: id(f) if self.repeated else index for index, f in forces.items()}
+        """Right-hand sides that are one and the same array are looked at once for each model and image, and share their answer."""
+        groups: dict[int, dict[tuple, int]] = {}  # model → array, image → a subdomain that has it
+        images = {index: self.image_of[index][remember] for index in forces if index in self.image_of}
+        key = {index: (id(f) if self.repeated else index, id(images.get(index))) for index, f in forces.items()}
         for index in forces:
             groups.setdefault(int(self.model_of[index]), {}).setdefault(key[index], index)
-        rows = {model: np.vstack([forces[i] for i in different.values()]) for model, different in groups.items()}
-        again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
-        answers, parts = self._answered(rows, solve, remember, again), {}
+        rows, expansions = {}, {}
         for model, different in groups.items():
+            parts = [images[i].to_other(forces[i]) if i in images else forces[i] for i in different.values()]
+            rows[model] = np.vstack(parts)
+            if remember and len(parts) > 1 and any(i in images for i in different.values()):
+                rows[model], expansions[model] = spanned(parts)
+        again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
+        answers, result = self._answered(rows, solve, remember, again), {}
+        for model, different in groups.items():
+            whole = expansions[model] @ answers[model] if model in expansions else answers[model]
             ends = np.cumsum([0] + [len(forces[i]) for i in different.values()]).tolist()
-            parts[model] = {array: answers[model][a:b] for array, a, b in zip(different, ends[:-1], ends[1:])}
-        return {index: parts[int(self.model_of[index])][key[index]] for index in forces}
+            for (array, i), a, b in zip(different.items(), ends[:-1], ends[1:]):
+                result[model, array] = images[i].back(whole[a:b]) if i in images else whole[a:b]
+        return {index: result[int(self.model_of[index]), key[index]] for index in forces}
 
     def _answered(self, rows: dict[int, np.ndarray], solve, remember: bool, again: int = 0) -> dict[int, np.ndarray]:
         """Answers per model to rows per model, of which ``again`` more have been asked for."""
