@@ -11,6 +11,9 @@ import scipy.sparse as sp
 from scipy.linalg.blas import daxpy
 
 
+ROOM = 0.05  # share of a matrix's arrays that may be empty: less is not worth a copy
+
+
 def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
     """(T, m) matrix (m, n) times each of the rows (T, n)."""
     if len(rows) == 1:
@@ -40,3 +43,11 @@ def narrow(matrix: sp.csr_array) -> sp.csr_array:
         return matrix
     return sp.csr_array((matrix.data, matrix.indices.astype(np.int32, copy=False), matrix.indptr.astype(np.int32, copy=False)),
                         shape=matrix.shape)
+
+
+def fitting(matrix: sp.csr_array) -> sp.csr_array:
+    """The same matrix in arrays no longer than its entries: a product's have room for zeros that it has left out."""
+    count = matrix.nnz
+    if len(matrix.data) - count <= ROOM * count:
+        return matrix
+    return sp.csr_array((matrix.data[:count].copy(), matrix.indices[:count].copy(), matrix.indptr), shape=matrix.shape)

@@ -77,18 +77,19 @@ class SearchDirection:
         parts = [self.space.boundary[e] for e in subdomains]
         if not parts:
             return []
-        chosen = np.concatenate([np.arange(part.start, part.stop) for part in parts])
-        rows = sp.csr_array(self.space.scatter[chosen])
-        own = np.unique(rows.indices)
-        rows = rows[:, own]
-        all_of_them = sp.csr_array(rows @ self.k[own][:, own] @ rows.T)
-        ends, blocks, first = all_of_them.indptr, [], 0
-        for part in parts:
+        rows, k, starts = self.space.scatter, self.k, [part.start for part in parts]
+        if sum(part.stop - part.start for part in parts) < rows.shape[0]:
+            starts = np.cumsum([0] + [part.stop - part.start for part in parts]).tolist()
+            rows = sp.csr_array(rows[np.concatenate([np.arange(part.start, part.stop) for part in parts])])
+            own = np.unique(rows.indices)
+            rows, k = rows[:, own], k[own][:, own]
+        all_of_them = sp.csr_array(rows @ k @ rows.T)
+        ends, blocks = all_of_them.indptr, []
+        for part, first in zip(parts, starts):
             last = first + part.stop - part.start
             entries = slice(ends[first], ends[last])
             blocks.append(sp.csr_array((all_of_them.data[entries], all_of_them.indices[entries] - first,
                                         ends[first : last + 1] - ends[first]), shape=(last - first,) * 2))
-            first = last
         return blocks
 
     @cached_property

@@ -113,22 +113,24 @@ class Matching:
     def both_sides(self, bases: Sequence[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
         """(D, sum of m) fields of every interface, (points, m) each, on both its sides with a sign for each.
 
-        Interfaces without points here keep their columns.
+        Interfaces without points here keep their columns. Zeros are no entries.
         """
         widths, counts = np.array([b.shape[1] for b in bases], dtype=int), np.diff(self.bounds)
-        flat = np.concatenate([np.empty(0), *(b.ravel() for b, count in zip(bases, counts) if count)])  # what is met here
+        values = np.concatenate([np.empty(0), *(b.ravel() for b, count in zip(bases, counts) if count)])  # what is met here
         width = np.repeat(widths, counts)  # of each point's row of its basis
-        where, number = np.cumsum(width) - width, np.repeat(np.cumsum(widths) - widths, counts)
-        filled, source, column = np.zeros((3, self.size), dtype=int)  # of each trace dof: it has one point at most
-        sign_of = np.zeros(self.size)
+        filled, point = np.flatnonzero(values), np.repeat(np.arange(len(width)), width)
+        point = point[filled]
+        column = filled + (np.repeat(np.cumsum(widths) - widths, counts) - (np.cumsum(width) - width))[point]
+        ends = np.concatenate([[0], np.cumsum(np.bincount(point, minlength=len(width) + 1))])  # the last row is empty
+        on_points = narrow(sp.csr_array((values[filled], column, ends), shape=(len(width) + 1, int(widths.sum()))))
+        at, sign_of = np.full(self.size, len(width)), np.zeros(self.size)  # of each trace dof: it has one point at most
         for side, sign in zip((self.one, self.two), signs):
             mine = np.flatnonzero(side < self.size)
-            dofs = side[mine]
-            filled[dofs], source[dofs], column[dofs], sign_of[dofs] = width[mine], where[mine], number[mine], sign
-        ends = np.concatenate([[0], np.cumsum(filled)])
-        within = np.arange(ends[-1]) - np.repeat(ends[:-1], filled)
-        return narrow(sp.csr_array((np.repeat(sign_of, filled) * flat[np.repeat(source, filled) + within],
-                                    np.repeat(column, filled) + within, ends), shape=(self.size, int(widths.sum()))))
+            at[side[mine]], sign_of[side[mine]] = mine, sign
+        both = narrow(sp.csr_array(on_points[at]))
+        if signs[0] != 1 or signs[1] != 1:
+            both.data *= np.repeat(sign_of, np.diff(both.indptr))
+        return both
 
     def displacements(self, bases: Sequence[np.ndarray]) -> sp.csr_array:
         """(D, sum of m) fields of every interface without any jump: (points, m) each, the same on both its sides."""

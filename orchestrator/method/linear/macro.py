@@ -22,7 +22,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.general_transfer import General
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import fitting, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.spread import SpreadFactor
@@ -60,7 +60,7 @@ class Macro:
         self.number, self.shared = _numbers(space, bases)
         C = moved(space, bases)
         if strategy == "equilibrium":
-            self.G = sp.csr_array(direction.k @ C)
+            self.G = fitting(sp.csr_array(direction.k @ C))
         elif isinstance(space.transfer, General):
             self.G = _at_points(space, direction, bases)
         else:

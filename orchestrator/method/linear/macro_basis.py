@@ -34,27 +34,44 @@ def interface_basis(points: np.ndarray, free: np.ndarray, kind: str) -> np.ndarr
 
     Returns
     -------
-    (d, m) float, d free dofs, m ≤ number of fields: what is dependent has been dropped
+    (d, m) float, d free dofs, m ≤ number of fields: what is dependent has been dropped. But for rigid motions each
+    column moves one component alone: products with the basis read a third of what they would otherwise
     """
-    return independent(macro_fields(points, kind)[free])
+    if kind == "rigid":
+        return independent(macro_fields(points, kind)[free])
+    fields = np.stack(monomials(points, kind), axis=-1)
+    same = (free == free[:, :1]).all()
+    parts = [independent(fields[of_one]) for of_one in free.T[: 1 if same else 3]] * (3 if same else 1)
+    row, at = np.cumsum(free).reshape(free.shape) - 1, 0
+    basis = np.zeros((free.sum(), sum(part.shape[1] for part in parts)))
+    for component, part in enumerate(parts):
+        basis[row[free[:, component], component], at : at + part.shape[1]] = part
+        at += part.shape[1]
+    return basis
 
 
 def macro_fields(points: np.ndarray, kind: str) -> np.ndarray:
     """(n, 3, m) the fields at points (n, 3), parameters as of ``interface_basis``."""
-    centred = points - points.mean(axis=0)
-    x, y, z = (centred / max(np.abs(centred).max(), np.finfo(float).tiny)).T
-    one, zero = np.ones_like(x), np.zeros_like(x)
     if kind == "rigid":
+        one, x, y, z = monomials(points, "affine")
+        zero = np.zeros_like(x)
         spins = [np.stack(f, 1) for f in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
         fields = [one[:, None] * e for e in np.eye(3)] + spins
     else:
-        monomials = {
-            "translations": [one],
-            "affine": [one, x, y, z],
-            "quadratic": [one, x, y, z, x * x, y * y, z * z, x * y, y * z, z * x],
-        }[kind]
-        fields = [m[:, None] * e for m in monomials for e in np.eye(3)]
+        fields = [m[:, None] * e for m in monomials(points, kind) for e in np.eye(3)]
     return np.stack(fields, axis=-1)
+
+
+def monomials(points: np.ndarray, kind: str) -> list[np.ndarray]:
+    """Functions (n,) at points (n, 3) that every component may follow; all but ``rigid``."""
+    centred = points - points.mean(axis=0)
+    x, y, z = (centred / max(np.abs(centred).max(), np.finfo(float).tiny)).T
+    one = np.ones_like(x)
+    return {
+        "translations": [one],
+        "affine": [one, x, y, z],
+        "quadratic": [one, x, y, z, x * x, y * y, z * z, x * y, y * z, z * x],
+    }[kind]
 
 
 def independent(basis: np.ndarray) -> np.ndarray:
