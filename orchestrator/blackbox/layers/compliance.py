@@ -74,10 +74,14 @@ class Compliance(Layer):
 
     def _replace(self, candidates: list[int]) -> None:
         """Form the compliances that pay, all in one request so that all workers are busy."""
+        if not candidates:
+            return
+        work = self._costs * self._cases
+        at_once = min(self.workers, work.sum() / work.max())  # a model that stands for most of them has one worker
         room, chosen = cost.room(), []
         for i in sorted(candidates, key=lambda i: self._trace[i]):
             room -= cost.size_of(self._trace[i])
-            if room > 0 and self._trace[i] and self._pays(i):
+            if room > 0 and self._trace[i] and self._pays(i, at_once):
                 chosen.append(i)
         if not chosen:
             return
@@ -85,9 +89,7 @@ class Compliance(Layer):
             self.matrices[i] = (answer + answer.T) / 2
         self.savings.add("compliance", "unit forces solved", sum(self._trace[i] for i in chosen))
 
-    def _pays(self, model: int) -> bool:
-        work = self._costs * self._cases
-        at_once = min(self.workers, work.sum() / work.max())  # a model that stands for most of them has one worker
+    def _pays(self, model: int, at_once: float) -> bool:
         request = cost.Request(0.0, self._unit * self._costs[model] / at_once)
         return cost.compliance_pays(self._trace[model], cost.to_come(self._done, cost.STAGES), self._cases[model],
                                     request, unit_loads=request)

@@ -181,7 +181,7 @@ class SharedModels(Layer):
         """Answers per model to rows per model, of which ``again`` more have been asked for."""
         if not self.repeated:
             return solve(rows)
-        plans = {model: _Plan(r, self._last.get(model) if remember else None) for model, r in rows.items()}
+        plans = {model: _plan(r, self._last.get(model) if remember else None) for model, r in rows.items()}
         asked = {model: plan.chosen for model, plan in plans.items() if len(plan.solved)}
         new = solve(asked) if asked else {}
         answers = {model: plan.answers(new.get(model)) for model, plan in plans.items()}
@@ -279,3 +279,30 @@ class _Plan:
         if known.any():
             result[known] = self.last[1][self.recalled[known]]
         return result
+
+
+class _PlanOfOne(_Plan):
+    """``_Plan`` of one row, where none or one was asked before: of a thousand subdomains each has one in every iteration."""
+
+    def __init__(self, rows: np.ndarray, last: tuple[_Rows, np.ndarray] | None):
+        self.asked = _Rows(rows)
+        self.known = last[1] if last is not None and (last[0].rows == rows).all() else None
+        self.solved = _FIRST if self.known is None and rows.any() else _NONE
+
+    @property
+    def chosen(self) -> np.ndarray:
+        """As ``_Plan`` says."""
+        return self.asked.rows
+
+    def answers(self, new: np.ndarray | None) -> np.ndarray:
+        """As ``_Plan`` says."""
+        if new is not None:
+            return new
+        return np.zeros(self.asked.rows.shape) if self.known is None else self.known.copy()
+
+
+_FIRST, _NONE = np.zeros(1, dtype=int), np.empty(0, dtype=int)
+
+
+def _plan(rows: np.ndarray, last: tuple[_Rows, np.ndarray] | None) -> _Plan:
+    return (_PlanOfOne if len(rows) == 1 and (last is None or len(last[1]) == 1) else _Plan)(rows, last)
