@@ -140,18 +140,20 @@ class Batch:
             with watch("local_stage"):
                 local = d.local(evaluated)
             with watch("acceleration"):
+                beside = criterion.early(evaluated)
                 if d.nonlinear is None:
-                    residual, best = acceleration.take(evaluated, local.s)
+                    residual, best, early = acceleration.take(evaluated, local.s, beside)
                 else:  # what the coarse problem has changed is extrapolated: the point is the one that was asked
-                    residual, best = acceleration.take(replace(evaluated, s=self.s), local.s)[0], evaluated
+                    residual, _, early = acceleration.take(replace(evaluated, s=self.s), local.s, beside)
+                    best = evaluated
                 foreseen = self._foreseen(evaluated.s) if d.nonlinear is None else None
             with watch("bound"):
-                more = criterion.begin(best, local)
+                more, ends = criterion.begin(best, local, early)
                 if self.placing is not None:
                     more.append(self.placing.told())
-                measures = measure(d.stage, d.local, best, local, residual, exact, more, largest)
+                measures = measure(d.stage, d.local, best, local, residual, exact, more, [*ends, *largest])
                 verdict = criterion(best, local, measures)
-                moved, asked = measures().largest
+                moved, asked = measures().largest[-2:]
                 self.sweeps += asked * share * (1 - self.frozen.mean())
                 self.gains.append(self.measured / verdict.approached if verdict.approached > 0 else np.inf)
                 self.measured = verdict.approached

@@ -33,18 +33,21 @@ class Acceleration(Protocol):
     def ahead(self) -> None:
         """What the next evaluation is not needed for, while its traces are under way."""
 
-    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
+    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
+             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
         """Take in an evaluation.
 
         Parameters
         ----------
         evaluated : the linear stage at s
         image : F(s), what the local stage has made of it
+        beside : what else is to be summed over the ranks, in its own message
 
         Returns
         -------
         residual : F(s) − s at the best point known so far
         fields : the linear stage there
+        beside : the sums; None where it has no message to send
         """
 
     def next(self) -> np.ndarray:

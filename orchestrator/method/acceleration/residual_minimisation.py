@@ -57,10 +57,11 @@ class Relaxation:
     def ahead(self) -> None:
         """Nothing."""
 
-    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
+    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
+             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
         """Take in an evaluation; the best known point is the evaluation itself."""
         self.s, self.residual = evaluated.s, image - evaluated.s
-        return self.residual, evaluated
+        return self.residual, evaluated, None
 
     def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
         """The last evaluation."""
@@ -107,7 +108,8 @@ class ResidualMinimisation:
         self._ahead = [product for q, _ in self.directions
                        for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
 
-    def take(self, evaluated: Admissible, image: np.ndarray) -> tuple[np.ndarray, Admissible]:
+    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
+             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
         """Take in an evaluation; residual and fields at the combination of least residual.
 
         u and α are affine functions of s: they are combined like it.
@@ -118,7 +120,8 @@ class ResidualMinimisation:
             point += self.carried.of(evaluated)
             asked = [self.carried.bound.pull(evaluated)]
         if self.r is None:
-            self.r, self.point, best = r, point + self.team.sum(*asked), evaluated
+            told = self.team.sum(*asked, *beside) if asked or beside else []
+            self.r, self.point, best, sums = r, point + told[: len(asked)], evaluated, told[len(asked) :]
             if asked:
                 best.pull = self.point[-1]
         else:
@@ -127,8 +130,10 @@ class ResidualMinimisation:
                 self.ahead()
             ahead, self._ahead = self._ahead, None
             size, scale, along, *products = self.team.sum(
-                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *ahead, *(dots(q, dr) for q, _ in self.directions), *asked)
-            point += products[len(products) - len(asked) :]
+                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *ahead, *(dots(q, dr) for q, _ in self.directions),
+                *asked, *beside)
+            count = 3 * len(self.directions)
+            point, sums = point + products[count : count + len(asked)], products[count + len(asked) :]
             dp = [a - b for a, b in zip(point, self.point)]
             steps, norm, along = self._orthogonal(dr, size, scale, along, products)
             for (_, p), c in zip(self.directions, steps.T):
@@ -151,7 +156,7 @@ class ResidualMinimisation:
             if self.carried is not None:
                 self.carried.put(best, self.point[3:])
         self.taken += 1
-        return self.r / self.root, best
+        return self.r / self.root, best, sums
 
     def _orthogonal(self, dr: np.ndarray, size: np.ndarray, scale: np.ndarray, along: np.ndarray,
                     products: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -164,13 +169,13 @@ class ResidualMinimisation:
 
         Returns
         -------
-        steps : (T, n) what has been taken out; and dr·dr and dr·r* of what is left, (T,)
+        c : (T, n) what has been taken out; and dr·dr and dr·r* of what is left, (T,)
         """
-        n, steps_count = len(self.directions), len(dr)
-        met, last, first = (np.reshape(x, (n, steps_count)).T for x in (products[: 2 * n : 2], products[1 : 2 * n : 2],
+        n, steps = len(self.directions), len(dr)
+        met, last, first = (np.reshape(x, (n, steps)).T for x in (products[: 2 * n : 2], products[1 : 2 * n : 2],
                                                                      products[2 * n : 3 * n]))
         if self.tilted is None:
-            self.tilted = np.zeros((steps_count, 0, 0))
+            self.tilted = np.zeros((steps, 0, 0))
         if n:
             self._measured(last)
         c, norm = self._projected(first, size)
@@ -179,7 +184,7 @@ class ResidualMinimisation:
         if not ((norm < AGAIN * size) & (scale > 0)).any():
             return c, norm, along
         size, along, *products = self.team.sum(dots(dr, dr), dots(dr, self.r), *(dots(q, dr) for q, _ in self.directions))
-        more, norm = self._projected(np.reshape(products, (n, steps_count)).T, size)
+        more, norm = self._projected(np.reshape(products, (n, steps)).T, size)
         self._without(dr, more)
         return c + more, norm, along - (more * met).sum(axis=1)
 

@@ -25,7 +25,7 @@ c of order one for soles as stiff as the bodies behind them, which the defaults 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -96,11 +96,21 @@ class Criterion(Protocol):
     value: float
     done: np.ndarray
 
-    def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
-        """What judging an iteration needs of all ranks: arrays to be summed, ``more`` in its measures."""
+    def early(self, fields: Admissible) -> list[np.ndarray]:
+        """Arrays to be summed over the ranks before judging an iteration begins, which the acceleration takes along."""
+
+    def begin(self, fields: Admissible, local: LocalState, early: Sequence[np.ndarray] | None
+              ) -> tuple[list[np.ndarray], list[float]]:
+        """What judging an iteration needs of all ranks: arrays to be summed, and numbers to find the largest of.
+
+        Parameters
+        ----------
+        early : sums of what ``early`` has given; None: nobody has summed it
+        """
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        """Judge an iteration that has begun; ``measures`` are waited for when they are needed."""
+        """Judge an iteration that has begun; ``measures``, ``more`` and ``largest`` of which begin with what that has given, are
+        waited for when they are needed."""
 
     def final(self, fields: Admissible, bound: Bound | None) -> tuple[Bound, float]:
         """What belongs to the delivered fields, and the sweeps that it has cost now if it was not known (``bound``)."""
@@ -136,10 +146,15 @@ class ErrorCriterion:
         self.ratio = 0.0
         self.done = np.zeros(d.steps, dtype=bool)
 
-    def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
+    def early(self, fields: Admissible) -> list[np.ndarray]:
+        """As the protocol says: what the bound needs is carried beside the state."""
+        return []
+
+    def begin(self, fields: Admissible, local: LocalState, early: Sequence[np.ndarray] | None
+              ) -> tuple[list[np.ndarray], list[float]]:
         """As the protocol says."""
         self._begun = self.d.bound.begin(fields)
-        return self._begun.parts
+        return self._begun.parts, []
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
         begun, self._begun = self._begun.summed(*measures().more[:2]), None
@@ -193,17 +208,23 @@ class LawCriterion:
         self.lengths = LengthScale(d)
         self.continuity = Continuity(d.space, np.ones(len(d.space.global_dof)))
 
-    def begin(self, fields: Admissible, local: LocalState) -> list[np.ndarray]:
+    def early(self, fields: Admissible) -> list[np.ndarray]:
+        """As the protocol says: products with rigid motions, without which nobody knows what deforms."""
+        self._apart, products = self.lengths.apart(fields.u)
+        return [products]
+
+    def begin(self, fields: Admissible, local: LocalState, early: Sequence[np.ndarray] | None
+              ) -> tuple[list[np.ndarray], list[float]]:
         """As the protocol says."""
         stage = self.d.local
-        self._begun = LawMeasure(stage.pairs, *fields.extended, local, stage.previous), *self.lengths.apart(fields.u)
-        return [self._begun[0].sums, self._begun[2]]
+        products, = self.d.space.team.sum(*self.early(fields)) if early is None else early
+        deformation, loose = self.lengths.deformed(self._apart, products)
+        self._begun, self._apart = (LawMeasure(stage.pairs, *fields.extended, local, stage.previous), loose), None
+        return [self._begun[0].sums], [deformation, *self._begun[0].largest]
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
-        laws, apart, _ = self._begun
-        sums, products = measures().more[:2]
-        largest, loose = self.lengths.deformed(apart, products)
-        deformation, *largest = self.d.space.team.max(largest, *laws.largest)
+        laws, loose = self._begun
+        sums, (deformation, *largest) = measures().more[0], measures().largest[: 1 + len(laws.largest)]
         lengths, bound = self.lengths.of(deformation, loose), None
         laws, self._begun = laws.result(sums, largest, lengths), None
         if self.d.nonlinear is not None:
@@ -263,7 +284,7 @@ class AutoCriterion:
 
     def __init__(self, inner: ErrorCriterion | LawCriterion, fraction: float, estimate: Estimate):
         self.inner, self.fraction, self.estimate = inner, fraction, estimate
-        self.name, self.final, self.done, self.begin = inner.name, inner.final, inner.done, inner.begin
+        self.name, self.final, self.done, self.begin, self.early = inner.name, inner.final, inner.done, inner.begin, inner.early
         self.lengths = getattr(inner, "lengths", None)
         self.discretisation_error = math.nan
 
