@@ -126,6 +126,23 @@ def together(function: Callable[[Any], Any], arguments: Sequence[Any]) -> list:
     return first + [helper.result() for helper in helpers]
 
 
+def in_slices(work: Callable[[slice], None], size: int, part: int = PART) -> None:
+    """Have ``range(size)`` worked on slice by slice, each core on some: what is written in between stays in its own cache.
+
+    Parameters
+    ----------
+    work : writes to places of its own slice alone, and spends its time where other threads may run
+    """
+    parts = [slice(first, min(first + part, size)) for first in range(0, size, part)]
+    shares = min(cores(), len(parts))
+
+    def own(number: int) -> None:
+        for some in parts[number::shares]:
+            work(some)
+
+    together(own, range(shares))
+
+
 def cores() -> int:
     """Those that this process may use."""
     return len(os.sched_getaffinity(0))

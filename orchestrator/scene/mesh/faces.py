@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+
+from orchestrator.compiled import in_slices
 
 # The four faces of a positively oriented tet, each oriented outward.
 LOCAL_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -74,27 +77,36 @@ def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
     cells = np.ascontiguousarray(cells[:, :4])
-    corners = np.ascontiguousarray(cells.T)
     keys, even = np.empty((len(cells), 4), dtype=np.int64), np.empty((len(cells), 4), dtype=bool)
-    for face, local in enumerate(LOCAL_FACES):
-        triangles = corners[local].T
-        keys[:, face], even[:, face] = pack(triangles, nodes), _even(triangles)
+
+    def packed(part: slice) -> None:
+        corners = np.ascontiguousarray(cells[part].T)
+        for face, local in enumerate(LOCAL_FACES):
+            triangles = corners[local].T
+            keys[part, face], even[part, face] = pack(triangles, nodes), _even(triangles)
+
+    in_slices(packed, len(cells))
     keys, even = keys.ravel(), even.ravel()
     # A stable order makes the tet with the lower index the owner.
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     start = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
     count = np.diff(np.r_[start, len(keys)])
-    owner, paired = order[start], count > 1
-    second = order[np.minimum(start + 1, len(order) - 1)]
-    neighbour = np.where(paired, second >> 2, -1)
-    same_way = even[owner] == even[second]
-    face, triangles = owner & 3, np.empty((len(owner), 3), dtype=cells.dtype)
-    first = owner - face  # of the four corners of the owner, one after the other
-    for corner, local in enumerate(LOCAL_FACES.T):
-        triangles[:, corner] = cells.ravel().take(first + local.take(face))
-    return Faces(nodes, triangles, keys[start], owner >> 2, neighbour,
-                 np.flatnonzero(count > 2), np.flatnonzero(paired & same_way))
+    owner, neighbour = np.empty((2, len(start)), dtype=order.dtype)
+    triangles, same_way = np.empty((len(start), 3), dtype=cells.dtype), np.empty(len(start), dtype=bool)
+
+    def paired(part: slice) -> None:
+        first, there = order[start[part]], count[part] > 1
+        second = order[np.minimum(start[part] + 1, len(order) - 1)]
+        neighbour[part], owner[part] = np.where(there, second >> 2, -1), first >> 2
+        same_way[part] = there & (even[first] == even[second])
+        face = first & 3
+        first -= face  # of the four corners of the owner, one after the other
+        for corner, local in enumerate(LOCAL_FACES.T):
+            triangles[part, corner] = cells.ravel().take(first + local.take(face))
+
+    in_slices(paired, len(start))
+    return Faces(nodes, triangles, keys[start], owner, neighbour, np.flatnonzero(count > 2), np.flatnonzero(same_way))
 
 
 def _even(triangles: np.ndarray) -> np.ndarray:

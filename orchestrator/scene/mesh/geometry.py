@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-PART = 1 << 14  # tets whose corners stay in a core's own cache: of a million at once it takes three times as long
+from orchestrator.compiled import in_slices
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -24,9 +24,12 @@ def area_vectors(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 def tet_volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """(m,) volumes of tets (m, 4 or 10), positive where the fourth corner is on the side that the first three turn to."""
     volumes = np.empty(len(cells))
-    for first in range(0, len(cells), PART):
-        p, q, r, s = (nodes.take(corner, axis=0) for corner in cells[first : first + PART, :4].T)
-        volumes[first : first + PART] = np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
+
+    def of(part: slice) -> None:
+        p, q, r, s = (nodes.take(corner, axis=0) for corner in cells[part, :4].T)
+        volumes[part] = np.einsum("ij,ij->i", cross(q - p, r - p), s - p) / 6
+
+    in_slices(of, len(cells))
     return volumes
 
 
