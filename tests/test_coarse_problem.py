@@ -102,7 +102,7 @@ def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():
 
 
 def test_many_loose_bodies_are_rigid_in_it():
-    """From two hundred bodies on, where they are stabilised, and none is cut into several."""
+    """From fifty bodies on, where they are stabilised, and none is cut into several."""
     scene = build_scene(contact(0.3))
     loose, held = SimpleNamespace(stabilisation=np.full(3, 1e-6)), SimpleNamespace(stabilisation=None)
     many = replace(scene, subdomains=scene.subdomains * (MANY // 2))

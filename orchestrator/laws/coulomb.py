@@ -22,9 +22,13 @@ OPENS, STICKS, SLIPS = 0, 1, 2
 
 
 @compiled
-def answer(normal, stiff_n, stiff_t, gap, friction, F, previous, force, status):
-    """f̂ (3, P) and status (P,) at predicted forces F (3, P); the parameters as in ``Points`` and ``Contact``."""
-    for q in range(len(status)):
+def answer(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, force, status):
+    """f̂ (3, P) and status (P,) at predicted forces F (3, P), of pairs from start to stop; the parameters as in ``Points`` and
+    ``Contact``."""
+    part = slice(start, stop)  # see ``pair_loops``
+    normal, F, previous, force = normal[:, part], F[:, part], previous[:, part], force[:, part]
+    stiff_n, stiff_t, gap, friction, status = stiff_n[part], stiff_t[part], gap[part], friction[part], status[part]
+    for q in range(stop - start):
         n0, n1, n2 = normal[0, q], normal[1, q], normal[2, q]
         p = F[0, q] * n0 + F[1, q] * n1 + F[2, q] * n2 + stiff_n[q] * gap[q]
         if p >= 0.0:
@@ -47,13 +51,13 @@ def answer(normal, stiff_n, stiff_t, gap, friction, F, previous, force, status):
 
 
 @compiled
-def slopes(normal, stiff_n, stiff_t, gap, friction, F, previous, active, slope):
-    """∂f̂/∂F (3, 3, Q) at the closed pairs ``active`` (Q,) int.
+def slopes(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, active, slope):
+    """∂f̂/∂F (3, 3, Q) at the closed pairs ``active`` (Q,) int, of these from start to stop.
 
     Stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force T = |T| e.
     """
     n, e = np.empty(3), np.empty(3)
-    for r in range(len(active)):
+    for r in range(start, stop):
         q = active[r]
         p, along = stiff_n[q] * gap[q], 0.0
         for c in range(3):

@@ -41,9 +41,9 @@ _TURNS = np.zeros((AFFINE, 3))
 for _turn, (_i, _j) in enumerate(((1, 2), (2, 0), (0, 1))):
     _TURNS[3 * (1 + _i) + _j, _turn], _TURNS[3 * (1 + _j) + _i, _turn] = 1.0, -1.0
 FIELDS = {"affine": np.eye(AFFINE), "rigid": np.hstack([np.eye(AFFINE, 3), _TURNS])}
-# Bodies from which on half the fields save more than the few iterations that they cost: up to 125 grains take the same seconds
-# either way, 343 take .8 of what they take with affine fields, and it grows with the cost of the factors.
-MANY = 200
+# Bodies from which on half the fields save more than the one to three iterations that they cost: 27 grains take the same CPU
+# seconds either way, 64 and 125 take .9 of what they take with affine fields, 343 take .8, as factors cost more and more.
+MANY = 50
 DEPENDENT = 1e-10  # eigenvalue of the fields' Gram matrix, over the largest, that counts as zero
 REACH = 0.3  # longest move of a body in one Newton step, over the largest displacement at the start
 FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place, often far from where they are

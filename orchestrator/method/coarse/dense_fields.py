@@ -42,6 +42,10 @@ class DenseFields(PairFields):
                  part=self.part(len(self.chosen)))
         return result
 
+    def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As for ``PairFields``."""
+        return self.predicted(np.zeros((3, len(self.chosen))), y), self.jump(y) * weight[self.chosen]
+
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
         """As for ``PairFields``."""
         result, weighted = np.zeros((bodies, self.size)), (force * weight[self.chosen]).T

@@ -69,6 +69,40 @@ def moved(start, stop, phi, chosen, bounds, C, d):
 
 
 @compiled
+def swept(start, stop, L, phi, chosen, bounds, both, C, weight, dF, against):
+    """dF = L y and against = ω (1₃ ⊗ φ) c, (3, Q), at some of the pairs; L and ``both`` as for ``spread``, C as for ``moved``.
+
+    Parameters
+    ----------
+    weight : (P,) ω
+    """
+    m = phi.shape[1]
+    for i in range(start, stop):
+        y, c = both[i], C[i]
+        for q in range(bounds[i], bounds[i + 1]):
+            p = chosen[q]
+            row, monomials, share = L[p], phi[p], weight[p]
+            for d in range(3):
+                total = 0.0
+                for f in range(len(y)):
+                    total += row[d, f] * y[f]
+                dF[d, q] = total
+                total = 0.0
+                for j in range(m):
+                    total += c[d * m + j] * monomials[j]
+                against[d, q] = share * total
+
+
+@compiled
+def along(start, stop, F, theta, dF, result):
+    """result (3, Q) = F + θ dF at pairs from start to stop."""
+    for c in range(3):
+        here, change, there = F[c, start:stop], dF[c, start:stop], result[c, start:stop]
+        for q in range(len(there)):
+            there[q] = here[q] + theta * change[q]
+
+
+@compiled
 def carried(start, stop, phi, chosen, bounds, A, force, weight, result):
     """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 

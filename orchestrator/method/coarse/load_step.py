@@ -14,16 +14,21 @@ Among ranks, what belongs to an interface is formed by the rank of its first sid
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
+from orchestrator.method.coarse.kernels import along
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.parallel.team import Team
 
 RESOLVED = 100 * float(np.finfo(np.float32).eps)  # ε above which the springs alone are told apart in single precision
+WORTH = 1 << 14  # pairs, over which F + θ dF takes longer than to hand them out to a thread
+LEFT_OUT = 0.2  # of the pairs, from which on it saves more than it costs to look only at the others
 REACH = 2.0  # size of the fields that pairs must be able to close at, over the size last seen
 
 
@@ -54,6 +59,17 @@ class Bodies:
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray | None
+
+    @cached_property
+    def resisting(self) -> np.ndarray:
+        """(P,) ε of the pairs that this rank adds up, 0 at others."""
+        return np.where(self.theirs, self.fields.pairs.stabilisation, 0.0)
+
+    @cached_property
+    def summed(self) -> tuple[np.ndarray, PairFields]:
+        """The pairs that this rank adds up, (Q,) int, and the fields at them."""
+        chosen = np.flatnonzero(self.theirs)
+        return chosen, self.fields if len(chosen) == len(self.theirs) else self.fields.some(chosen)
 
     @classmethod
     def of(cls, team: Team, count: int, own: np.ndarray, fields: PairFields, K0: np.ndarray) -> Bodies:
@@ -108,25 +124,21 @@ class LoadStep:
         self.seen = np.zeros_like(reach)
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
-            resisted = np.where(bodies.theirs, pairs.resisted(F0, previous), 0.0)
-            self.resisted = bodies.fields.carried(resisted, pairs.stabilisation, bodies.count)
+            self.resisted = bodies.fields.carried(pairs.resisted(F0, previous), bodies.resisting, bodies.count)
         self._choose()
 
     def _choose(self) -> None:
-        fields, near = self.bodies.fields, self.bodies.theirs
+        fields, (chosen, self.fields) = self.bodies.fields, self.bodies.summed
         if np.isfinite(self.reach).all():
             change = fields.normal_size * np.repeat(self.reach, np.diff(fields.pairs.bounds))
-            near = near & ~fields.pairs.idle(self.F0, change, self.number)
-        if near.all():
-            self.fields, self.F0_near, self.before = fields, self.F0, self.previous
-        else:
-            chosen = np.flatnonzero(near)
-            self.fields = fields.some(chosen)
-            self.F0_near, self.before = self.F0.take(chosen, axis=1), self.previous.take(chosen, axis=1)
+            near = np.flatnonzero(self.bodies.theirs & ~fields.pairs.idle(self.F0, change, self.number))
+            if len(near) <= (1 - LEFT_OUT) * len(chosen):
+                chosen, self.fields = near, fields.some(near)
+        self.F0_near, self.before = ((x if len(chosen) == x.shape[1] else x.take(chosen, axis=1)) for x in (self.F0, self.previous))
 
     def _reach_for(self, y: np.ndarray) -> bool:
         """Take in the size of fields; whether pairs came back for it."""
-        size = np.linalg.norm(self.fields.both(y), axis=1)
+        size = np.sqrt((y**2).sum(axis=1)[self.fields.bodies].sum(axis=1))
         self.seen = np.maximum(self.seen, size)
         if not (size > self.reach).any():
             return False
@@ -192,8 +204,8 @@ class Line:
 
     def __init__(self, at: LoadStep, dy: np.ndarray):
         self.at, self.F, self.theta, bodies, near = at, at.F, None, at.bodies, at.fields
-        self.dF = near.predicted(np.zeros_like(at.F), dy)
-        self.against = near.jump(dy) * bodies.weight[near.chosen]
+        self.dF, self.against = near.swept(dy, bodies.weight)
+        self.there = np.empty_like(at.F)
         self.stiff, self.sprung = at._linear(dy)
         self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
         self.springs = (0.0, 0.0)
@@ -203,7 +215,8 @@ class Line:
     def __call__(self, theta: float) -> float:
         """dy·ρ(y + θ dy), the work of the imbalance."""
         at = self.at
-        at.F = self.F + theta * self.dF
+        at.F = self.there
+        in_parts(along, at.F.shape[1], self.F, theta, self.dF, at.F, part=WORTH)
         self.force, self.theta = at.fields.pairs.force(at.F, at.before, at.number).force, theta
         carried, = at.bodies.team.sum(np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1])
         return float(self.start + theta * self.slope - carried)

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
-from orchestrator.method.coarse.kernels import carried, gathered, moved, spread
+from orchestrator.method.coarse.kernels import carried, gathered, moved, spread, swept
 from orchestrator.method.interface.pairs import Pairs
 
 MONOMIALS = 4
@@ -86,6 +86,15 @@ class PairFields:
         in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result,
                  part=self.part(len(self.chosen)))
         return result
+
+    def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3, Q) L y and ω T y of the fields y (bodies, n); ω (P,) of all node pairs."""
+        change, against = np.empty((2, 3, len(self.chosen)))
+        both = self.both(y)
+        combined = np.matmul(self.A, both[:, :, None])[:, :, 0]
+        in_parts(swept, len(self.bodies), self.all_L, self.phi, self.chosen, self.pairs.bounds, both, combined, weight, change, against,
+                 part=self.part(len(self.chosen)))
+        return change, against
 
     def both(self, y: np.ndarray) -> np.ndarray:
         """(I, 2n) fields of the two bodies of every interface."""

@@ -47,6 +47,21 @@ def predicted(start, stop, free, normal, stiff_n, stiff_t, jump, force, F):
 
 
 @compiled
+def resisted(start, stop, free, normal, stiff_n, stiff_t, F, previous, result):
+    """result = F − keq d_before, (3, P)."""
+    part = slice(start, stop)
+    free, normal, F, previous, result = free[:, part], normal[:, part], F[:, part], previous[:, part], result[:, part]
+    stiff_n, stiff_t = stiff_n[part], stiff_t[part]
+    for p in range(stop - start):
+        along = 0.0
+        for c in range(3):
+            along += previous[c, p] * normal[c, p]
+        along *= stiff_n[p] - stiff_t[p]
+        for c in range(3):
+            result[c, p] = F[c, p] - stiff_t[p] * previous[c, p] - along * normal[c, p] if free[c, p] else 0.0
+
+
+@compiled
 def settled(start, stop, free, normal, stiff_n, stiff_t, epsilon, F, previous, lawful, force, jump):
     """f̂ = (1 − ε) law(F) + ε (F − keq d_before) and d = (F − f̂)/keq, (3, P); ``epsilon`` is empty where nothing is blended."""
     part = slice(start, stop)

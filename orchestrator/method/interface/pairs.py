@@ -149,7 +149,9 @@ class Pairs:
 
     def resisted(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
         """(3, P) F − keq d_before: the force that leaves pairs where they were at the end of the load step before."""
-        return self.masked(F - self.points.stiffness(previous))
+        result = np.empty(F.shape)
+        in_parts(pair_loops.resisted, len(self), self.free, *self.points.search, F, previous, result)
+        return result
 
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
