@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,9 +20,51 @@ from orchestrator.savings import Savings
 LARGEST = 4000
 
 
+@dataclass(eq=False)
+class Assembled:
+    """A model's stiffness, within that of models that are not coupled to it.
+
+    Parameters
+    ----------
+    whole : stiffness of all of them
+    first, last : its dofs are first … last − 1
+    """
+
+    whole: sp.csr_array
+    first: int
+    last: int
+
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        """(3n, 3n) by itself."""
+        pointers = self.whole.indptr[self.first : self.last + 1]
+        inside = slice(pointers[0], pointers[-1])
+        return sp.csr_array((self.whole.data[inside], self.whole.indices[inside] - self.first, pointers - pointers[0]),
+                            shape=(self.last - self.first,) * 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A small sparse matrix (n, n) by rows: for thousands of them SciPy's own would take longer to be made than to be used."""
+
+    data: np.ndarray
+    indices: np.ndarray
+    indptr: np.ndarray
+
+    @property
+    def nnz(self) -> int:
+        """Number of entries."""
+        return len(self.data)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n, n)."""
+        return (len(self.indptr) - 1,) * 2
+
+
 def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: bool,
-              savings: Savings) -> list[sp.csr_array]:
-    """Stiffness (3n, 3n) of every model; congruent ones get the very same matrix.
+              savings: Savings) -> list[Assembled]:
+    """Stiffness of every model; congruent ones get the very same.
 
     Parameters
     ----------
@@ -37,16 +82,28 @@ def assembled(models: Sequence[Model], blackbox: BlackBox, workers: int, share: 
     savings.add("congruent", "small stiffness matrices", len(models) - len(kinds))
     tets = sum(len(models[k].cells) for k in kinds)
     packets = joined([models[k] for k in kinds], max(workers, tets // LARGEST))
-    found: dict[int, sp.csr_array] = {}
+    found: dict[int, Assembled] = {}
     for stiffness, (_, members) in zip(blackbox.stiffness([m for m, _ in packets]), packets):
-        ends = np.cumsum([0] + [3 * len(models[kinds[m]].nodes) for m in members])
-        found |= {int(kinds[m]): _block(stiffness, a, b) for m, a, b in zip(members, ends[:-1], ends[1:])}
+        ends = np.cumsum([0] + [3 * len(models[kinds[m]].nodes) for m in members]).tolist()
+        found |= {int(kinds[m]): Assembled(stiffness, a, b) for m, a, b in zip(members, ends[:-1], ends[1:])}
     return [found[int(k)] for k in first]
 
 
-def _block(stiffness: sp.csr_array, first: int, last: int) -> sp.csr_array:
-    """Rows and columns first … last − 1 of a matrix that couples them with no others."""
-    pointers = stiffness.indptr[first : last + 1]
-    inside = slice(pointers[0], pointers[-1])
-    return sp.csr_array((stiffness.data[inside], stiffness.indices[inside] - first, pointers - pointers[0]),
-                        shape=(last - first,) * 2)
+def cut(found: Sequence[Assembled], chosen: Sequence[np.ndarray]) -> list[Block]:
+    """Rows and columns (n,) of each stiffness; those that lie in one matrix are taken from it together."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    before: Counter[int] = Counter()
+    for place, one in enumerate(found):  # what is asked for twice would meet itself
+        groups.setdefault((id(one.whole), before[id(one)]), []).append(place)
+        before[id(one)] += 1
+    blocks: list[Block | None] = [None] * len(found)
+    for places in groups.values():
+        dofs = np.concatenate([found[place].first + chosen[place] for place in places])
+        taken = sp.csr_array(found[places[0]].whole[dofs][:, dofs])
+        ends, first = taken.indptr, 0
+        for place in places:
+            last = first + len(chosen[place])
+            entries = slice(ends[first], ends[last])
+            blocks[place] = Block(taken.data[entries], taken.indices[entries] - first, ends[first : last + 1] - ends[first])
+            first = last
+    return blocks

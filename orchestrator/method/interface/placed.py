@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.blackbox.models.assembly import Block
 
-def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:
+
+def placed(blocks: Sequence[Block], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:
     """(size, size) the blocks (n, n) on the dofs (n,) of each; no dof belongs to two blocks.
 
     One and the same block on many places is put there in one go.

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.models.assembly import assembled, cut
 from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
@@ -121,19 +121,18 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     BlackBoxError : from the code
     """
     requests = sole_models(scene, soles)
-    blocks, slots, known = [], [], {}
-    for stiffness, (_, (index, side)) in zip(
-            assembled([model for model, _ in requests], blackbox, workers, share, savings), requests):
+    found, different, numbers, slots = assembled([model for model, _ in requests], blackbox, workers, share, savings), {}, [], []
+    for stiffness, (_, (index, side)) in zip(found, requests):
         free = traced(scene.interfaces[index], side).ravel()
         key = id(stiffness), free.tobytes()  # congruent soles share their stiffness
-        if key not in known:
-            chosen = np.flatnonzero(free)  # the outer nodes are clamped
-            known[key] = stiffness, sp.csr_array(stiffness[chosen][:, chosen])
+        if key not in different:
+            different[key] = len(different), stiffness, np.flatnonzero(free)  # the outer nodes are clamped
         both = both_alike(scene, index, soles[index])
         for slot in space.sides[index] if both else (space.sides[index][side],):
-            blocks.append(known[key][1])
+            numbers.append(different[key][0])
             slots.append(slot)
-    k = placed(blocks, slots, len(space.owner))
+    blocks = cut([stiffness for _, stiffness, _ in different.values()], [chosen for *_, chosen in different.values()])
+    k = placed([blocks[number] for number in numbers], slots, len(space.owner))
     if space.ties is not None:
         k = sp.csr_array(space.ties.inverse.T @ k @ space.ties.inverse)
     return SearchDirection(k, space)

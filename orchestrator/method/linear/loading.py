@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.models.assembly import assembled
+from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.placed import placed
@@ -33,12 +33,17 @@ class RimStiffness:
 
     Parameters
     ----------
-    stiffness : (3r, 3r) sparse; rows of interface and prescribed dofs are complete
+    found : what the black box has assembled; None: there are no tets
     nodes : (r,) int, local node of the subdomain for each node of the rim
     """
 
-    stiffness: sp.csr_array
+    found: Assembled | None
     nodes: np.ndarray
+
+    @property
+    def stiffness(self) -> sp.csr_array:
+        """(3r, 3r) sparse; rows of interface and prescribed dofs are complete."""
+        return self.found.matrix if self.found is not None else sp.csr_array((3 * len(self.nodes),) * 2)
 
     @property
     def dofs(self) -> np.ndarray:
@@ -51,21 +56,22 @@ def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox,
     """Rim stiffness of a rank's own subdomains, assembled by the black box; congruent rims once if they ``share``."""
     rims: list[Rim] = [rim_model(scene, s, sides[s.index]) for s in own]
     filled = [r for r in rims if len(r.model.cells)]
-    stiffness = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
-    return [RimStiffness(next(stiffness) if len(r.model.cells) else sp.csr_array((3 * len(r.nodes),) * 2), r.nodes)
-            for r in rims]
+    found = iter(assembled([r.model for r in filled], blackbox, workers, share, savings))
+    return [RimStiffness(next(found) if len(r.model.cells) else None, r.nodes) for r in rims]
 
 
 def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:
     """(B, B) the subdomains' stiffness on their boundary dofs: energy of fields that vanish inside."""
-    blocks, known = [], {}  # congruent rims share their stiffness
-    for trace, rim in zip(traces, rims):
+    different, numbers, parts = {}, [], []
+    for trace, rim, part in zip(traces, rims, space.boundary):
+        if not len(trace):
+            continue
         position = np.searchsorted(rim.dofs, trace)
-        key = id(rim.stiffness), position.tobytes()
-        if key not in known:
-            known[key] = sp.csr_array(rim.stiffness[position][:, position])
-        blocks.append(known[key])
-    return placed(blocks, [np.arange(part.start, part.stop) for part in space.boundary], len(space.global_dof))
+        key = id(rim.found), position.tobytes()  # congruent rims share their stiffness
+        numbers.append(different.setdefault(key, (len(different), rim.found, position))[0])
+        parts.append(np.arange(part.start, part.stop))
+    blocks = cut([found for _, found, _ in different.values()], [position for *_, position in different.values()])
+    return placed([blocks[number] for number in numbers], parts, len(space.global_dof))
 
 
 @dataclass
