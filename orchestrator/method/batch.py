@@ -282,6 +282,8 @@ class Batch:
             self.whole_at = self.iteration
         whole = self.whole_at == self.iteration
         arrays, notes, back = self.acceleration.told(whole)
+        if ended and met:
+            arrays = {}  # nobody goes on from here: what follows begins with what is delivered
         notes = {"acceleration": notes, "criterion": self.criterion.notes, "ending": self.ending.notes, "reason": reason,
                  "batch": {"sweeps": self.sweeps, "left_out": self.left_out, "whole_at": self.whole_at, "anew": self.anew,
                            "resting": bool(self.resting)},

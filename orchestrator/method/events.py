@@ -105,6 +105,7 @@ class Subscriber:
     ----------
     wants_states : whether ``Iteration.state`` and ``Iteration.memory`` are needed. With several ranks, they are
         brought together for those alone who want them
+    wants_memory : whether the latter is: of states such a one may hear rank 0's part alone
 
     Examples
     --------
@@ -124,7 +125,7 @@ class Subscriber:
     converged after 12
     """
 
-    wants_states = False
+    wants_states = wants_memory = False
 
     def stage(self, name: str) -> None:
         """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""

@@ -60,7 +60,7 @@ class Checkpoint(Subscriber):
     InputError : from the first iteration, if there is no room for the end of the run
     """
 
-    wants_states = True
+    wants_memory = True
 
     def __init__(self, folder: ResultsFolder, fingerprint: str, start: Start | None = None,
                  warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)):

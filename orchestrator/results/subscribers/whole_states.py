@@ -33,21 +33,21 @@ class WholeStates(Subscriber):
     """
 
     def __init__(self, subscribers: Sequence[Subscriber], numbers: Numbers, team: Team):
-        self.keepers = Subscribers(s for s in subscribers if s.wants_states)
-        self.others = Subscribers(s for s in subscribers if not s.wants_states)
+        self.keepers = Subscribers(s for s in subscribers if s.wants_states or s.wants_memory)
+        self.others = Subscribers(s for s in subscribers if not (s.wants_states or s.wants_memory))
         self.team = team
         self.numbers = team.all_gather(numbers)
-        self.wanted = team.share(bool(self.keepers.all))
+        self.wanted, self.states = team.share((bool(self.keepers.all), any(s.wants_states for s in self.keepers.all)))
 
     def iteration(self, event: Iteration) -> None:
         self.others.iteration(event)
         if not self.wanted:
             return
         whole: dict[str, np.ndarray] = {}
-        for some in self._messages({"trace/state": event.state, **event.memory.spread}):
+        for some in self._messages(({"trace/state": event.state} if self.states else {}) | event.memory.spread):
             whole |= self._gathered(some)
         if self.team.rank == 0:
-            state = whole.pop("trace/state")
+            state = whole.pop("trace/state", event.state)
             self.keepers.iteration(replace(event, state=state, memory=event.memory.of_all(whole)))
 
     def _messages(self, arrays: dict[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:
@@ -59,7 +59,8 @@ class WholeStates(Subscriber):
                 yield some
                 size, some = 0, {}
             size, some[name] = size + more, array
-        yield some
+        if some:
+            yield some
 
     def _gathered(self, mine: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The whole scene's arrays, on rank 0, from every rank's columns of them, in one message; nothing elsewhere."""
