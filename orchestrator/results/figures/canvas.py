@@ -98,6 +98,7 @@ def _surface(view: View) -> vtkActor:
     actor = vtkActor()
     actor.SetMapper(mapper)
     look = actor.GetProperty()
+    look.SetBackfaceCulling(view.closed)  # what bodies hide themselves would cost as much again
     look.SetInterpolationToFlat()
     look.SetLighting(view.shaded)
     if view.shaded:

@@ -65,7 +65,7 @@ def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH, look: Loo
                 *([f"load step {step + 1} of {fields.steps}"] if fields.steps > 1 else []),
                 *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else [])]
         made.append(View(moved[step], seen.triangles, seen.stress[step], moved[step][seen.lines], outline, camera, limits,
-                         beyond, "   ·   ".join(told), inches=inches, magnified=factor,
+                         beyond, "   ·   ".join(told), inches=inches, closed=look.cut is None, magnified=factor,
                          mark=_mark(peak, factor, moved[step], seen.triangles, camera)))
     return made
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+    from matplotlib.transforms import Transform
 
 UNKNOWN = 0.75  # grey of what has no value
 PAINTED = "\n(drawn by matplotlib: VTK cannot draw on this machine)"
@@ -37,7 +39,23 @@ def show(axes: Axes, view: View, picture: np.ndarray | None) -> None:
         _paint(axes, view)
     axes.set(xlim=extent[:2], ylim=extent[2:])
     if view.mark is not None:
-        _point_at(axes, *view.mark, camera)
+        _point_at(axes, axes.transData, *view.mark, camera)
+
+
+def place(figure: Figure, at: tuple[float, float, float, float], view: View, picture: np.ndarray) -> None:
+    """The same of a picture without axes, which take as long to make as all that is drawn in them.
+
+    Parameters
+    ----------
+    at : left, bottom, width and height, shares of the figure
+    """
+    from matplotlib.transforms import Bbox, BboxTransform, TransformedBbox
+
+    camera, box = view.camera, TransformedBbox(Bbox.from_bounds(*at), figure.transFigure)
+    figure.add_artist(dot_for_dot(picture, box.x0, box.y0))
+    if view.mark is not None:
+        extent = Bbox.from_bounds(-camera.width / 2, -camera.height / 2, camera.width, camera.height)
+        _point_at(figure, BboxTransform(extent, box), *view.mark, camera)
 
 
 def dot_for_dot(picture: np.ndarray, left: float, bottom: float) -> Artist:
@@ -61,15 +79,20 @@ def dot_for_dot(picture: np.ndarray, left: float, bottom: float) -> Artist:
     return drawn
 
 
-def _point_at(axes: Axes, place: np.ndarray, value: float, visible: bool, camera: Camera) -> None:
+def _point_at(holder: Axes | Figure, transform: Transform, place: np.ndarray, value: float, visible: bool, camera: Camera) -> None:
     """A ring around the place of the peak, paler where it is hidden, and its value beside it, towards the picture's middle."""
+    from matplotlib.lines import Line2D
+    from matplotlib.text import Annotation
+
     text = f"peak {value:.3g}" + ("" if visible else " (behind or inside)")
     x, y = camera.project(place)[:2]
-    axes.plot([x], [y], marker="o", markersize=9, markerfacecolor="none", markeredgecolor="#D55E00", markeredgewidth=1.6,
-              linestyle="none", fillstyle="none" if visible else "top", alpha=1.0 if visible else 0.6)
-    axes.annotate(text, (x, y), xytext=(-12 if x > 0 else 12, -14 if y > 0 else 14),
-                  textcoords="offset points", ha="right" if x > 0 else "left", va="top" if y > 0 else "bottom", fontsize=8.5,
-                  color="#8a3c00", bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5})
+    holder.add_artist(Line2D(
+        [x], [y], transform=transform, marker="o", markersize=9, markerfacecolor="none", markeredgecolor="#D55E00",
+        markeredgewidth=1.6, linestyle="none", fillstyle="none" if visible else "top", alpha=1.0 if visible else 0.6))
+    holder.add_artist(Annotation(
+        text, (x, y), xycoords=transform, xytext=(-12 if x > 0 else 12, -14 if y > 0 else 14),
+        textcoords="offset points", ha="right" if x > 0 else "left", va="top" if y > 0 else "bottom", fontsize=8.5,
+        color="#8a3c00", bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5}))
 
 
 def scale(axes: Axes, view: View, label: str, names: Sequence[str] = ()) -> None:

@@ -17,7 +17,7 @@ from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import deformed, surface
 from orchestrator.results.figures.look import Look
-from orchestrator.results.figures.painting import PAINTED, scale, show
+from orchestrator.results.figures.painting import PAINTED, place, scale, show
 from orchestrator.results.figures.plotting import new_figure
 from orchestrator.results.figures.skin import Shape
 from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, viridis
@@ -132,14 +132,17 @@ def compose(panels: Panels, pictures: list[np.ndarray] | None, title: str) -> Fi
     figure = new_figure(WIDTH, total)
     for k, (view, heading) in enumerate(zip(panels.views, panels.headings)):
         left, bottom = k % panels.columns / panels.columns, total - _ABOVE - (k // panels.columns + 1) * (height + _HEADING)
-        axes = figure.add_axes((left, bottom / total, 1 / panels.columns, height / total))
-        show(axes, view, pictures[k] if pictures else None)
+        at = (left, bottom / total, 1 / panels.columns, height / total)
+        if pictures:
+            place(figure, at, view, pictures[k])
+        else:
+            show(figure.add_axes(at), view, None)
         figure.text(left + 0.5 / panels.columns, (bottom + height + 0.04) / total, heading,
                     ha="center", va="bottom", fontsize=9)
     share = 1 / len(panels.scales)
     for k, (view, label, names) in enumerate(panels.scales):
-        place = ((k + 0.5) * share - 0.2, (_BELOW - 0.2) / total, 0.4, 0.13 / total)
-        scale(figure.add_axes(place), view, label, names)
+        at = ((k + 0.5) * share - 0.2, (_BELOW - 0.2) / total, 0.4, 0.13 / total)
+        scale(figure.add_axes(at), view, label, names)
     figure.text(0.5, 1 - 0.12 / total, title, ha="center", va="top", fontsize=12)
     figure.text(0.5, 0.08 / total, panels.caption + ("" if pictures else PAINTED), ha="center", va="bottom",
                 fontsize=8.5, color="0.3")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_COMPRESSION = 4  # of 9: a twentieth larger than the usual 6, in half the time
 DPI = 160  # dots per inch, of figures and of the pictures in them
 GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
@@ -57,5 +58,5 @@ def tidy(axes: object) -> None:
 def png(figure: Figure) -> bytes:
     """The figure as PNG. In memory: Pillow, writing to a full disk, loses the error's number."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
+    figure.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": _COMPRESSION})
     return buffer.getvalue()

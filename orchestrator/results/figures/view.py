@@ -94,6 +94,7 @@ class View:
     palette : colours from the lower limit to the upper
     inches : width of the picture
     shaded : whether light falls on it; without, colours are exactly those of the scale
+    closed : whether the triangles are those of whole bodies, turned outward: the far side of a body is then never seen
     magnified : factor on the displacements drawn
     mark : place (3,) of the largest value, the value, and whether it is on a face turned to the eye; None: not marked
     """
@@ -110,6 +111,7 @@ class View:
     palette: Colormap = field(default_factory=viridis)
     inches: float = WIDTH
     shaded: bool = True
+    closed: bool = False
     magnified: float = 1.0
     mark: tuple[np.ndarray, float, bool] | None = None
 
