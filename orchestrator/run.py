@@ -41,6 +41,7 @@ from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.artist import Artist
+from orchestrator.results.fields.estimated import estimated
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
@@ -156,7 +157,8 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
     with watch("bound"):
         if team.rank == 0:
             if wanted and (team.size == 1 or whole.mesh.foreign):  # what stands for a part that is not ours has no moduli in fields
-                delivered = replace(delivered, discretisation=estimate.of_delivered(delivered.continuous))
+                found = estimated(fields) if team.size == 1 else None
+                delivered = replace(delivered, discretisation=found or estimate.of_delivered(delivered.continuous))
         if team.size > 1:
             give_back()  # of this rank's part nothing is left
             if team.rank == 0:

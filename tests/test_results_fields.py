@@ -1,6 +1,7 @@
 """Stress recovery against closed forms, and the field files read back."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import meshio
 import numpy as np
@@ -9,8 +10,12 @@ import results_case as case
 
 from orchestrator.errors import InputError
 from orchestrator.method.stopping import stress as recovery
+from orchestrator.method.stopping import stress_loops
+from orchestrator.method.stopping.discretisation import Estimator
+from orchestrator.results.fields.estimated import estimated
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
+from orchestrator.results.fields.nodal import principal
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import shape_gradients
@@ -119,3 +124,27 @@ def test_no_fields_and_damaged_fields(tmp_path):
     (tmp_path / "fields.npz").write_bytes(b"PK\x03\x04 half")
     with pytest.raises(InputError, match="fields.npz"):
         read_npz(tmp_path)
+
+
+def test_compiled_stresses_and_their_estimate_are_the_others():
+    """Where something opens, loops are compiled; two matters, bodies apart; of equal and of unknown stresses too."""
+    apart = case.opened()
+    lame = apart.lame * np.linspace(1, 2, len(apart.cells)).round(1)[:, None]
+    f = replace(apart, lame=lame, joined=np.arange(len(apart.numbering.nodes)))
+    plain = replace(f, joined=None).opened
+    assert f.opened.compiled and not plain.compiled
+    one = Estimator(plain.nodes, plain.cells, f.joined, plain.material, plain.lame)([plain.displacement])
+    found = estimated(f)
+    assert found.relative == pytest.approx(one.relative, rel=1e-12) and one.relative > 0.01
+    np.testing.assert_allclose(found.cells, one.cells, atol=1e-12 * one.cells.max())
+    assert estimated(replace(f, part=(f.cells.mean(axis=1) > 20).astype(int), parts=("a", "b"))) is None, "nodal stresses tell parts apart"
+    assert estimated(replace(f, joined=None)) is None
+    np.testing.assert_allclose(f.opened.volumes, plain.volumes, rtol=1e-12)
+    for step in range(f.steps):
+        largest = np.abs(plain.stress(step)).max()
+        np.testing.assert_allclose(f.opened.stress(step), plain.stress(step), atol=1e-12 * largest)
+    sigma = np.vstack([f.nodal.stress(1), np.zeros(6), [1, 1, 1, 1e-9, 0, 0], [2.0] * 6, [3, 1, 2, 0, 0, 5], [1, 1, 1, 1, 1, np.nan]])
+    np.testing.assert_allclose(stress_loops.principal(sigma), principal(sigma), atol=1e-13 * np.nanmax(np.abs(sigma)))
+    warm = replace(f, thermal=np.full((2, len(f.cells), 4), 1e-3)).opened
+    np.testing.assert_allclose(warm.stress(1) - plain.stress(1), -1e-3 * (3 * lame[:, :1] + 2 * lame[:, 1:]) * [1, 1, 1, 0, 0, 0],
+                               atol=1e-11 * np.abs(lame).max())

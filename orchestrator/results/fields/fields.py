@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.method.stopping import stress as recovery
+from orchestrator.method.stopping import stress_loops
 from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients
@@ -103,7 +104,7 @@ class Fields:
     def on_mesh_of(self, other: Fields) -> Fields:
         """These fields, with all that has been found of the mesh for others on the same one."""
         known, theirs = vars(self), vars(other)
-        known |= {name: theirs[name] for name in ("numbering", "material", "_geometry") if name in theirs}
+        known |= {name: theirs[name] for name in ("numbering", "material", "volumes", "_geometry") if name in theirs}
         if "_nodal" in theirs:
             known["_nodal"] = other.nodal.of(self)
         return self
@@ -150,9 +151,14 @@ class Fields:
         return shape_gradients(self.nodes, self.cells)
 
     @property
+    def compiled(self) -> bool:
+        """Whether loops over the cells are compiled: where something opens, as the run's own were; of four-node tets."""
+        return self.joined is not None and self.cells.shape[1] == 4
+
+    @cached_property
     def volumes(self) -> np.ndarray:
         """(m,) volumes of the cells."""
-        return self._geometry[1]
+        return stress_loops.volumes(self.nodes, self.cells) if self.compiled else self._geometry[1]
 
     @cached_property
     def material(self) -> np.ndarray:
@@ -164,6 +170,9 @@ class Fields:
 
     def stress(self, step: int) -> np.ndarray:
         """(m, 6) mean stress of the cells at one load step."""
+        if self.compiled:
+            return stress_loops.stresses(self.nodes, self.cells, self.lame, self.displacement[step],
+                                         None if self.thermal is None else self.thermal[step] @ recovery.CENTRE).T
         epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step])
         return recovery.stress(self._elastic(epsilon, step, recovery.CENTRE), self.lame)
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orchestrator.method.stopping import stress_loops
 from orchestrator.method.stopping.stress import von_mises
 from orchestrator.parallel.borders import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
@@ -84,7 +85,8 @@ class Nodal:
 
     def principal(self, step: int) -> np.ndarray:
         """(K, 3) principal stresses at one load step, the largest first."""
-        return _kept(self._principal, step, lambda step: principal(self.stress(step)))
+        found = stress_loops.principal if self.fields.compiled else principal
+        return _kept(self._principal, step, lambda step: found(self.stress(step)))
 
     def von_mises(self, step: int) -> np.ndarray:
         """(K + e,) von Mises stress at the places of ``split``."""
@@ -100,10 +102,13 @@ class Nodal:
         fields, volumes = self.fields, self.fields.volumes
         linear = fields.cells.shape[1] == 4
         sigma = fields.stress(step) if linear else fields.corner_stress(step)
-        result = np.empty((6, len(self)))
-        for c in range(6):
-            each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
-            result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
+        if fields.compiled:
+            result = stress_loops.sums_at_nodes(self.corner, volumes, sigma.T, len(self))
+        else:
+            result = np.empty((6, len(self)))
+            for c in range(6):
+                each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
+                result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
         if fields.believed is not None:  # before other ranks' sums: theirs are no better there
             result[:, self.corner[~fields.believed]] = np.nan
         self._borders(result)
