@@ -122,6 +122,10 @@ class General:
         left = f + self._turned(self.B, self._flat(self.carried(f)), flat=True)
         return np.where(self._met, self.across(f) + f[..., : self.size], np.sqrt(2.0) * left[..., : self.size])
 
+    def opposed_traces(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As of ``Matching``."""
+        return (np.arange(self.size), w[..., : self.size] + self.mismatch(w), self.imbalance(f) - f[..., : self.size])
+
     # ---- matrices ------------------------------------------------------------------------------
 
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:

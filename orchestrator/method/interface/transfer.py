@@ -85,6 +85,11 @@ class Matching:
         """(…, D) what the sides' forces (…, D + G) do not cancel, at both nodes of a pair."""
         return f[..., : self.size] + self.across(f)
 
+    def opposed_traces(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A place (D,) for every trace dof, and two arrays that have there what the other side's w and f are, so that
+        ``mismatch`` and ``imbalance`` of traces (…, D + G) need not be formed."""
+        return self.partner, w, f
+
     # ---- matrices ------------------------------------------------------------------------------
 
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:

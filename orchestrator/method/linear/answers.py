@@ -47,16 +47,20 @@ class GuardedTraces(Layer):
         size = max((part.stop for part in self.parts), default=0)
         self.earlier = np.zeros((2, size))  # a load of each subdomain and its answer
         self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
-        self.all = Segments(self.parts)
         self.own: dict[int, sp.csr_array] = {}
         self._begun: tuple[np.ndarray, Meanwhile] | None = None
+
+    @cached_property
+    def all(self) -> Segments:
+        """The boundary dofs of the subdomains."""
+        return Segments(self.parts, looped=not all(self.direction.space.perfect))
 
     @cached_property
     def owned(self) -> Segments:
         """The trace dofs of the subdomains, which lie together as their boundary dofs do."""
         space = self.direction.space
         ends = np.searchsorted(space.owner[: space.size], [*space.subdomains, np.inf])
-        return Segments([slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
+        return Segments([slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])], looped=self.all.looped)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.
@@ -134,7 +138,7 @@ class GuardedTraces(Layer):
     def _in_soles(self, w: np.ndarray, kw: np.ndarray) -> np.ndarray:
         """(rows, S) twice the energy of the soles of each subdomain, wᵀk w."""
         result = np.zeros((len(w), len(self.parts)))
-        result[:, self.owned.subdomains] = self.owned.sums(w * kw)
+        result[:, self.owned.subdomains] = self.owned.products(w, kw)[0]
         return result[:, self.all.subdomains]
 
     def _judge(self, f: np.ndarray, u: np.ndarray, of: Segments, subdomains: Sequence[int], part: slice,
@@ -158,9 +162,7 @@ class GuardedTraces(Layer):
         if not 1 / ORDINARY < smallest <= largest < ORDINARY:
             f, u = (x * of.spread(inverse) for x in (f, u))
             inverse = sound.astype(float)
-        products = f * u
-        work, stored = of.sums(products), in_soles(u)
-        work, stored, size = (x * inverse**2 for x in (work, stored, of.sums(np.abs(products, out=products))))
+        work, size, stored = (x * inverse**2 for x in (*of.products(f, u), in_soles(u)))
         least = np.minimum(work, work - stored)
         wrong = sound & (least < -CONSISTENT * size)
         if wrong.any():
@@ -177,10 +179,14 @@ class GuardedTraces(Layer):
         old_f, old_u = self.earlier[:, part]
         if not known.all():
             old_f, old_u = np.where(known, old_f, chosen(f, first)), np.where(known, old_u, chosen(u, first))
-        one, other = of.sums(old_f * new_u), of.sums(new_f * old_u)
+
+        def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+            return of.products(a[None], b[None])[0][0]
 
         def norm(x: np.ndarray) -> np.ndarray:
-            return np.sqrt(of.sums(x * x))
+            return np.sqrt(product(x, x))
+
+        one, other = product(old_f, new_u), product(new_f, old_u)
 
         # loads of other symmetry do no work on each other: the sums are mere rounding then
         exchanged = norm(old_f) * norm(new_u) + norm(new_f) * norm(old_u)

@@ -102,7 +102,7 @@ class LawStage:
         s = f_hat + k_hat
         if len(alone):
             s[:, alone] = exchanged
-        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status)
+        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status, at)
 
     def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, previous: np.ndarray,
                  step: int) -> tuple[Answer, np.ndarray, np.ndarray]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
 
 
 @dataclass
@@ -20,6 +22,7 @@ class LocalState:
     lawful : (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
     jump : (T, 3, P) its jump d
     status : (T, P) int, what its law says it does
+    at : the fields that it was made of at these pairs, for who measures it next
     """
 
     s: np.ndarray
@@ -28,6 +31,7 @@ class LocalState:
     lawful: np.ndarray | None = None
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
+    at: PairTraces | GeneralTraces | None = field(default=None, repr=False)
 
     def steps(self, chosen: slice) -> LocalState:
         """Of some of the load steps, where interfaces are not perfect."""

@@ -63,15 +63,14 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
     counted = local_stage.counts(local)
-    apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
     if local.force is None or exact_norms(direction, exact):
+        apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
         parts = [*latin_parts(stage, local_stage, fields, local, exact),
                  _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
                  _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
     else:  # laws are compiled anyway
-        robin = stage.robin_of(fields)
-        parts = np.sum(in_parts(all_squares, space.size, k, w, f, fields.s, residual, robin, apart, unbalanced, *local.hats),
-                       axis=0).tolist()
+        parts = np.sum(in_parts(all_squares, space.size, k, w, f, fields.s, residual, stage.robin_of(fields),
+                                *space.transfer.opposed_traces(*fields.extended), *local.hats), axis=0).tolist()
     parts.append(np.array(list(counted.values())))
     if macro is not None:
         parts += macro.imbalance(f)
@@ -130,20 +129,23 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
 
 
 @compiled
-def all_squares(start, stop, k, w, f, s, residual, robin, apart, unbalanced, w_hat, f_hat, kw_hat):
-    """All sums of ``measure`` in the order of its parts, over the trace dofs from start to stop; inverse norms by the diagonal."""
+def all_squares(start, stop, k, w, f, s, residual, robin, partner, w_there, f_there, w_hat, f_hat, kw_hat):
+    """All sums of ``measure`` in the order of its parts, over the trace dofs from start to stop; inverse norms by the diagonal.
+
+    What the other side of dof i has is ``w_there`` and ``f_there`` at ``partner[i]``.
+    """
     gap, total, jump, moved, imbalance, force, change, state = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     own, part = k[start:stop], slice(start, stop)
     for t in range(len(w)):
         x, y, xh, yh, kxh, loaded = w[t, part], f[t, part], w_hat[t, part], f_hat[t, part], kw_hat[t, part], robin[t, part]
-        a, u, old, left = apart[t, part], unbalanced[t, part], s[t, part], residual[t, part]
+        old, left, meets, w_other, f_other = s[t, part], residual[t, part], partner[part], w_there[t], f_there[t]
         for i in range(len(own)):
             inverse, kx = 1.0 / own[i], loaded[i] - y[i]
             gap += (x[i] - xh[i]) * (kx - kxh[i]) + inverse * (y[i] - yh[i]) ** 2
             total += x[i] * kx + inverse * y[i] ** 2 + xh[i] * kxh[i] + inverse * yh[i] ** 2
-            jump += own[i] * a[i] ** 2
+            jump += own[i] * (w_other[meets[i]] - x[i]) ** 2
             moved += own[i] * x[i] ** 2
-            imbalance += inverse * u[i] ** 2
+            imbalance += inverse * (f_other[meets[i]] + y[i]) ** 2
             force += inverse * y[i] ** 2
             change += inverse * left[i] ** 2
             state += inverse * (old[i] + left[i]) ** 2

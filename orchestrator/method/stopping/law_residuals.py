@@ -86,7 +86,10 @@ class LawMeasure:
     """
 
     def __init__(self, pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, first_previous: np.ndarray):
-        self.pairs, points, at = pairs, pairs.points, pairs.traces(w, f)
+        at, local.at = local.at, None  # it is large
+        if at is None or at.w is not w or at.f is not f:
+            at = pairs.traces(w, f)
+        self.pairs, points = pairs, pairs.points
         top, bottom, unbalanced = at.squares(local.force)
         stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
         tied = pairs.tied
