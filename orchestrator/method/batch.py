@@ -142,11 +142,12 @@ class Batch:
             with watch("acceleration"):
                 beside = criterion.early(evaluated)
                 if d.nonlinear is None:
-                    residual, best, early = acceleration.take(evaluated, local.s, beside)
+                    residual, early = acceleration.take(evaluated, local.s, beside)
+                    foreseen = self._foreseen(evaluated.s)
+                    best = acceleration.best(evaluated)
                 else:  # what the coarse problem has changed is extrapolated: the point is the one that was asked
-                    residual, _, early = acceleration.take(replace(evaluated, s=self.s), local.s, beside)
-                    best = evaluated
-                foreseen = self._foreseen(evaluated.s) if d.nonlinear is None else None
+                    residual, early = acceleration.take(replace(evaluated, s=self.s), local.s, beside)
+                    foreseen, best = None, evaluated
             with watch("bound"):
                 more, ends = criterion.begin(best, local, early)
                 if self.placing is not None:

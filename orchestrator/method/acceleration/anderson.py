@@ -46,8 +46,8 @@ class Anderson:
         """Nothing."""
 
     def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
-        """Take in an evaluation; the best known point is the evaluation itself."""
+             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+        """Take in an evaluation."""
         s = evaluated.s
         residual, r, square = weighted_residual(s, image, self.root)
         size, sums = self._remember(s, r, square, beside)
@@ -57,7 +57,11 @@ class Anderson:
             self.smallest = size
         self.smallest = min(self.smallest, size)
         self.s, self.r, self.image = s, r, image
-        return residual, evaluated, sums
+        return residual, sums
+
+    def best(self, evaluated: Admissible) -> Admissible:
+        """The best known point is the evaluation itself."""
+        return evaluated
 
     def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
         """The last evaluation, and how many before it are remembered as differences."""

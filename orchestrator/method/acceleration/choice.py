@@ -34,7 +34,7 @@ class Acceleration(Protocol):
         """What the next evaluation is not needed for, while its traces are under way."""
 
     def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
+             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
         """Take in an evaluation.
 
         Parameters
@@ -46,9 +46,11 @@ class Acceleration(Protocol):
         Returns
         -------
         residual : F(s) − s at the best point known so far
-        fields : the linear stage there
         beside : the sums; None where it has no message to send
         """
+
+    def best(self, evaluated: Admissible) -> Admissible:
+        """The linear stage at the best point known so far, once an evaluation has been taken in; ``next`` does not wait for it."""
 
     def next(self) -> np.ndarray:
         """State to evaluate next; the caller's to change."""

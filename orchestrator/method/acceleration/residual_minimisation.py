@@ -58,10 +58,14 @@ class Relaxation:
         """Nothing."""
 
     def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
-        """Take in an evaluation; the best known point is the evaluation itself."""
+             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+        """Take in an evaluation."""
         self.s, self.residual = evaluated.s, image - evaluated.s
-        return self.residual, evaluated, None
+        return self.residual, None
+
+    def best(self, evaluated: Admissible) -> Admissible:
+        """The best known point is the evaluation itself."""
+        return evaluated
 
     def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
         """The last evaluation."""
@@ -109,8 +113,8 @@ class ResidualMinimisation:
                        for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
 
     def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, Admissible, list[np.ndarray] | None]:
-        """Take in an evaluation; residual and fields at the combination of least residual.
+             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+        """Take in an evaluation; residual at the combination of least residual.
 
         u and α are affine functions of s: they are combined like it.
         """
@@ -121,9 +125,7 @@ class ResidualMinimisation:
             asked = [self.carried.bound.pull(evaluated)]
         if self.r is None:
             told = self.team.sum(*asked, *beside) if asked or beside else []
-            self.r, self.point, best, sums = r, point + told[: len(asked)], evaluated, told[len(asked) :]
-            if asked:
-                best.pull = self.point[-1]
+            self.r, self.point, sums = r, point + told[: len(asked)], told[len(asked) :]
         else:
             dr = r - self.r
             if self._ahead is None:
@@ -152,11 +154,19 @@ class ResidualMinimisation:
                 self.tilted = self.tilted[:, 1:, 1:]
             self.gamma = -along * inverse
             self._step(dr, dp)
-            best = self.complete(*self.point[:3])
-            if self.carried is not None:
-                self.carried.put(best, self.point[3:])
         self.taken += 1
-        return self.r / self.root, best, sums
+        return self.r / self.root, sums
+
+    def best(self, evaluated: Admissible) -> Admissible:
+        """The fields at the combination of least residual."""
+        if self.directions:
+            fields = self.complete(*self.point[:3])
+            if self.carried is not None:
+                self.carried.put(fields, self.point[3:])
+            return fields
+        if self.carried is not None:
+            evaluated.pull = self.point[-1]
+        return evaluated
 
     def _orthogonal(self, dr: np.ndarray, size: np.ndarray, scale: np.ndarray, along: np.ndarray,
                     products: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -105,8 +105,9 @@ class GuardedTraces(Layer):
 
     def settle(self) -> None:
         """Wait for what has been begun, if anything has, and keep it for who asks next."""
-        if self._begun is not None:
-            self._begun[1].result()
+        begun = self._begun  # who has begun it may fetch it from another thread
+        if begun is not None:
+            begun[1].result()
 
     def forget(self) -> None:
         """Wait for what has been begun, and let it go: nobody will ask."""
@@ -119,9 +120,10 @@ class GuardedTraces(Layer):
         They are the caller's to change.
         """
         self.settle()
-        if self._begun is not None and self._begun[0] is forces:
-            begun, self._begun = self._begun[1], None
-            return begun.result()
+        begun = self._begun
+        if begun is not None and begun[0] is forces:
+            self._begun = None
+            return begun[1].result()
         return self._answered(forces)
 
     def _answered(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

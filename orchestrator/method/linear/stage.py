@@ -21,6 +21,7 @@ import numpy as np
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_answers import MacroAnswers
+from orchestrator.method.linear.meanwhile import Meanwhile
 from orchestrator.method.linear.nonlinear import AtStep
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
@@ -116,21 +117,29 @@ class LinearStage:
                  loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces, nonlinear: AtStep | None = None):
         self.space, self.direction, self.macro = space, direction, macro
         self.loaded, self.known, self.blackbox, self.nonlinear = loaded, known, blackbox, nonlinear
-        self._begun: tuple[np.ndarray, np.ndarray] | None = None
+        self._begun: tuple[np.ndarray, Callable[[], Admissible]] | None = None
 
     def under(self, loaded: np.ndarray, known: np.ndarray | None, nonlinear: AtStep | None = None) -> LinearStage:
         """The same for other load steps."""
         return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox, nonlinear)
 
     def begin(self, s: np.ndarray) -> None:
-        """Have the codes answer to a state (T, D) that is likely to be the next, and that nobody changes, meanwhile."""
+        """Begin with a state (T, D) that is likely to be the next, and that nobody changes: the codes answer meanwhile, and
+        where no other rank has to be heard, what follows from their answers is done meanwhile too."""
         if s.any():
-            self._begun = s, self.space.loads(s)
-            self.blackbox.begin(self._begun[1])
+            forces = self.space.loads(s)
+            self.blackbox.begin(forces)
+
+            def rest() -> Admissible:
+                return self._corrected(s, self.blackbox.answered(forces))
+
+            self._begun = s, Meanwhile(rest).result if self.space.team.size == 1 else rest
 
     def forget(self) -> None:
         """What has been begun is not wanted: wait for its end."""
-        self._begun = None
+        begun, self._begun = self._begun, None
+        if begun is not None and self.space.team.size == 1:
+            begun[1]()
         self.blackbox.forget()
 
     def __call__(self, s: np.ndarray) -> Admissible:
@@ -138,22 +147,31 @@ class LinearStage:
 
         A zero state needs none: the loads' part is known.
         """
-        of_loads, alpha = self._of_loads, np.zeros((len(s), 0))
+        if self._begun is not None and self._begun[0] is s:
+            begun, self._begun = self._begun, None
+            return begun[1]()
+        if self._begun is not None:
+            self.forget()
         if self.nonlinear is not None:
             robin = self.space.loads(s)
             u = self.blackbox.answered(robin)[0] + self.loaded if s.any() else self.loaded.copy()
             self.nonlinear.put(u, robin)
             w = self.trace(u)
-            kw = self.direction.times(w)
-        elif s.any():
-            begun, self._begun = self._begun, None
-            u, w, kw = self.blackbox.answered(begun[1] if begun is not None and begun[0] is s else self.space.loads(s))
-            for mine, theirs in zip((u, w, kw), of_loads):
-                mine += theirs
-        else:
-            u, w, kw = (x.copy() for x in of_loads)
+            return self._with_macro(s, u, w, self.direction.times(w))
+        if s.any():
+            return self._corrected(s, self.blackbox.answered(self.space.loads(s)))
+        return self._with_macro(s, *(x.copy() for x in self._of_loads))
+
+    def _corrected(self, s: np.ndarray, answers: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Admissible:
+        """The fields of a state, given what it alone makes of u, w and k w, which is changed."""
+        for mine, theirs in zip(answers, self._of_loads):
+            mine += theirs
+        return self._with_macro(s, *answers)
+
+    def _with_macro(self, s: np.ndarray, u: np.ndarray, w: np.ndarray, kw: np.ndarray) -> Admissible:
+        """The fields of a state from u (T, B), which is changed, w and k w (T, D) without the macro problem."""
         if self.macro is None:
-            return Admissible(s, u, alpha, w, s - kw, self.space)
+            return Admissible(s, u, np.zeros((len(s), 0)), w, s - kw, self.space)
         alpha = self.macro.multiplier(w, s - kw)
         u -= self.macro.displacement(alpha)
         return self.complete(s, u, alpha)
