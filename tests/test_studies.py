@@ -330,7 +330,7 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     monkeypatch.setattr(scaling, "without_ranks", lambda: "not in this test")
     monkeypatch.setattr(scaling, "measure_macro", lambda: prediction.measure_macro((2, 3)))
     study = Study("scaling", "tiny", tmp_path)
-    scaling.run(study, elements=2)
+    scaling.run(study, elements=2, repeats=1)
     study.close()
     table = rows_of(tmp_path / "table.csv")
     assert [r["case"] for r in table] == ["strong", "strong", "weak", "weak"]
@@ -386,6 +386,8 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 
 
 def test_prediction_adds_up():
+    from dataclasses import replace
+
     from orchestrator.studies.performance.prediction import Costs, MacroCosts, largest, limit, predict, ranks_of
 
     costs = Costs(start=1, scene=0.01, hand_out=0.001, bytes=1e6, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, results=0.03,
@@ -405,6 +407,7 @@ def test_prediction_adds_up():
     assert large["iterations"]["repositioning, on every rank"] == pytest.approx(10 * (1e-2 + 2 * 48 * 1e5 / 1e10))
     assert small["set_up"]["macro problem: borders"] == pytest.approx(1e-12 * unknowns**3)
     assert largest(large)[0] == "set-up: macro problem: borders" and 0.3 < largest(large)[1] < 0.5
+    assert Costs.least([replace(costs, own=1.0, solve=0.05), costs]) == replace(costs, solve=0.05)
     alone = predict(costs, MacroCosts((1e-6, 1.0), (1e-6, 1.0), (1.0, 1.0), (0.0, 1.0), (0.0, 1.0), (1.0, 1.0)), 8)  # borders cost too much
     assert alone["set_up"]["macro problem: borders"] == 0 and alone["set_up"]["prepare"] == pytest.approx(4)
     count = limit(costs, macro)

@@ -37,7 +37,8 @@ class Workload:
 
     Notes
     -----
-    Peak memory is that of the rank's own process since it was started, at the end of the period.
+    Peak memory is that of the rank's own process since it was started, at the end of the period; its CPU seconds are those of
+    all its threads, the codes' not among them.
     """
 
     def __init__(self, usage: Usage, watch: Stopwatch, team: Team = ALONE):
@@ -49,20 +50,20 @@ class Workload:
     def end(self, period: str) -> None:
         """Record what has happened since the last call under this name."""
         begin, seconds, calls, waiting, before = self._begin, self._seconds, self._calls, self._waiting, self._activity
-        earlier = self._others
+        earlier, spent_before = self._others, self._cpu
         self._note()
         waited, messages, sent, reductions = (now - then for now, then in zip(self._others, earlier))
-        wall = self._begin - begin
+        wall, cpu = self._begin - begin, self._cpu - spent_before
         stages = [{"rank": self.team.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
                    "seconds": spent, "waiting": self._waiting[stage] - waiting.get(stage, 0.0), "share": spent / wall}
                   for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
         workers = [_row(self.team.rank, now.since(then)) for now, then in zip(self._activity, before)]
-        ranks = [{"rank": self.team.rank, "seconds": wall, "waiting": waited, "share": waited / wall, "messages": messages,
+        ranks = [{"rank": self.team.rank, "seconds": wall, "cpu": cpu, "waiting": waited, "share": waited / wall, "messages": messages,
                   "reductions": reductions, "bytes": sent, "memory_peak_mb": memory_peak_mb()}]
         self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
 
     def _note(self) -> None:
-        self._begin = time.perf_counter()
+        self._begin, self._cpu = time.perf_counter(), time.process_time()
         self._seconds, self._calls, self._waiting = (dict(x) for x in (self.watch.seconds, self.watch.calls, self.watch.waiting))
         self._activity, self._others = self.usage.activity(), (
             self.team.waited, self.team.messages, self.team.bytes, self.team.reductions)

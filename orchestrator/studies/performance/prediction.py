@@ -16,7 +16,7 @@ import math
 import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -71,20 +71,30 @@ class Costs:
 
     @classmethod
     def of(cls, summary: Mapping[str, Any], scene: Scene) -> "Costs":
-        """Of a run with one rank and one worker, and its scene."""
+        """Of a run with one rank and one worker, and its scene.
+
+        Where the orchestrator computes, the lesser of wall and CPU seconds counts: others' work makes the first longer, work
+        on several cores the second.
+        """
         count, sweeps, iterations = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"]
         timing = summary["timing"]
         (setup,), (loop,) = (summary["workload"][period]["workers"] for period in ("set_up", "iterations"))
         known = sum(timing[stage] for stage in ("startup", "start", "mesh", "parts", "soles"))
+        cpu = {period: summary["workload"][period]["ranks"][0]["cpu"] for period in ("set_up", "iterations")}
         seconds, packed = handed_out(scene)
         periods = sum(summary["workload"][period]["seconds"] for period in ("set_up", "iterations"))
         return cls(
             start=timing["startup"] + timing["start"],
-            scene=timing["mesh"] / count, hand_out=seconds / count, bytes=packed / count, prepare=(timing["soles"] + setup["idle"]) / count,
+            scene=timing["mesh"] / count, hand_out=seconds / count, bytes=packed / count, prepare=(timing["soles"] + min(setup["idle"], cpu["set_up"])) / count,
             factorise=(setup["assemble"] + setup["factorise"]) / count,
-            solve=loop["solve"] / (count * sweeps), message=max(loop["messages"], 0.0) / (count * sweeps),
-            own=loop["idle"] / (count * iterations), results=max(timing["total"] - known - periods, 0.0) / count, iterations=iterations, sweeps=sweeps,
+            solve=loop["solve"] / (count * sweeps), message=min(max(loop["messages"], 0.0), cpu["iterations"]) / (count * sweeps),
+            own=min(loop["idle"], cpu["iterations"]) / (count * iterations), results=max(timing["total"] - known - periods, 0.0) / count, iterations=iterations, sweeps=sweeps,
             trace=3 * summary["interface_nodes"] / summary["interfaces"])
+
+    @classmethod
+    def least(cls, found: Sequence["Costs"]) -> "Costs":
+        """Of repetitions of one run, the least of each cost: what else the machine does only adds to them."""
+        return cls(**{f.name: min(getattr(costs, f.name) for costs in found) for f in fields(cls)})
 
 
 @dataclass(frozen=True)
