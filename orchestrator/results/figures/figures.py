@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,10 @@ from orchestrator.results.figures import codes, deformed, panels
 from orchestrator.results.figures.convergence import convergence
 from orchestrator.results.figures.copied import Copied
 from orchestrator.results.figures.look import Look
-from orchestrator.results.figures.panels import Panels
 from orchestrator.results.figures.plotting import png
 from orchestrator.results.figures.probes import probes_over_steps
 from orchestrator.results.figures.skin import Shape, shape
 from orchestrator.results.figures.stages import time_per_stage
-from orchestrator.results.figures.view import View
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.units import units_of
 
@@ -38,14 +37,16 @@ class Prepared:
     Parameters
     ----------
     fields : without displacements as long as these are not known
+    title : of the figures
     shape : of the structure; None where it is cut
-    pictures : name of a figure → what it is made of, with its pictures (None where nobody has drawn them)
+    figures : name → PNG
     """
 
     fields: Fields
     look: Look
+    title: str
     shape: Shape | None = None
-    pictures: Mapping[str, tuple[View | Panels, list[np.ndarray | None]]] = field(default_factory=dict)
+    figures: Mapping[str, bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -75,35 +76,32 @@ class Solved:
         return cls(fields.displacement, fields.sides, fields.interfaces, fields.believed, fields.thermal, known)
 
 
-def prepare(fields: Fields, look: Look, canvas: Canvas | None = None) -> Prepared:
-    """Of a structure whose displacements are not known yet; for the same of others see ``write_figures``."""
-    return Prepared(fields, look, shape(fields, look) if look.cut is None and len(fields.cells) else None)
+def prepare(fields: Fields, look: Look, title: str, canvas: Canvas | None = None) -> Prepared:
+    """Of a structure whose displacements are not known yet."""
+    return Prepared(fields, look, title, shape(fields, look) if look.cut is None and len(fields.cells) else None)
 
 
 def sketch(solved: Solved, canvas: Canvas | None = None, *, prepared: Prepared) -> Prepared:
-    """The pictures of the structure, once it is solved."""
+    """The figures of the structure, once it is solved; nothing is written."""
     fields = replace(prepared.fields, displacement=solved.displacement, sides=solved.sides, interfaces=solved.interfaces,
                      believed=solved.believed, thermal=solved.thermal)
-    return _drawn(fields.on_mesh_of(prepared.fields), prepared.look, prepared.shape, solved.stress, canvas)
+    return _drawn(replace(prepared, fields=fields.on_mesh_of(prepared.fields)), solved.stress, canvas)
 
 
-def _drawn(fields: Fields, look: Look, shape: Shape | None, stress: Mapping[int, np.ndarray] | None,
-           canvas: Canvas | None) -> Prepared:
-    pictures = {}
-
-    def draw(view: View) -> np.ndarray | None:
-        return None if canvas is None else canvas.draw(view)
-
-    if fields.steps and len(fields.cells):
-        if fields.interfaces is None:
-            view = deformed.view(fields, look, shape, stress)
-            pictures["deformed"] = view, [draw(view)]
-        else:
-            for name, grid in (("deformed", panels.opened(fields, look, shape, stress)), ("interfaces", panels.interfaces(fields, look)),
-                               ("jumps", panels.interfaces(fields, look, imposed=True))):
-                if grid is not None:
-                    pictures[name] = grid, [draw(view) for view in grid.views]
-    return Prepared(fields, look, shape, pictures)
+def _drawn(prepared: Prepared, stress: Mapping[int, np.ndarray] | None, canvas: Canvas | None) -> Prepared:
+    fields, look, title, shape = prepared.fields, prepared.look, prepared.title, prepared.shape
+    figures = {}
+    if not fields.steps or not len(fields.cells):
+        return prepared
+    if fields.interfaces is None:
+        view = deformed.view(fields, look, shape, stress)
+        figures["deformed"] = deformed.compose(view, None if canvas is None else canvas.draw(view), title, look)
+    else:
+        for name, grid in (("deformed", panels.opened(fields, look, shape, stress)), ("interfaces", panels.interfaces(fields, look)),
+                           ("jumps", panels.interfaces(fields, look, imposed=True))):
+            if grid is not None:
+                figures[name] = panels.compose(grid, None if canvas is None else [canvas.draw(view) for view in grid.views], title)
+    return replace(prepared, figures={name: png(figure) for name, figure in figures.items()})
 
 
 def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray],
@@ -128,7 +126,6 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     ------
     InputError : disk full or folder not writable
     """
-    title, figures = str(summary.get("name") or ""), {}
     charts: dict[str, Callable[[], Figure]] = {}
     if len(history.get("iteration", ())):
         charts["convergence"] = lambda: convergence(summary, history)
@@ -137,29 +134,29 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     if (chart := probes_over_steps(summary)) is not None:
         charts["probes"] = lambda: chart
 
-    def write_charts() -> None:
-        _write(folder, {name: made() for name, made in charts.items()})
+    def write_charts(names: Sequence[str]) -> None:
+        for name in names:
+            _write(folder, name, png(charts[name]()))
 
-    written = None if canvas is None else Copied(write_charts)
+    # half of what is left to do is done by a copy
+    names = list(charts)
+    aside, here = ([], names) if canvas is None else (names, []) if prepared is None else (names[:1], names[1:])
+    written = Copied(partial(write_charts, aside)) if aside else None
     if prepared is None and fields is not None:
-        prepared = _drawn(fields, look or look_of(summary), None, None, canvas)
-    if prepared is not None:
-        for name, (made, pictures) in prepared.pictures.items():
-            figures[name] = deformed.compose(made, pictures[0], title, prepared.look) if isinstance(made, View) else \
-                panels.compose(made, None if pictures[0] is None else pictures, title)
-        if prepared.pictures and (view := codes.view(prepared.fields, summary)) is not None:
-            figures["codes"] = codes.compose(view, None if canvas is None else canvas.draw(view), summary)
-    _write(folder, figures)
-    if written is None:
-        write_charts()
-    else:
+        prepared = _drawn(Prepared(fields, look or look_of(summary), str(summary.get("name") or "")), None, canvas)
+    figures = dict(prepared.figures) if prepared is not None else {}
+    if figures and (view := codes.view(prepared.fields, summary)) is not None:
+        figures["codes"] = png(codes.compose(view, None if canvas is None else canvas.draw(view), summary))
+    for name, content in figures.items():
+        _write(folder, name, content)
+    write_charts(here)
+    if written is not None:
         written.finish()
     return [folder / f"figures/{name}.png" for name in (*charts, *figures)]
 
 
-def _write(folder: ResultsFolder, figures: Mapping[str, Figure]) -> None:
-    for name, figure in figures.items():
-        folder.write(f"figures/{name}.png", png(figure))
+def _write(folder: ResultsFolder, name: str, content: bytes) -> None:
+    folder.write(f"figures/{name}.png", content)
 
 
 def look_of(summary: Mapping[str, object]) -> Look:

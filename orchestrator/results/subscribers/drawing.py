@@ -25,7 +25,7 @@ class Drawing(Subscriber):
 
     def __init__(self, artist: Artist, config: Config, several: bool):
         self._artist, self._look, self._several = artist, look_of({"config": config.complete()}), several
-        self._begun = False
+        self._title, self._begun = config.name, False
 
     def begin(self, scene: Scene) -> None:
         """The scene is known."""
@@ -40,5 +40,5 @@ class Drawing(Subscriber):
         self._artist.prepare(sketch, Solved.of(fields, not self._several))
 
     def _prepare(self, fields: Fields) -> None:
-        self._artist.prepare(prepare, replace(fields, thermal=None), self._look)
+        self._artist.prepare(prepare, replace(fields, thermal=None), self._look, self._title)
         self._begun = True
