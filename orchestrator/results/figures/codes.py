@@ -38,7 +38,7 @@ def view(fields: Fields, summary: Mapping[str, object]) -> View | None:
     palette = ListedColormap([PALETTE[k % len(PALETTE)] for k in range(len(codes))])
     return View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(of_subdomain[fields.subdomain[cell]], 3),
                 base.lines, np.empty((0, 2, 3)), Camera.framing(points).shaped(), (-0.5, len(codes) - 0.5),
-                caption=f"displacements drawn × {base.magnified:g}", palette=palette, closed=True)
+                caption=f"displacements drawn × {base.magnified:g}", palette=palette)
 
 
 def compose(view: View, picture: np.ndarray | None, summary: Mapping[str, object]) -> Figure:
