@@ -12,7 +12,7 @@ from orchestrator.method.acceleration.choice import algorithm
 from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
-from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.solver import Start, iterate
 from orchestrator.method.stopping.dual_energy import dual_energy
 from orchestrator.run import solve
@@ -249,6 +249,19 @@ def test_gmres_solves_a_linear_problem_in_its_dimension():
         s = gmres.next()
     assert np.abs(best.s - solution).max() < 1e-9 * np.abs(solution).max()
     assert np.abs(best.u - solution).max() < 1e-9 * np.abs(solution).max(), "affine functions of s are combined alike"
+
+
+def test_codes_work_while_an_iteration_is_judged(monkeypatch):
+    """In runs as users make them; what is begun is what is evaluated next, and it changes no result."""
+    begun, asked, begin, call = [], [], LinearStage.begin, LinearStage.__call__
+    monkeypatch.setattr(LinearStage, "begin", lambda self, s: begun.append(s) or begin(self, s))
+    monkeypatch.setattr(LinearStage, "__call__", lambda self, s: asked.append(s) or call(self, s))
+    ahead = solved(reference=False, **CUBES)
+    assert len(begun) > ahead.iterations / 2 and {id(s) for s in begun} <= {id(s) for s in asked}
+    monkeypatch.setattr(LinearStage, "begin", lambda self, s: None)
+    plain = solved(reference=False, **CUBES)
+    assert plain.iterations == ahead.iterations
+    assert np.abs(plain.displacement - ahead.displacement).max() <= 1e-12 * np.abs(plain.displacement).max()
 
 
 def test_residuals_of_gmres_never_grow():

@@ -56,7 +56,8 @@ class Batch:
         self.d, self.method, self.place, self.watch, self.true_error = d, method, place, watch, true_error
         self.placing = placing
         # nobody but the linear stage and the criterion asks the codes
-        self.alone = estimate is None and (true_error is None or getattr(true_error, "silent", False))
+        estimating = estimate is not None and method.tolerance.error == "auto"
+        self.alone = not estimating and (true_error is None or getattr(true_error, "silent", False))
         self.numbers, self.estimate = numbers, estimate
         self.acceleration = make_acceleration(d, method)
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
