@@ -160,12 +160,16 @@ class LoadStep:
         return np.matmul(bodies.K0, y[:, :, None])[:, :, 0], sprung
 
     def _imbalance(self, force: np.ndarray) -> np.ndarray:
+        carried, = self.bodies.team.sum(self.carried(force, self.sprung))
+        return self.resultant + self.stiff - carried
+
+    def carried(self, force: np.ndarray, sprung: np.ndarray | float) -> np.ndarray:
+        """(bodies, n) what forces (3, P) and springs do in the fields: this rank's part."""
         bodies = self.bodies
         carried = self.fields.carried(force, bodies.weight, bodies.count)
         if bodies.springs is not None:
-            carried += self.resisted + self.sprung
-        carried, = bodies.team.sum(carried)
-        return self.resultant + self.stiff - carried
+            carried += self.resisted + sprung
+        return carried
 
     def matrix(self) -> np.ndarray | bool:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
@@ -208,7 +212,7 @@ class Line:
         self.there = np.empty_like(at.F)
         self.stiff, self.sprung = at._linear(dy)
         self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
-        self.springs = (0.0, 0.0)
+        self.carried, self.springs = None, (0.0, 0.0)
         if bodies.springs is not None:
             self.springs = np.vdot(dy, at.resisted + at.sprung), np.vdot(dy, self.sprung)
 
@@ -218,8 +222,10 @@ class Line:
         at.F = self.there
         in_parts(along, at.F.shape[1], self.F, theta, self.dF, at.F, part=WORTH)
         self.force, self.theta = at.fields.pairs.force(at.F, at.before, at.number).force, theta
-        carried, = at.bodies.team.sum(np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1])
-        return float(self.start + theta * self.slope - carried)
+        team, work = at.bodies.team, np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1]
+        if team.size > 1:  # most lines end at their first point: what ρ needs there travels along
+            work, self.carried = team.sum(work, at.carried(self.force, at.sprung + theta * self.sprung))
+        return float(self.start + theta * self.slope - work)
 
     def end(self, theta: float) -> np.ndarray:
         """(bodies, n) ρ(y + θ dy), which the load step then stands at."""
@@ -228,4 +234,4 @@ class Line:
             self(theta)
         at.stiff = at.stiff + self.theta * self.stiff
         at.sprung = at.sprung + self.theta * self.sprung
-        return at._imbalance(self.force)
+        return at._imbalance(self.force) if self.carried is None else at.resultant + at.stiff - self.carried
