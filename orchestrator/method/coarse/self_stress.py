@@ -54,11 +54,15 @@ class _Family:
 
     def sums(self, left: np.ndarray) -> np.ndarray:
         """(n, r, 1) Gᵀ keq⁻¹ of (Q, 3)."""
+        if not len(left):  # of all these groups other ranks have the points
+            return np.zeros((len(self.at), self.states.shape[2], 1))
         return self.counted.swapaxes(1, 2) @ left[self.at].reshape(*self.states.shape[:2], 1)
 
     def slopes(self, slope: np.ndarray) -> np.ndarray:
         """(n, r, r) Gᵀ keq⁻¹ A G of A (Q, 3, 3)."""
         n, m = self.at.shape
+        if not len(slope):
+            return np.zeros((n, *2 * self.states.shape[2:]))
         changed = slope[self.at] @ self.states.reshape(n, m, 3, -1)
         return self.counted.swapaxes(1, 2) @ changed.reshape(self.states.shape)
 
@@ -88,7 +92,7 @@ class SelfStress:
             there, at = g.slots >= 0, np.maximum(np.searchsorted(self.chosen, g.slots), 0)
             at = np.where(there, at, 0)
             states = g.states * there[:, :, None, None]
-            counted = yields[at] @ states * mine[at][:, :, None, None]
+            counted = yields[at] @ states * mine[at][:, :, None, None] if len(yields) else states
             n, m, _, r = states.shape
             self.families.append(_Family(at, states.reshape(n, 3 * m, r), counted.reshape(n, 3 * m, r), g.shared))
         grams = self._of_all([f.counted.swapaxes(1, 2) @ f.states for f in self.families])
@@ -153,7 +157,7 @@ class SelfStress:
     def _change(self, steps: list[np.ndarray], count: int) -> np.ndarray:
         """(3, Q) G λ of λ (n, r, 1)."""
         result = np.zeros((count, 3))
-        for f, step in zip(self.families, steps):
+        for f, step in zip(self.families if count else [], steps):
             moved = f.states @ step
             np.add.at(result, f.at, moved.reshape(*f.at.shape, 3))
         return np.ascontiguousarray(result.T)
