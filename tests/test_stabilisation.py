@@ -10,6 +10,7 @@ from test_contact_verification import slider
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.load_cases import load_cases
+from orchestrator.method.stopping.places import SEEN, Places
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -154,7 +155,8 @@ def test_half_a_tolerance_moves_solutions_by_less_than_two(case):
 
 
 def test_what_springs_carried_is_told_and_below_the_tolerance():
-    found = converged(with_stabilisation("auto", **CASES["ten grains"])).summary
+    fine = converged(with_stabilisation("auto", **CASES["ten grains"]))
+    found = fine.summary
     told = found["stabilised"]
     assert 0 < told["force"] <= found["tolerance"] and 0 < told["work"] < 1e-3
     assert told["force"] == pytest.approx(found["residuals"]["stabilisation"], rel=1e-12)
@@ -163,7 +165,31 @@ def test_what_springs_carried_is_told_and_below_the_tolerance():
     rows = dict(summary_rows(found))
     assert next(iter(lost)) in rows["stabilised"] + rows["not held"] and "where stabilisation leaves it" in rows["not held"]
     assert sum(found["coarse_ends"].values()) == found["iterations"] * found["load_steps"]
-    assert "stabilisation" not in solve(with_stabilisation(0)).summary["residuals"]
+    other = solve(with_stabilisation(0)).summary
+    assert "stabilisation" not in other["residuals"] and other["places"] is None and "places" not in dict(summary_rows(other))
+    # to a tolerance a hundred times as large, places are off by what is told of them, and by no less than a tenth
+    made = contact(0.2, method={"tolerance": {"error": 1e-4}}, **CASES["ten grains"])
+    rough = solve(made, fine.scene)
+    largest, told = max(np.abs(u).max() for u in rough.parts), rough.summary["places"]
+    off = {s.body: np.linalg.norm(u - v, axis=2).mean(axis=1).max() / largest  # single nodes deform as well
+           for s, u, v in zip(fine.scene.subdomains, rough.parts, fine.parts)}
+    loosest = max(off, key=off.get)
+    assert loosest == next(iter(told["bodies"])) and told["open"] == told["bodies"][loosest]
+    assert 0.1 * told["open"] <= off[loosest] <= told["open"] and told["open"] > 10 * 1e-4
+    assert all(far <= told["bodies"].get(name, 0.0) + 2e-4 for name, far in off.items())
+    assert f"{loosest} {told['open']:.1e}" in dict(summary_rows(rough.summary))["places"]
+
+
+def test_what_is_known_of_places_is_told_and_taken_back():
+    rng, one, other = np.random.default_rng(6), Places(), Places()
+    steps = rng.normal(size=(SEEN + 3, 4, 2, 6))
+    for rigid in steps[:-1]:
+        one(rigid)
+    other.recall({name: np.array(array) for name, array in one.told.items()})
+    for places in (one, other):
+        places(steps[-1])
+    assert one.told.keys() == other.told.keys() and all(np.array_equal(one.told[name], other.told[name]) for name in one.told)
+    assert len(one.moves) == SEEN
 
 
 def test_a_load_beyond_the_limit_is_said_to_have_no_balance():

@@ -23,8 +23,9 @@ from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.method.placing import Placing, Unbalanced
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.criteria import Criterion, Verdict, make_criterion
-from orchestrator.method.stopping.ending import Ending
+from orchestrator.method.stopping.ending import DIVERGED, Ending
 from orchestrator.method.stopping.far_bodies import FarBodies, FarBody, sentences
+from orchestrator.method.stopping.places import Places
 from orchestrator.method.stopping.indicator import Measures, measure
 from orchestrator.timing import Stopwatch
 
@@ -63,6 +64,7 @@ class Batch:
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
         self.ending = Ending(0)
         self.far = None if d.all_perfect else FarBodies(d, self.criterion.lengths, numbers)
+        self.places = Places() if d.coarse is not None and d.local.pairs.stabilisation is not None else None
         self.anew = False
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
         self.measured = np.nan  # what the criterion has compared last
@@ -94,6 +96,8 @@ class Batch:
         self.ending.recall(last.notes["ending"])
         if self.far is not None:
             self.far.recall(last.notes["far"])
+        if self.places is not None:
+            self.places.recall(last.arrays)
         self.begin(np.empty(0), last.iteration, notes["sweeps"])
         self.whole_at, self.left_out, self.resting = notes["whole_at"], notes["left_out"], notes["resting"]
         self.s = last.arrays["trace/s"].copy() if notes["anew"] else self._next(last.arrays.get("trace/asked"))
@@ -108,10 +112,12 @@ class Batch:
         event = notes["event"]
         if self.far is not None:
             self.far.recall(notes["far"])
+        if self.places is not None:
+            self.places.recall(memory.arrays)
         last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
         return Iterated(delivered, local, bound, notes["met"], notes["reason"], memory.iteration,
                         notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0].copy())], notes["batch"]["left_out"],
-                        self._strayed, self._paired)
+                        self._strayed, self._paired, self._open)
 
     def iterate(self, told: Subscriber, earlier: float = 0.0) -> Iterated:
         """Iterate to the end: eq. 6 is solved.
@@ -175,6 +181,11 @@ class Batch:
                 event = replace(event, far_bodies=len(self.far.found))
                 for sentence in sentences(strayed):
                     told.warned(sentence)
+            if self.places is not None:
+                self.places(verdict.lengths.rigid)
+                if reason is not None and reason != DIVERGED:
+                    with watch("coarse"):
+                        self.places.end(d, criterion.lengths, best, local)
             history.append(replace(event, state=event.state[:0].copy()))  # the states themselves are large, and views hold them
             told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason)))
             if reason is None and self.placing is not None:
@@ -194,7 +205,7 @@ class Batch:
             bound, spent = criterion.final(best, verdict.bound)
             self.sweeps += spent * share
         return Iterated(best, local, bound, verdict.met and not self.anew, reason, self.iteration, self.sweeps, event, history,
-                        self.left_out, self._strayed, self._paired)
+                        self.left_out, self._strayed, self._paired, self._open)
 
     def _place(self, table: np.ndarray) -> None:
         try:
@@ -240,6 +251,10 @@ class Batch:
     @property
     def _strayed(self) -> list[FarBody]:
         return [] if self.far is None else self.far.found
+
+    @property
+    def _open(self) -> np.ndarray | None:
+        return None if self.places is None else self.places.open
 
     def _foreseen(self, asked: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """What will be evaluated next unless another load step is done, and for which load steps that holds; where by all
@@ -295,6 +310,8 @@ class Batch:
             arrays |= more
         if self.far is not None:
             notes["far"] = self.far.notes
+        if self.places is not None:
+            arrays |= self.places.told
         if self.criterion.done.any():
             arrays["trace/asked"] = evaluated.s
         if self.d.following is not None:

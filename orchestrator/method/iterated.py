@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from orchestrator.method.events import Iteration
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.linear.stage import Admissible
@@ -45,6 +47,7 @@ class Iterated:
     frozen : load steps that took no part in a linear stage because they were accurate enough, summed over the stages
     far : bodies beyond small displacements, see ``stopping.far_bodies``
     paired : per load step, where sides are paired anew as they slide; else empty
+    open : (bodies, T) how far the places of loose bodies are open, see ``stopping.places``; None where nothing is stabilised
     """
 
     fields: Admissible
@@ -59,6 +62,7 @@ class Iterated:
     frozen: int = 0
     far: list[FarBody] = field(default_factory=list)
     paired: list[Paired] = field(default_factory=list)
+    open: np.ndarray | None = None
 
     @classmethod
     def joined(cls, batches: Sequence[Iterated]) -> Iterated:
@@ -71,4 +75,5 @@ class Iterated:
             Bound.joined([b.bound for b in batches]), decisive.converged, decisive.stop_reason,
             batches[-1].iterations, batches[-1].sweeps, decisive.last,
             [event for b in batches for event in b.history], sum(b.frozen for b in batches),
-            [body for b in batches for body in b.far], [paired for b in batches for paired in b.paired])
+            [body for b in batches for body in b.far], [paired for b in batches for paired in b.paired],
+            None if any(b.open is None for b in batches) else np.concatenate([b.open for b in batches], axis=1))

@@ -149,26 +149,44 @@ class CoarseCorrection:
         ----------
         fields : result of a linear stage
         """
-        steps = len(fields.s)
         if not self.radius:
             moved = max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
             if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
                 moved = self.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
             self.radius = (REACH if self.pairs.stabilisation is None else FAR) * moved
-        y = np.zeros((steps, self.bodies, self.sweeps))
-        resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
-        previous = self.predict.previous
-        F0 = self.pairs.traces(*fields.extended).predicted()
-        for t in range(steps):
-            number = self.predict.pairs.numbers[t]
-            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], previous, self.radius)
-            force = self.pairs.force(F, previous, number).force
-            previous = self.pairs.settled(force, F, previous)[1]
-        r, space = self.response, self.stage.space
+        y, r, space = self._solved(fields), self.response, self.stage.space
         s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, self.boundary_response, self.body_of_boundary)
         # ghosts move with their own bodies, whose fields all ranks know
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
         return Admissible.of_extended(s, u, fields.alpha, w, f, space)
+
+    def let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
+        """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
+        stage. Nothing of it is remembered."""
+        aside, before = copy(self), self.predict.previous
+        aside.problem = self.problem.aside()
+        rest = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
+        rest[..., : jump.shape[2]] = jump
+        rest[..., : jump.shape[2]] -= np.concatenate([before[None, :, : jump.shape[2]], jump[:-1]])
+        return self._moved(fields.u, aside._solved(fields, rest), self.boundary_response, self.body_of_boundary)
+
+    def _solved(self, fields: Admissible, rest: np.ndarray | None = None) -> np.ndarray:
+        """(T, bodies, n) y.
+
+        Parameters
+        ----------
+        rest : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: none
+        """
+        y = np.zeros((len(fields.s), self.bodies, self.sweeps))
+        resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
+        previous = self.predict.previous
+        F0 = self.pairs.traces(*fields.extended).predicted()
+        for t in range(len(y)):
+            number, anchor = self.predict.pairs.numbers[t], previous if rest is None else previous + rest[t]
+            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], previous, self.radius, anchor)
+            force = self.pairs.force(F, previous, number).force
+            previous = self.pairs.settled(force, F, anchor)[1]
+        return y
 
     @staticmethod
     def _moved(at: np.ndarray, y: np.ndarray, response: np.ndarray, body: np.ndarray) -> np.ndarray:

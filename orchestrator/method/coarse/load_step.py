@@ -110,6 +110,7 @@ class LoadStep:
     resultant : (bodies, n) Uᵀf
     previous : (3, P) jump at the end of the load step before
     reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
+    anchor : (3, P) jump at which springs carry nothing; None: the one before
 
     Attributes
     ----------
@@ -118,13 +119,14 @@ class LoadStep:
     """
 
     def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
-                 reach: np.ndarray):
+                 reach: np.ndarray, anchor: np.ndarray | None = None):
         self.bodies, self.number, self.F0, self.resultant = bodies, number, F0, resultant
         self.previous, self.reach = previous, reach
         self.seen = np.zeros_like(reach)
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
-            self.resisted = bodies.fields.carried(pairs.resisted(F0, previous), bodies.resisting, bodies.count)
+            resisted = pairs.resisted(F0, previous if anchor is None else anchor)
+            self.resisted = bodies.fields.carried(resisted, bodies.resisting, bodies.count)
         self._choose()
 
     def _choose(self) -> None:

@@ -13,6 +13,7 @@ right for some thousands of bodies.
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
 
 import numpy as np
@@ -28,6 +29,7 @@ from orchestrator.parallel.team import Team
 
 FACTORISED = "common/factorised."
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
+ROUGH = 0.1  # the same for an estimate
 SERVED = 0.1  # a solve that stalls ends if ρ has been reduced that much already
 MAX_STEPS = 20
 MOST_STEPS = 60  # where contacts are stabilised: every body has a place, and it pays to find it
@@ -59,7 +61,7 @@ class CoarseProblem:
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
         self.bodies = Bodies.of(team, bodies, self.own, fields, K0)
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))
-        self.newton_steps = 0
+        self.newton_steps, self.reduction = 0, REDUCTION
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
         self._reach: dict[int, np.ndarray] = {}
@@ -67,7 +69,7 @@ class CoarseProblem:
         self._alone: dict[int, Body] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
-              radius: float) -> tuple[np.ndarray, np.ndarray]:
+              radius: float, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
         Parameters
@@ -77,14 +79,22 @@ class CoarseProblem:
         resultant : (bodies, n) Uᵀf
         previous : (3, P) jump at the end of the load step before
         radius : longest move of a body in one Newton step
+        anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
         at = LoadStep(self.bodies, number, F0, resultant, previous,
-                      self._reach.get(step, np.full(len(self.fields.bodies), np.inf)))
+                      self._reach.get(step, np.full(len(self.fields.bodies), np.inf)), anchor)
         y, size, start, end = self._newton(at, radius) if self.bodies.springs is None else self._searched(step, at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
         self._reach[step] = at.reach_next
         return y, at.forces(y)
+
+    def aside(self) -> CoarseProblem:
+        """The same problem for an estimate, whose solves leave no trace in this one."""
+        other = copy(self)
+        other.ends, other.left, other._reach, other._kept = {}, {}, dict(self._reach), {}
+        other.reduction = ROUGH
+        return other
 
     def _searched(self, step: int, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
@@ -98,7 +108,7 @@ class CoarseProblem:
 
         run, end = SearchedNewton(at, np.zeros((self.bodies.count, self.fields.size)), direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):
-            if run.solved(REDUCTION):
+            if run.solved(self.reduction):
                 return run.y, run.size, run.start, "tolerance"
             if end or number == MOST_STEPS:
                 break
@@ -114,13 +124,13 @@ class CoarseProblem:
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
-            if newton.size <= REDUCTION * start or newton.size == 0:
+            if newton.size <= self.reduction * start or newton.size == 0:
                 break
             if stalled:
                 worst = self._dominating(newton)
                 if worst is not None and worst not in settled and len(settled) < FEW:
                     settled.append(worst)
-                    newton.move_to(newton.y + self._settle(worst, newton, SETTLED * REDUCTION * start, radius))
+                    newton.move_to(newton.y + self._settle(worst, newton, SETTLED * self.reduction * start, radius))
                     stall.restart()
                 elif newton.size <= SERVED * start or newton.still:
                     end = "standing still" if newton.still else "stalled"
@@ -129,7 +139,7 @@ class CoarseProblem:
             if not newton.step():
                 end = "no direction"
                 break
-        return newton.y, newton.size, start, "tolerance" if newton.size <= REDUCTION * start else end
+        return newton.y, newton.size, start, "tolerance" if newton.size <= self.reduction * start else end
 
     def _direction(self, radius: float, matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
         """(bodies, n) Newton step."""

@@ -10,6 +10,7 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, mean_of_sides
+from orchestrator.method.delivery.open_places import OpenPlaces, open_places
 from orchestrator.method.delivery.recovery import delivered, of_all, on_mesh, reactions, recover
 from orchestrator.method.delivery.resultants import Resultants, interface_resultants
 from orchestrator.method.delivery.stabilised import Stabilised, stabilised
@@ -36,6 +37,7 @@ class Delivered:
     interfaces : what happens on the interfaces that are not perfect; None where there are none
     laws : how well the laws hold there
     stabilised : what stabilisation carried; None where there is none
+    places : how far those of loose bodies are determined; None where there are none
     reactions : per boundary entry, per load step, its resultant force
     reaction_moments : (entries, T, 3) their moments about the origin
     resultants : what all interfaces carry
@@ -53,6 +55,7 @@ class Delivered:
     interfaces: InterfaceFields | None
     laws: LawResiduals | None
     stabilised: Stabilised | None
+    places: OpenPlaces | None
     reactions: list[list[list[float]]]
     reaction_moments: np.ndarray
     resultants: Resultants
@@ -80,7 +83,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         continuous, parts = ([part if part is None else cases.all_steps(part) for part in each]
                              for each in recover(chosen, iterated.fields, iterated.bound))
         iterated = expanded(d, iterated, cases)
-    own = laws = lengths = None
+    own = laws = lengths = places = None
     interfaces, inside = interface_fields(d, iterated), interior(d, iterated, parts)
     if d.all_perfect:
         iterated = with_noise(d, iterated, parts, inside)
@@ -88,6 +91,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         own = delivered(d, iterated.bound, parts)
         criterion = LawCriterion(d, tolerance)
         laws, lengths = criterion.laws(d, iterated), criterion.lengths(iterated.fields.u)
+        places = open_places(iterated, criterion.lengths, parts, d.space.team)
         if d.nonlinear is not None:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)
@@ -96,7 +100,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     carried, acting = stabilised(d, iterated), reactions(d, parts, iterated.fields.f, np.zeros(3))
     resultants = interface_resultants(d, iterated.fields.f)
     return Delivered(iterated, of_all(d, parts), of_all(d, continuous if own is None else own), d.all_perfect,
-                     all_interfaces(d, interfaces), laws, carried,
+                     all_interfaces(d, interfaces), laws, carried, places,
                      acting[:, :, :3].tolist(), acting[:, :, 3:], resultants,
                      None if d.all_perfect else d.sole_scale,
                      joints=of_all(d, _on_joints(d, iterated.fields.f)) if any(s.foreign for s in d.scene.subdomains) else [])

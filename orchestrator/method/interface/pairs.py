@@ -134,23 +134,24 @@ class Pairs:
                         for name in ("given", "taken"))
         return Collective(np.concatenate([c.group + start for (_, c), start in zip(parts, first)]), at, given, taken)
 
-    def settled(self, lawful: np.ndarray, F: np.ndarray, previous: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_before), where anything is stabilised, and d = (F − f̂)/keq.
+    def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_anchor), where anything is stabilised, and d = (F − f̂)/keq.
 
         Parameters
         ----------
-        lawful : law(F); F, previous : as for ``force``
+        lawful : law(F); F : as for ``force``
+        anchor : (3, P) jump at which springs carry nothing: d_before, or where they have been let go
         """
         force, jump = np.empty_like(F), np.empty_like(F)
         epsilon = np.empty(0) if self.stabilisation is None else self.stabilisation
-        in_parts(pair_loops.settled, len(self), self.free, *self.points.search, epsilon, F, previous,
+        in_parts(pair_loops.settled, len(self), self.free, *self.points.search, epsilon, F, anchor,
                  np.ascontiguousarray(lawful), force, jump)
         return force, jump
 
-    def resisted(self, F: np.ndarray, previous: np.ndarray) -> np.ndarray:
-        """(3, P) F − keq d_before: the force that leaves pairs where they were at the end of the load step before."""
+    def resisted(self, F: np.ndarray, anchor: np.ndarray) -> np.ndarray:
+        """(3, P) F − keq d_anchor: the force that leaves pairs where springs carry nothing."""
         result = np.empty(F.shape)
-        in_parts(pair_loops.resisted, len(self), self.free, *self.points.search, F, previous, result)
+        in_parts(pair_loops.resisted, len(self), self.free, *self.points.search, F, anchor, result)
         return result
 
     def some(self, chosen: np.ndarray) -> Pairs:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+DIVERGED = "diverged"
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
 RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
@@ -45,7 +46,7 @@ class Ending:
         if met:
             return "converged"
         if not math.isfinite(residual) or moved > RUNAWAY * self.reach > 0:
-            return "diverged"
+            return DIVERGED
         if springs:
             return "held by stabilisation alone"
         if self._stalled():

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.report.document import heading, number, plain, table
-from orchestrator.results.summary.short_form import hold_sentences, shown_statuses, stabilised_sentences
+from orchestrator.results.summary.short_form import hold_sentences, place_sentences, shown_statuses, stabilised_sentences
 from orchestrator.results.summary.summary import jsonable
 
 
@@ -45,6 +45,9 @@ def interface_section(summary: Mapping[str, object]) -> list[str]:
     springs = stabilised_sentences(summary)
     if springs:
         parts += [heading("Stabilisation"), *(plain(f"{text}.") for text in springs)]
+    places = place_sentences(summary)
+    if places:
+        parts += [heading("Places of loose bodies"), *(plain(f"{text}.") for text in places)]
     held = hold_sentences(summary)
     if held:
         parts += [heading("Bodies that are not held"), *(plain(f"{text}.") for text in held)]

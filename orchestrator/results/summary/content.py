@@ -59,6 +59,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
                       ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
         | (delivered.laws.named if delivered.laws else {}),
         "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
+        "places": asdict(delivered.places) if delivered.places else None,
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
         "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered), "reactions": delivered.reactions, **contact,

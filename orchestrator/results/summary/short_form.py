@@ -72,6 +72,7 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
             ("nonlinear", nonlinear_text(summary)),
             ("bolts", "\n".join(bolt_sentences(summary))),
             ("stabilised", "\n".join(stabilised_sentences(summary))),
+            ("places", "\n".join(place_sentences(summary))),
             ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
             ("size", ", ".join(f"{shown(key)} {word if summary[key] == 1 else word + 's'}"
@@ -195,6 +196,20 @@ def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
         result.append(f"{some(names, 6)}: {'lives' if len(names) == 1 else 'live'} by them at load step "
                       f"{', '.join(map(str, steps))} (more than a tenth of the forces there)")
     return result if lived else [result[0] + "; no body lives by them"]
+
+
+def place_sentences(summary: Mapping[str, object]) -> list[str]:
+    """How far the places of loose bodies are determined, and which ones are beyond the tolerance, in words."""
+    found, tolerance = jsonable(summary.get("places")), jsonable(summary.get("tolerance"))
+    if not isinstance(found, Mapping) or not found["bodies"]:
+        return []
+    beyond = [f"{name} {_far(far)}" for name, far in found["bodies"].items() if None in (far, tolerance) or far > tolerance]
+    return [f"rigid positions of loose bodies are determined to about {_far(found['open'])} of the largest displacement"
+            + (": " + some(beyond, 6) if beyond else ", less than the tolerance")]
+
+
+def _far(far: float | None) -> str:
+    return "any number of times" if far is None else f"{far:.1e}"
 
 
 def _alike(named: Iterable[list[str]]) -> list[tuple[tuple[int, ...], list[str]]]:
