@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -111,8 +112,11 @@ def processes(run: subprocess.Popen, settings: Path) -> dict[int, int]:
 
 
 def children(pid: int) -> list[int]:
-    return [int(child) for task in Path(f"/proc/{pid}/task").iterdir()
-            for child in (task / "children").read_text().split()]
+    found = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        with suppress(FileNotFoundError, ProcessLookupError):  # a thread that has ended meanwhile
+            found += map(int, (task / "children").read_text().split())
+    return found
 
 
 def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
@@ -126,8 +130,11 @@ def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
 
 def saved_iteration(results: Path) -> int:
     """The last one in the checkpoint; 0: none yet."""
-    return max((record.header["iteration"] for path in (results / "checkpoint").glob("iterations-*")
-                for record in records(path)), default=0)
+    latest = 0
+    for path in (results / "checkpoint").glob("iterations-*"):
+        with suppress(FileNotFoundError):  # one that is needed no more has gone meanwhile
+            latest = max([latest, *(record.header["iteration"] for record in records(path))])
+    return latest
 
 
 FAULTS = {
