@@ -184,7 +184,7 @@ class Batch:
             if self.places is not None:
                 self.places(verdict.lengths.rigid)
                 if reason is not None and reason != DIVERGED:
-                    with watch("coarse"):
+                    with watch("bound"):
                         self.places.end(d, criterion.lengths, best, local)
             history.append(replace(event, state=event.state[:0].copy()))  # the states themselves are large, and views hold them
             told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason)))
