@@ -30,12 +30,17 @@ class KeptFactors:
         self.pattern, self.blocks = pattern, blocks
         self._factors = None if blocks is None else pattern.elimination.factors(blocks)
 
-    def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less."""
+    def solve(self, values: np.ndarray, right: np.ndarray, shift: float, alike: bool = True) -> np.ndarray:
+        """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less.
+
+        Parameters
+        ----------
+        alike : the matrix may be much like the one whose factors are kept, so that these are tried
+        """
         blocks = self.pattern.shifted(values, shift)
         single = blocks.astype(np.float32, copy=False)
         tries = int(WORTH * self.pattern.elimination.worth)
-        x = self._tried(blocks, right, tries) if self.blocks is not None else None
+        x = self._tried(blocks, right, tries) if alike and self.blocks is not None else None
         if x is None:
             try:
                 self.blocks, self._factors = single, self.pattern.elimination.factors(single, self._factors)

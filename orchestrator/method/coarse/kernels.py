@@ -69,16 +69,25 @@ def moved(start, stop, phi, chosen, bounds, C, d):
 
 
 @compiled
-def swept(start, stop, L, phi, chosen, bounds, both, C, weight, dF, against):
-    """dF = L y and against = ω (1₃ ⊗ φ) c, (3, Q), at some of the pairs; L and ``both`` as for ``spread``, C as for ``moved``.
+def swept(start, stop, L, phi, A, chosen, bounds, ends, fields, weight, dF, against):
+    """dF = L y and against = ω (1₃ ⊗ φ) A y, (3, Q), at some of the pairs; as for ``spread`` and ``carried``.
 
     Parameters
     ----------
-    weight : (P,) ω
+    ends : (I, 2) int, the two bodies of each interface; fields : (bodies, n), of which y are those of the two
     """
-    m = phi.shape[1]
+    m, half = phi.shape[1], fields.shape[1]
+    y, combined = np.empty(2 * half), np.empty(3 * m)
     for i in range(start, stop):
-        y, c = both[i], C[i]
+        if bounds[i] == bounds[i + 1]:
+            continue
+        for f in range(half):
+            y[f], y[half + f] = fields[ends[i, 0], f], fields[ends[i, 1], f]
+        for a in range(3 * m):
+            total, of = 0.0, A[i, a]
+            for f in range(len(y)):
+                total += of[f] * y[f]
+            combined[a] = total
         for q in range(bounds[i], bounds[i + 1]):
             p = chosen[q]
             row, monomials, share = L[p], phi[p], weight[p]
@@ -89,7 +98,7 @@ def swept(start, stop, L, phi, chosen, bounds, both, C, weight, dF, against):
                 dF[d, q] = total
                 total = 0.0
                 for j in range(m):
-                    total += c[d * m + j] * monomials[j]
+                    total += combined[d * m + j] * monomials[j]
                 against[d, q] = share * total
 
 
@@ -138,6 +147,22 @@ def gathered(ends, each, result):
         for side in range(2):
             for f in range(each.shape[2]):
                 result[ends[i, side], f] += each[i, side, f]
+
+
+@compiled
+def multiplied(blocks, starts, columns, x, result):
+    """result (bodies, n) = a matrix of blocks (k, n, n), block row after block row, times x."""
+    for i in range(len(result)):
+        total = result[i]
+        for c in range(len(total)):
+            total[c] = 0.0
+        for k in range(starts[i], starts[i + 1]):
+            block, part = blocks[k], x[columns[k]]
+            for c in range(len(total)):
+                one, row = 0.0, block[c]
+                for d in range(len(part)):
+                    one += row[d] * part[d]
+                total[c] += one
 
 
 @compiled

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
-from orchestrator.method.coarse.kernels import along
+from orchestrator.method.coarse.kernels import along, multiplied
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.parallel.team import Team
 
@@ -59,6 +59,11 @@ class Bodies:
     weight: np.ndarray
     springs: sp.sparray | None
     affine: np.ndarray | None
+
+    @cached_property
+    def each(self) -> np.ndarray:
+        """Starts and columns of block rows that have their diagonal alone."""
+        return np.arange(self.count + 1, dtype=np.int32)
 
     @cached_property
     def resisting(self) -> np.ndarray:
@@ -158,8 +163,12 @@ class LoadStep:
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
         bodies = self.bodies
-        sprung = 0.0 if bodies.springs is None else (bodies.springs @ y.ravel()).reshape(y.shape)
-        return np.matmul(bodies.K0, y[:, :, None])[:, :, 0], sprung
+        stiff, sprung = np.empty(y.shape), 0.0
+        multiplied(bodies.K0, bodies.each, bodies.each, y, stiff)
+        if bodies.springs is not None:
+            sprung = np.empty(y.shape)
+            multiplied(bodies.springs.data, bodies.springs.indptr, bodies.springs.indices, y, sprung)
+        return stiff, sprung
 
     def _imbalance(self, force: np.ndarray) -> np.ndarray:
         carried, = self.bodies.team.sum(self.carried(force, self.sprung))

@@ -90,10 +90,8 @@ class PairFields:
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, Q) L y and ω T y of the fields y (bodies, n); ω (P,) of all node pairs."""
         change, against = np.empty((2, 3, len(self.chosen)))
-        both = self.both(y)
-        combined = np.matmul(self.A, both[:, :, None])[:, :, 0]
-        in_parts(swept, len(self.bodies), self.all_L, self.phi, self.chosen, self.pairs.bounds, both, combined, weight, change, against,
-                 part=self.part(len(self.chosen)))
+        in_parts(swept, len(self.bodies), self.all_L, self.phi, self.A, self.chosen, self.pairs.bounds, self.bodies,
+                 np.ascontiguousarray(y), weight, change, against, part=self.part(len(self.chosen)))
         return change, against
 
     def both(self, y: np.ndarray) -> np.ndarray:

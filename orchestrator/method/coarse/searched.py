@@ -37,6 +37,7 @@ class SearchedNewton:
     Attributes
     ----------
     y, size : (bodies, n) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
+    length : θ of the last step
     """
 
     def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],
@@ -44,6 +45,7 @@ class SearchedNewton:
         self.at, self.y, self.direction, self.ahead, self.farthest = at, y, direction, ahead, farthest
         self._rho = at.residual(y)
         self.start = self.size = np.linalg.norm(self._rho)
+        self.length = 1.0
         self._waited, self._mark, self._last, self._whole = 0, self.size, np.inf, False
 
     def solved(self, reduction: float) -> bool:
@@ -83,11 +85,11 @@ class SearchedNewton:
             if not shift <= MOST:
                 return "no direction"
         line = self.at.along(self.y, dy)
-        length = search(line, work)
-        self.y = self.y + length * dy
-        self._rho = line.end(length)
-        self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
-        self._whole = length == 1
+        self.length = search(line, work)
+        self.y = self.y + self.length * dy
+        self._rho = line.end(self.length)
+        self.size, self._last = np.linalg.norm(self._rho), self.length * self.farthest(dy)
+        self._whole = self.length == 1
         self._waited += 1
         if self.size <= GAIN * self._mark:
             self._waited, self._mark = 0, self.size
@@ -95,7 +97,11 @@ class SearchedNewton:
 
 
 def search(work: Callable[[float], float], first: float) -> float:
-    """θ in (0, 1] where the work along a line has come down to a part of the first, by the Illinois rule."""
+    """θ in (0, 1] where the work along a line has come down to a part of the first.
+
+    Beyond the whole step's work comes the root of a parabola: it begins with the slope that makes the whole step Newton's, and
+    bends up as pairs close on the way. Then the Illinois rule.
+    """
     low, at_low, high, at_high, theta = 0.0, first, None, 0.0, 1.0
     before = 0
     for _ in range(POINTS):
@@ -107,5 +113,8 @@ def search(work: Callable[[float], float], first: float) -> float:
             high, at_high, at_low = theta, here, at_low / (2 if before == side else 1)
         else:
             low, at_low, at_high = theta, here, at_high / (2 if before == side else 1)
-        before, theta = side, low - at_low * (high - low) / (at_high - at_low)
+        theta = low - at_low * (high - low) / (at_high - at_low)
+        if not before:  # first + |first| θ + here θ² = 0
+            theta = 2 / (1 + np.sqrt(1 + 4 * here / abs(first)))
+        before = side
     return theta
