@@ -26,11 +26,12 @@ def guarded(action: Callable[[], int]) -> None:
     previous = {number: signal.signal(number, interrupt) for number in ends} if in_main else {}
     try:
         raise_waiting()
-        code = action()
-        raise_waiting()  # a short command may end before it has been looked again
-    except OrchestratorError as error:
-        _show(error)
-        code = error.exit_code
+        try:
+            code = action()
+        except OrchestratorError as error:
+            _show(error)
+            code = error.exit_code
+        raise_waiting()  # a short command may end, or fail, before it has been looked again
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         code = INTERRUPTED
