@@ -100,9 +100,9 @@ class CoarseProblem:
         """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
         kept = self._kept.setdefault(step, KeptFactors(self.bodies.pattern)) if self.bodies.pattern else None
 
-        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
+        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float, whole: bool) -> np.ndarray:
             # where a line has been left before its end, as many pairs have changed their status as there were in the way
-            return self._clipped(-kept.solve(matrix, rho, shift, run.length == 1) if kept else None, radius)
+            return self._clipped(-kept.solve(matrix, rho, shift, whole) if kept else None, radius)
 
         def ahead(rho: np.ndarray) -> np.ndarray:
             return self.team.share(-kept.again(rho) if kept else None)

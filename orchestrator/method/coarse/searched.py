@@ -30,7 +30,7 @@ class SearchedNewton:
     Parameters
     ----------
     at : the load step
-    direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
+    direction : (matrix values, ρ, δ, whether the step before was whole) → (bodies, n) the step dy, no longer than allowed
     ahead : ρ → (bodies, n) about the step that would follow, by the last step's own factors
     farthest : fields (bodies, n) → how far any body moves in them at most
 
@@ -77,7 +77,7 @@ class SearchedNewton:
         """Take a step; why there is no other, or nothing."""
         matrix, shift = self.at.matrix(), LEAST
         while True:
-            dy = self.direction(matrix, self._rho, shift)
+            dy = self.direction(matrix, self._rho, shift, self.length == 1)
             work = np.vdot(dy, self._rho)
             if work < 0:
                 break
