@@ -6,6 +6,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+from in_process import IN_PROCESS
 
 from orchestrator.config import config_from, load_config
 from orchestrator.method import placing
@@ -92,6 +93,15 @@ CASES = {
                      {"on": {"box": [[0, 0, 0], [1, 1, 0]]}, "displacement": [None, None, 0]}],
         "method": {"tolerance": {"error": 1e-5}},
     },
+    # a stack that slides so far that springs of stabilisation are let go
+    "let go": {
+        "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 4]}}, "subdomains": {"grid": [1, 1, 4]}, "blackbox": IN_PROCESS,
+        "materials": [{"young": 200e3, "poisson": 0.3}], "interfaces": [{"law": "contact", "friction": 0.2}],
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "z", "at": 1}, "displacement": [[0, 0, None], [0.05, 0, None]]},
+                     {"on": {"plane": "z", "at": 1}, "pressure": 100.0}],
+        "method": {"tolerance": {"error": 1e-6}},
+    },
     # a grain that nothing holds shows differences of rounding, ten million times larger
     "loose grains": {
         "mesh": {"polycrystal": {"grains": 10, "size": 1, "h": 0.15, "seed": 7}}, "subdomains": "groups",
@@ -112,7 +122,8 @@ def found(name: str, team: Team = ALONE) -> dict[str, np.ndarray] | None:
         return None
     summary = solved.summary
     result = {"displacement": solved.displacement, "reactions": summary["reactions"], "energy": summary["energy"],
-              "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"]}
+              "iterations": summary["iterations"], "sweeps": summary["sweeps"]["total"],
+              "let go": (summary["stabilised"] or {"let_go": []})["let_go"]}
     carried = solved.answers.interfaces.resultants
     result |= {"carried": carried.force, "turned": carried.moment, "moments": summary["reaction_moments"]["moments"],
                "stresses": solved.answers.extremes.value[:, :, 4:]}

@@ -141,6 +141,12 @@ class Decomposition:
             coarse.start_from(local)
         return replace(self, local=local, coarse=coarse)
 
+    def let_go(self, w: np.ndarray) -> "Decomposition":
+        """The same with springs of stabilisation that carry nothing where traces w (T, D) have brought the pairs."""
+        everywhere, = self.space.extended(w)
+        coarse = None if self.coarse is None else self.coarse.let_go(everywhere)
+        return replace(self, local=self.local.let_go(everywhere), coarse=coarse)
+
     def paired_as(self, other: "Decomposition") -> "Decomposition":
         """The same with the pairs of another one, for fewer load steps, at the beginning of the next of which it ends."""
         local, coarse = copy(self.local), copy(other.coarse)

@@ -160,7 +160,13 @@ class CoarseCorrection:
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
         return Admissible.of_extended(s, u, fields.alpha, w, f, space)
 
-    def let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
+    def let_go(self, w: np.ndarray) -> CoarseCorrection:
+        """The same with springs of stabilisation that carry nothing where traces w (T, D + G) have brought the pairs."""
+        result = copy(self)
+        result.predict = self.predict.let_go(w)
+        return result
+
+    def moved_if_let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
         """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
         stage. Nothing of it is remembered."""
         aside, before = copy(self), self.predict.previous
@@ -175,8 +181,9 @@ class CoarseCorrection:
 
         Parameters
         ----------
-        rest : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: none
+        rest : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: that of the laws
         """
+        rest = self.predict.rest if rest is None else rest
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous

@@ -122,37 +122,38 @@ class SelfStress:
         F, q, f = at.predicted(), at.force, f.copy()
         one, two, free = pairs.transfer.one[pairs.free], pairs.transfer.two[pairs.free], pairs.free
         for t, number in enumerate(local.pairs.numbers):
-            change = self._step(F[t], q[t], previous, number)
+            anchor = previous if local.rest is None else previous + local.rest[t].take(self.chosen, axis=1)
+            change = self._step(F[t], q[t], previous, anchor, number)
             answer = pairs.force(F[t] + change, previous, number)
-            previous = pairs.settled(answer.force, F[t] + change, previous)[1]
+            previous = pairs.settled(answer.force, F[t] + change, anchor)[1]
             f[t, one] += change[free]
             f[t, two] -= change[free]
         s = fields.s + (f - fields.extended[1])[:, : self.size]
         return Admissible.of_extended(s, fields.u, fields.alpha, w, f, fields.space)
 
-    def _step(self, F: np.ndarray, q: np.ndarray, previous: np.ndarray, number: int) -> np.ndarray:
+    def _step(self, F: np.ndarray, q: np.ndarray, previous: np.ndarray, anchor: np.ndarray, number: int) -> np.ndarray:
         """(3, Q) δq in one load step, from the predicted forces F and the forces q (3, Q)."""
         answer = self.pairs.force(F, previous, number, derivative=True)
         share = np.ones(F.shape[1]) if self.pairs.stabilisation is None else 1 - self.pairs.stabilisation
         slope = np.repeat(np.eye(3)[None], F.shape[1], axis=0)
         slope[answer.active] -= answer.derivative.transpose(2, 0, 1)
         slope *= share[:, None, None]
-        left = self._left(F, q, previous, number, answer.force)
+        left = self._left(F, q, previous, anchor, number, answer.force)
         everyones = self._of_all([x for f in self.families for x in (f.sums(left), f.slopes(slope))])
         before, slopes = everyones[::2], everyones[1::2]
         steps = [-np.linalg.solve(J + _shift(J) * np.eye(J.shape[1]), phi) for J, phi in zip(slopes, before)]
         change = self._change(steps, F.shape[1])
-        left = self._left(F + change, q + change, previous, number)
+        left = self._left(F + change, q + change, previous, anchor, number)
         after = self._of_all([f.sums(left) for f in self.families])
         taken = [_size(new) <= (1 - GAIN) * _size(old) for new, old in zip(after, before)]
         return self._change([step * good[:, None, None] for step, good in zip(steps, taken)], F.shape[1])
 
-    def _left(self, F: np.ndarray, q: np.ndarray, previous: np.ndarray, number: int,
+    def _left(self, F: np.ndarray, q: np.ndarray, previous: np.ndarray, anchor: np.ndarray, number: int,
               lawful: np.ndarray | None = None) -> np.ndarray:
         """(Q, 3) q − f̂(F); ``lawful`` is law(F) where it is known."""
         if lawful is None:
             lawful = self.pairs.force(F, previous, number).force
-        return (q - self.pairs.settled(lawful, F, previous)[0]).T
+        return (q - self.pairs.settled(lawful, F, anchor)[0]).T
 
     def _change(self, steps: list[np.ndarray], count: int) -> np.ndarray:
         """(3, Q) G λ of λ (n, r, 1)."""

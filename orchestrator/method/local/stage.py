@@ -7,11 +7,14 @@ At points with the jump d, from the predicted force F to the traces as ``point_t
 
     f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
 
+or, once springs have been let go (``stopping.letting_go``), keq (d_before + δ) there.
+
 Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -40,11 +43,26 @@ class LawStage:
     direction : search direction k⁻
     pairs : node pairs that a law answers for: those of all interfaces that are not perfect
     previous : (3, P) jump before the first load step
+
+    Attributes
+    ----------
+    rest : (T, 3, P) change of the jumps in each load step at which springs of stabilisation carry nothing; None: none
     """
 
     def __init__(self, direction: SearchDirection, pairs: Pairs, previous: np.ndarray | None = None):
         self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
         self.previous = np.zeros((3, len(pairs))) if previous is None else previous
+        self.rest: np.ndarray | None = None
+
+    def let_go(self, w: np.ndarray) -> LawStage:
+        """The same with springs that carry nothing where traces w (T, D + G) have brought the pairs."""
+        result = copy(self)
+        result.rest = np.diff(self.pairs.traces(w, np.zeros_like(w)).jump, axis=0, prepend=self.previous[None])
+        return result
+
+    def anchor(self, t: int, previous: np.ndarray) -> np.ndarray:
+        """(3, P) jump at which springs carry nothing in one of the load steps, from that at the end of the one before."""
+        return previous if self.rest is None else previous + self.rest[t]
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
@@ -84,9 +102,9 @@ class LawStage:
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
             answer = pairs.force(F[t], previous, pairs.numbers[t])
-            force[t], jump[t] = pairs.settled(answer.force, F[t], previous)
+            force[t], jump[t] = pairs.settled(answer.force, F[t], self.anchor(t, previous))
             if pairs.nodes is not None:
-                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], previous, pairs.numbers[t])
+                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], previous, t)
             lawful[t], status[t] = answer.force, answer.status
             previous = jump[t]
         w_hat, f_hat = at.hats(force, jump)
@@ -105,7 +123,7 @@ class LawStage:
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status, at)
 
     def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, previous: np.ndarray,
-                 step: int) -> tuple[Answer, np.ndarray, np.ndarray]:
+                 t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
         """What the laws answer, f̂ and d, (3, P) each, where points feel each other through the nodes they share:
 
             f̂ ← law(f̂ + keq d),   d = d* − S (f̂ − q*)
@@ -116,18 +134,18 @@ class LawStage:
         ----------
         F, q : (3, P) predicted forces F = q* + keq d*, and q*
         force : f̂ = law(F) to begin with; previous : jump at the end of the load step before
-        step : of the scene
+        t : of the load steps here
         """
         pairs, coupling = self.pairs, self.pairs.nodes.coupling
-        alone = pairs.points.compliance(F - q)
+        alone, anchor = pairs.points.compliance(F - q), self.anchor(t, previous)
 
         def moved(force: np.ndarray) -> np.ndarray:
             return pairs.masked(alone - (coupling @ (force - q).ravel()).reshape(force.shape))
 
         for _ in range(COUPLED):
             F = force + pairs.points.stiffness(moved(force))
-            answer = pairs.force(F, previous, step)
-            force = pairs.settled(answer.force, F, previous)[0]
+            answer = pairs.force(F, previous, pairs.numbers[t])
+            force = pairs.settled(answer.force, F, anchor)[0]
         return answer, force, moved(force)
 
     @property

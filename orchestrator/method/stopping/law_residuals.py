@@ -60,10 +60,19 @@ class LawResiduals:
         """The same with the residual of the fixed point."""
         return replace(self, measures={**self.measures, FIXED_POINT: residual})
 
+    @property
+    def springs(self) -> float:
+        """What stabilisation carries; 0 where there is none."""
+        return self.measures.get(STABILISATION, 0.0)
+
+    @property
+    def largest_other(self) -> float:
+        """The largest measure but what stabilisation carries; nan if any is."""
+        return replace(self, measures={name: value for name, value in self.measures.items() if name != STABILISATION}).largest
+
     def held_by_springs(self, tolerance: float) -> bool:
         """Whether all has settled but for springs that carry more than the tolerance: without them there is no balance."""
-        springs = self.measures.get(STABILISATION, 0.0)
-        return springs > tolerance and max(self.residual, self.imbalance) <= SETTLED * springs
+        return self.springs > tolerance and max(self.residual, self.imbalance) <= SETTLED * self.springs
 
     @property
     def named(self) -> dict[str, float]:
