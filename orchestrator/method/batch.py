@@ -6,7 +6,7 @@ What an iteration has to remember is told with its event, as a ``Memory``; ``rec
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
 
@@ -25,8 +25,8 @@ from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.stopping.criteria import Criterion, Verdict, make_criterion
 from orchestrator.method.stopping.ending import DIVERGED, Ending
 from orchestrator.method.stopping.far_bodies import FarBodies, FarBody, sentences
-from orchestrator.method.stopping.letting_go import LettingGo
 from orchestrator.method.stopping.places import Places
+from orchestrator.method.stopping.giving_way import SHARE, GivingWay
 from orchestrator.method.stopping.indicator import Measures, measure
 from orchestrator.timing import Stopwatch
 
@@ -67,8 +67,9 @@ class Batch:
         self.far = None if d.all_perfect else FarBodies(d, self.criterion.lengths, numbers)
         self.places = Places() if d.coarse is not None and d.local.pairs.stabilisation is not None else None
         # where something else decides, springs keep no run from its end
-        self.letting_go = LettingGo() if self.places is not None and self.criterion.name == "law_residual" else None
-        self.released: np.ndarray | None = None  # (T, D) traces at which springs of stabilisation carry nothing
+        self.giving_way = GivingWay() if self.places is not None and self.criterion.name == "law_residual" else None
+        # (T, D) traces at which springs of stabilisation have given way, and what they carried then at most, force per area
+        self.yielded: tuple[np.ndarray, float] | None = None
         self.anew = False
         self.frozen, self.left_out = np.zeros(d.steps, dtype=bool), 0
         self.measured = np.nan  # what the criterion has compared last
@@ -102,7 +103,7 @@ class Batch:
             self.far.recall(last.notes["far"])
         if self.places is not None:
             self.places.recall(last.arrays)
-        self._recall_released(last.notes, last.arrays.get("trace/released"))
+        self._recall_yielded(last, "trace/yielded")
         self.begin(np.empty(0), last.iteration, notes["sweeps"])
         self.whole_at, self.left_out, self.resting = notes["whole_at"], notes["left_out"], notes["resting"]
         self.s = last.arrays["trace/s"].copy() if notes["anew"] else self._next(last.arrays.get("trace/asked"))
@@ -111,7 +112,7 @@ class Batch:
         """The end of a batch, from its last iteration."""
         notes = memory.notes
         self._recall_place(memory)
-        self._recall_released(notes, memory.arrays.get("trace/delivered.released"))
+        self._recall_yielded(memory, "trace/delivered.yielded")
         delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
         local, delivered = self.d.local(delivered), self.d.stage.ended(delivered)
         bound, _ = self.criterion.final(delivered, None)
@@ -123,7 +124,7 @@ class Batch:
         last = Iteration(**{**event, "target": tuple(event["target"])}, state=delivered.s)
         return Iterated(delivered, local, bound, notes["met"], notes["reason"], memory.iteration,
                         notes["batch"]["sweeps"], last, [replace(last, state=delivered.s[:0].copy())], notes["batch"]["left_out"],
-                        self._strayed, self._paired, self._open, self._let_go_at)
+                        self._strayed, self._paired, self._open, self._gave_way)
 
     def iterate(self, told: Subscriber, earlier: float = 0.0) -> Iterated:
         """Iterate to the end: eq. 6 is solved.
@@ -179,11 +180,11 @@ class Batch:
             if self.true_error is not None:
                 event = replace(event, true_error=self.true_error(best, verdict.bound))
             self.anew = self._slid_on(evaluated, verdict)
-            let_go = self.letting_go is not None and not self.anew and self.letting_go(
+            gives_way = self.giving_way is not None and not self.anew and self.giving_way(
                 self.iteration, verdict.laws, criterion.value)
             reason = self.ending.reason(
                 self.iteration, verdict.met and not self.anew, event.residual, moved,
-                verdict.laws is not None and not let_go and verdict.laws.held_by_springs(criterion.value))
+                verdict.laws is not None and not gives_way and verdict.laws.held_by_springs(criterion.value))
             if self.far is not None:
                 strayed = self.far(self.iteration, verdict.lengths.rigid, local, reason is not None)
                 event = replace(event, far_bodies=len(self.far.found))
@@ -194,11 +195,11 @@ class Batch:
                 if reason is not None and reason != DIVERGED:
                     with watch("bound"):
                         self.places.end(d, criterion.lengths, best, local)
-            released = self.released
-            if let_go:
-                self._let_go(best.w)
+            yielded = self.yielded
+            if gives_way:
+                self._give_way(best.w, SHARE * criterion.value * verdict.laws.traction)
             history.append(replace(event, state=event.state[:0].copy()))  # the states themselves are large, and views hold them
-            told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason, released)))
+            told.iteration(replace(event, memory=self._memory(event, evaluated, best, verdict.met and not self.anew, reason, yielded)))
             if reason is None and self.placing is not None:
                 self._place(measures().more[-1])
             if reason is None and self.anew:
@@ -217,7 +218,7 @@ class Batch:
             bound, spent = criterion.final(best, verdict.bound)
             self.sweeps += spent * share
         return Iterated(best, local, bound, verdict.met and not self.anew, reason, self.iteration, self.sweeps, event, history,
-                        self.left_out, self._strayed, self._paired, self._open, self._let_go_at)
+                        self.left_out, self._strayed, self._paired, self._open, self._gave_way)
 
     def _place(self, table: np.ndarray) -> None:
         try:
@@ -242,8 +243,8 @@ class Batch:
     def _pair_anew(self, place: np.ndarray) -> None:
         """Pair the sides that follow where traces (1, D) have brought them; what was known of the pairs before is forgotten."""
         self.d = self.d.paired(place)
-        if self.released is not None:
-            self.d = self.d.let_go(self.released)
+        if self.yielded is not None:
+            self.d = self.d.yielding(*self.yielded)
         notes, far, told = self.criterion.notes, self.far.notes, self.criterion.lengths.told
         self.acceleration = make_acceleration(self.d, self.method)
         self.criterion = make_criterion(self.d, self.method.tolerance, self.estimate and partial(self.estimate, self.d),
@@ -254,20 +255,20 @@ class Batch:
         self.far = FarBodies(self.d, self.criterion.lengths, self.numbers)
         self.far.recall(far)
 
-    def _let_go(self, w: np.ndarray) -> None:
-        """Have springs of stabilisation carry nothing where traces w (T, D) have brought the pairs."""
-        self.d, self.released = self.d.let_go(w), w
+    def _give_way(self, w: np.ndarray, most: float) -> None:
+        """Have springs of stabilisation carry no more than ``most``, force per area, where traces w (T, D) have brought the pairs."""
+        self.d, self.yielded = self.d.yielding(w, most), (w, most)
 
-    def _recall_released(self, notes: Mapping[str, object], w: np.ndarray | None) -> None:
-        """Let springs go at traces w (T, D), where they have been."""
-        if self.letting_go is not None:
-            self.letting_go.recall(notes["letting_go"])
-        if w is not None:
-            self._let_go(w)
+    def _recall_yielded(self, memory: Memory, name: str) -> None:
+        """Have springs give way where they have."""
+        if self.giving_way is not None:
+            self.giving_way.recall(memory.notes["giving_way"])
+        if name in memory.arrays:
+            self._give_way(memory.arrays[name], memory.notes["yielded"][name])
 
     @property
-    def _let_go_at(self) -> list[int]:
-        return [] if self.letting_go is None else self.letting_go.at
+    def _gave_way(self) -> list[int]:
+        return [] if self.giving_way is None else self.giving_way.at
 
     def _recall_place(self, memory: Memory) -> None:
         """Pair the sides that follow where they were paired."""
@@ -321,8 +322,8 @@ class Batch:
         return s
 
     def _memory(self, event: Iteration, evaluated: Admissible, best: Admissible, met: bool,
-                reason: str | None, released: np.ndarray | None) -> Memory:
-        """What has to be known to go on after this iteration, or of how it ended; ``released`` is that of its own springs."""
+                reason: str | None, yielded: tuple[np.ndarray, float] | None) -> Memory:
+        """What has to be known to go on after this iteration, or of how it ended, with springs that had ``yielded`` by then."""
         ended = reason is not None
         if ended or self.iteration - self.whole_at >= INTERVAL:
             self.whole_at = self.iteration
@@ -341,12 +342,11 @@ class Batch:
             notes["far"] = self.far.notes
         if self.places is not None:
             arrays |= self.places.told
-        if self.letting_go is not None:
-            notes["letting_go"] = self.letting_go.notes
-        if self.released is not None:
-            arrays["trace/released"] = self.released
-        if ended and released is not None:
-            arrays["trace/delivered.released"] = released
+        if self.giving_way is not None:
+            notes["giving_way"], notes["yielded"] = self.giving_way.notes, {}
+        for name, given in (("trace/yielded", self.yielded), ("trace/delivered.yielded", yielded if ended else None)):
+            if given is not None:
+                arrays[name], notes["yielded"][name] = given
         if self.criterion.done.any():
             arrays["trace/asked"] = evaluated.s
         if self.d.following is not None:

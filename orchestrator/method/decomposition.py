@@ -141,11 +141,12 @@ class Decomposition:
             coarse.start_from(local)
         return replace(self, local=local, coarse=coarse)
 
-    def let_go(self, w: np.ndarray) -> "Decomposition":
-        """The same with springs of stabilisation that carry nothing where traces w (T, D) have brought the pairs."""
+    def yielding(self, w: np.ndarray, most: float) -> "Decomposition":
+        """The same with springs of stabilisation that have given way until they carry ``most``, force per area, where they would
+        carry more with pairs where traces w (T, D) have brought them."""
         everywhere, = self.space.extended(w)
-        coarse = None if self.coarse is None else self.coarse.let_go(everywhere)
-        return replace(self, local=self.local.let_go(everywhere), coarse=coarse)
+        coarse = None if self.coarse is None else self.coarse.yielding(everywhere, most)
+        return replace(self, local=self.local.yielding(everywhere, most), coarse=coarse)
 
     def paired_as(self, other: "Decomposition") -> "Decomposition":
         """The same with the pairs of another one, for fewer load steps, at the beginning of the next of which it ends."""

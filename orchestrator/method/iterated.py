@@ -48,7 +48,7 @@ class Iterated:
     far : bodies beyond small displacements, see ``stopping.far_bodies``
     paired : per load step, where sides are paired anew as they slide; else empty
     open : (bodies, T) how far the places of loose bodies are open, see ``stopping.places``; None where nothing is stabilised
-    let_go : iterations after which springs of stabilisation have been let go, see ``stopping.letting_go``
+    gave_way : iterations after which springs of stabilisation have given way, see ``stopping.giving_way``
     """
 
     fields: Admissible
@@ -64,7 +64,7 @@ class Iterated:
     far: list[FarBody] = field(default_factory=list)
     paired: list[Paired] = field(default_factory=list)
     open: np.ndarray | None = None
-    let_go: list[int] = field(default_factory=list)
+    gave_way: list[int] = field(default_factory=list)
 
     @classmethod
     def joined(cls, batches: Sequence[Iterated]) -> Iterated:
@@ -79,4 +79,4 @@ class Iterated:
             [event for b in batches for event in b.history], sum(b.frozen for b in batches),
             [body for b in batches for body in b.far], [paired for b in batches for paired in b.paired],
             None if any(b.open is None for b in batches) else np.concatenate([b.open for b in batches], axis=1),
-            [iteration for b in batches for iteration in b.let_go])
+            [iteration for b in batches for iteration in b.gave_way])

@@ -160,13 +160,13 @@ class CoarseCorrection:
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
         return Admissible.of_extended(s, u, fields.alpha, w, f, space)
 
-    def let_go(self, w: np.ndarray) -> CoarseCorrection:
-        """The same with springs of stabilisation that carry nothing where traces w (T, D + G) have brought the pairs."""
+    def yielding(self, w: np.ndarray, most: float) -> CoarseCorrection:
+        """The same with springs of stabilisation that have given way as ``LawStage.yielding`` says."""
         result = copy(self)
-        result.predict = self.predict.let_go(w)
+        result.predict = self.predict.yielding(w, most)
         return result
 
-    def moved_if_let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
+    def let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
         """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
         stage. Nothing of it is remembered."""
         aside, before = copy(self), self.predict.previous

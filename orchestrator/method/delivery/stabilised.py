@@ -29,7 +29,7 @@ class Stabilised:
     work : of the springs, all load steps together, over the largest strain energy
     bodies : (T,) names of loose ones that live by them, per load step
     most : name of the loose one whose forces they carry the largest share of
-    let_go : iterations after which they have been let go, to carry nothing where pairs stood
+    gave_way : iterations after which they have given way
     """
 
     epsilon: float
@@ -37,7 +37,7 @@ class Stabilised:
     work: float
     bodies: list[list[str]]
     most: str
-    let_go: list[int]
+    gave_way: list[int]
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
@@ -64,7 +64,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     energy = 0.5 * iterated.bound.energy.max(initial=0.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
                       [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
-                      names[int(share.max(axis=0).argmax())], list(iterated.let_go))
+                      names[int(share.max(axis=0).argmax())], list(iterated.gave_way))
 
 
 def _ratio(part: float, whole: float) -> float:

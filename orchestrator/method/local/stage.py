@@ -7,7 +7,7 @@ At points with the jump d, from the predicted force F to the traces as ``point_t
 
     f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
 
-or, once springs have been let go (``stopping.letting_go``), keq (d_before + δ) there.
+or, where springs have given way (``stopping.giving_way``), keq (d_before + δ) there.
 
 Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """
@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.laws.points import Answer
+from orchestrator.laws.points import Answer, dot
 from orchestrator.laws.status import BONDED
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning
@@ -54,10 +54,14 @@ class LawStage:
         self.previous = np.zeros((3, len(pairs))) if previous is None else previous
         self.rest: np.ndarray | None = None
 
-    def let_go(self, w: np.ndarray) -> LawStage:
-        """The same with springs that carry nothing where traces w (T, D + G) have brought the pairs."""
-        result = copy(self)
-        result.rest = np.diff(self.pairs.traces(w, np.zeros_like(w)).jump, axis=0, prepend=self.previous[None])
+    def yielding(self, w: np.ndarray, most: float) -> LawStage:
+        """The same with springs that have given way until they carry ``most``, force per area, where they would carry more
+        with pairs where traces w (T, D + G) have brought them."""
+        result, points = copy(self), self.pairs.points
+        moved = np.diff(self.pairs.traces(w, np.zeros_like(w)).jump, axis=0, prepend=self.previous[None])
+        pull = points.stiffness(moved)
+        pull = self.pairs.stabilisation * np.sqrt(dot(pull, pull)) / points.area
+        result.rest = moved * (1 - most / np.maximum(pull, most))[:, None]
         return result
 
     def anchor(self, t: int, previous: np.ndarray) -> np.ndarray:

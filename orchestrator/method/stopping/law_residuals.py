@@ -37,11 +37,12 @@ SETTLED = 1e-2  # residual over what springs carry, from which more iterations d
 
 @dataclass(frozen=True)
 class LawResiduals:
-    """Equilibrium, and the measures of the scene's laws by name."""
+    """Equilibrium, and the measures of the scene's laws by name; ``traction`` is what springs of stabilisation are compared with."""
 
     residual: float
     imbalance: float
     measures: dict[str, float] = field(default_factory=dict)
+    traction: float = float("nan")
 
     @classmethod
     def worst(cls, found: Sequence[LawResiduals]) -> LawResiduals:
@@ -136,7 +137,7 @@ class LawMeasure:
         """
         top, bottom, unbalanced, stiff = map(float, sums)
         bottom = max(bottom, stiff * lengths.of_rest**2)
-        ends, measures = iter(largest), {}
+        ends, measures, traction = iter(largest), {}, float("nan")
         for law in self.pairs.laws:  # of measures that laws share, the largest
             rest, pressure = next(ends) * lengths.of_rest, next(ends)
             pressure = max(pressure, rest) or 1.0
@@ -145,8 +146,9 @@ class LawMeasure:
                 measures[measure.name] = max(value, measures.get(measure.name, value))
         if self.pairs.stabilisation is not None:
             springs, carried, rest = ends
-            measures[STABILISATION] = springs / (max(carried, rest * lengths.of_rest) or 1.0)
-        return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), measures)
+            traction = max(carried, rest * lengths.of_rest) or 1.0
+            measures[STABILISATION] = springs / traction
+        return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), measures, traction)
 
 
 def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, lengths: Lengths,

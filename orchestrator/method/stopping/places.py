@@ -54,7 +54,7 @@ class Places:
 
     def end(self, d: Decomposition, lengths: LengthScale, fields: Admissible, local: LocalState) -> None:
         """Estimate how far places are open; all ranks have to ask."""
-        let_go = lengths(d.coarse.moved_if_let_go(fields, local.jump)).rigid
+        let_go = lengths(d.coarse.let_go(fields, local.jump)).rigid
         self.open = BENT * _size(let_go - lengths(fields.u).rigid) + sum(self.moves)
 
     @property

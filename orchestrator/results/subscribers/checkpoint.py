@@ -201,7 +201,7 @@ class Checkpoint(Subscriber):
     def _end(self, memory: Memory) -> None:
         """The end of a batch in a file of its own; the iterations before it are needed no more once it is there."""
         arrays = {name: array for name, array in memory.arrays.items()
-                  if "/delivered" in name or name.startswith(("common/factorised", "interface"))}
+                  if "/delivered" in name or name.startswith(("common/", "interface"))}
         with self._new(self._path / f"batch-{memory.batch:03}.log") as file:
             append(file, _header(memory), arrays)
             os.fsync(file.fileno())
