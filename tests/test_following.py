@@ -5,8 +5,11 @@ import pytest
 from in_process import IN_PROCESS
 from mortar_case import POISSON, YOUNG
 
-from orchestrator.config import config_from
+from orchestrator.config import Config, config_from
 from orchestrator.errors import InputError
+from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.resume import load_checkpoint
+from orchestrator.results.subscribers.checkpoint import Checkpoint
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
@@ -136,3 +139,17 @@ def test_where_pairs_cannot_follow(changes, told):
     made = sliding([[0, 0, 0]]).model_dump(exclude_unset=True)
     with pytest.raises(InputError, match=told):
         build_scene(config_from({k: v for k, v in {**made, **changes}.items() if v is not None}))
+
+
+@pytest.mark.parametrize("most", [5, 17])
+def test_a_run_that_had_too_few_iterations_goes_on_with_its_pairing(tmp_path, most):
+    """After the fifth iteration the sides are to be paired anew, before the seventeenth they have been."""
+    made = sliding([[2.4, 0, -0.002]], error=1e-8)
+    scene, keeper = build_scene(made), Checkpoint(ResultsFolder(tmp_path), "key")
+    whole = solve(made, scene)
+    few = Config.model_validate({**made.complete(), "method": {**made.complete()["method"], "max_iterations": most}})
+    assert solve(few, scene, [keeper]).stop_reason == "max_iterations"
+    keeper.close()
+    resumed = solve(made, scene, start=load_checkpoint(tmp_path, "key"))
+    assert resumed.iterations == whole.iterations > most
+    assert max(np.abs(u - v).max() for u, v in zip(whole.parts, resumed.parts)) < 1e-12

@@ -91,7 +91,7 @@ class Batch:
         """Go on after the last of these iterations as if nothing had happened."""
         last = latest[-1]
         notes = last.notes["batch"]
-        self._recall_place(last)
+        self._recall_place(last, "trace/place")
         if not notes["anew"]:
             with self.watch("acceleration"):
                 self.acceleration.recall(latest)
@@ -111,7 +111,7 @@ class Batch:
     def recalled(self, memory: Memory) -> Iterated:
         """The end of a batch, from its last iteration."""
         notes = memory.notes
-        self._recall_place(memory)
+        self._recall_place(memory, "trace/delivered.place")
         self._recall_yielded(memory, "trace/delivered.yielded")
         delivered = Admissible(*(memory.arrays[f"{kind}/delivered.{name}"] for kind, name in _DELIVERED), self.d.space)
         local, delivered = self.d.local(delivered), self.d.stage.ended(delivered)
@@ -270,9 +270,9 @@ class Batch:
     def _gave_way(self) -> list[int]:
         return [] if self.giving_way is None else self.giving_way.at
 
-    def _recall_place(self, memory: Memory) -> None:
+    def _recall_place(self, memory: Memory, name: str) -> None:
         """Pair the sides that follow where they were paired."""
-        place = memory.arrays.get("trace/delivered.place" if memory.ended else "trace/place")
+        place = memory.arrays.get(name)
         if place is not None and (memory.notes["batch"]["anew"] or not np.array_equal(place, self.d.following.place)):
             if memory.notes["batch"]["anew"] and self.d.coarse is not None:
                 self.d.coarse.recall(memory)  # what it has spent goes on, what it has kept does not
@@ -350,8 +350,9 @@ class Batch:
         if self.criterion.done.any():
             arrays["trace/asked"] = evaluated.s
         if self.d.following is not None:
-            kind = "trace/delivered.place" if ended else "trace/place"
-            arrays[kind] = evaluated.w if self.anew and not ended else self.d.following.place
+            arrays["trace/place"] = evaluated.w if self.anew else self.d.following.place
+            if ended:
+                arrays["trace/delivered.place"] = self.d.following.place
         if ended:
             arrays |= {f"{kind}/delivered.{name}": array for (kind, name), array in zip(_DELIVERED, best.rows)}
             notes["met"] = met
