@@ -56,8 +56,9 @@ def test_what_only_looks_alike_is_no_image():
     bent[-1] += 1e-6
     one, two = np.flatnonzero(region == region[0])[0], np.flatnonzero(region != region[0])[0]
     region[[one, two]] = region[[two, one]]
+    cells[0, 0] = np.setdiff1d(cells, cells[0])[0]
     free = np.setdiff1d(np.flatnonzero(~model.fixed.ravel()), model.trace)[0]
-    others = [replace(model, fixed=fixed), replace(model, nodes=bent), replace(model, region=region),
+    others = [replace(model, fixed=fixed), replace(model, nodes=bent), replace(model, region=region), replace(model, cells=cells),
               replace(model, trace=np.append(model.trace[1:], free)), replace(model, materials=model.materials * [1.001, 1.0]),
               replace(model, nodes=model.nodes * 2)]
     assert not any(images([box(), other], [0, 1]) for other in others)

@@ -33,7 +33,6 @@ from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.part import Part
 from orchestrator.savings import Savings
 from orchestrator.scene.soles.difficulty import difficulty

@@ -369,6 +369,12 @@ def _times(blocks, starts, columns, x, result):
 
 
 @compiled
+def times(blocks, starts, columns, x, result):
+    """result (bodies, size) = a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, times x."""
+    _times(blocks, starts, columns, x, result)
+
+
+@compiled
 def gmres(factors, blocks, starts, columns, right, most, accuracy, seen, x, more):
     """Solve with a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, preconditioned from the right.
 

@@ -150,22 +150,6 @@ def gathered(ends, each, result):
 
 
 @compiled
-def multiplied(blocks, starts, columns, x, result):
-    """result (bodies, n) = a matrix of blocks (k, n, n), block row after block row, times x."""
-    for i in range(len(result)):
-        total = result[i]
-        for c in range(len(total)):
-            total[c] = 0.0
-        for k in range(starts[i], starts[i + 1]):
-            block, part = blocks[k], x[columns[k]]
-            for c in range(len(total)):
-                one, row = 0.0, block[c]
-                for d in range(len(part)):
-                    one += row[d] * part[d]
-                total[c] += one
-
-
-@compiled
 def added_up(start, stop, starts, which, sign, blocks, at, result):
     """result (n, s) = at + sign · the sum of some blocks (k, s), in rows from start to stop.
 

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from orchestrator.compiled import in_parts
 from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
-from orchestrator.method.coarse.kernels import along, multiplied
+from orchestrator.method.coarse.kernels import along
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.parallel.team import Team
 
@@ -162,12 +162,14 @@ class LoadStep:
 
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
+        from orchestrator.method.coarse.fronts import times
+
         bodies = self.bodies
         stiff, sprung = np.empty(y.shape), 0.0
-        multiplied(bodies.K0, bodies.each, bodies.each, y, stiff)
+        times(bodies.K0, bodies.each, bodies.each, y, stiff)
         if bodies.springs is not None:
             sprung = np.empty(y.shape)
-            multiplied(bodies.springs.data, bodies.springs.indptr, bodies.springs.indices, y, sprung)
+            times(bodies.springs.data, bodies.springs.indptr, bodies.springs.indices, y, sprung)
         return stiff, sprung
 
     def _imbalance(self, force: np.ndarray) -> np.ndarray:

@@ -208,9 +208,9 @@ class TraceSpace:
             ends[r] = rows * len(ghosts)
             outgoing[r], incoming[r] = self._buffers(r, rows * len(dofs) + steps * len(classes), ends[r] + steps * len(classes))
             own, begin = outgoing[r], 0
-            for field, at in [*((f, dofs) for f in fields), *([] if summed is None else [(summed, classes)])]:
-                stop = begin + len(field) * len(at)
-                np.take(field, at, axis=1, out=own[begin:stop].reshape(len(field), len(at)), mode="clip")
+            for sent, at in [*((f, dofs) for f in fields), *([] if summed is None else [(summed, classes)])]:
+                stop = begin + len(sent) * len(at)
+                np.take(sent, at, axis=1, out=own[begin:stop].reshape(len(sent), len(at)), mode="clip")
                 begin = stop
         wait = self.team.exchange_later(outgoing, incoming)
 

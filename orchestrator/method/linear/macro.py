@@ -28,7 +28,6 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.spread import SpreadFactor
 from orchestrator.method.linear.macro_answers import MacroAnswers
 from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
-from orchestrator.parallel.team import Team
 
 
 class Macro:

@@ -43,7 +43,6 @@ class Exchange:
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
-        w, f = fields.w, fields.f
         if self.kplus == "exchange":
             across = self.direction.space.receives and not len(self.tied)
             return LocalState(self._exchanged_meanwhile(fields) if across else self.exchanged(*fields.extended)[0])

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from orchestrator.compiled import compiled, in_parts
-from orchestrator.method.interface.rows import dots, times
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local.state import LocalState

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.compiled import compiled, in_parts
 
-_SWEEPS = 30  # of Jacobi's rotations at most; six bring 3×3 matrices to rounding
+_ROTATIONS = 90  # of Jacobi's at most; a sweep has three, and six sweeps bring 3×3 matrices to rounding
 
 
 def volumes(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ def squares(corner: np.ndarray, sigma: np.ndarray, mean: np.ndarray, lame: np.nd
 def principal(sigma: np.ndarray) -> np.ndarray:
     """(K, 3) principal stresses of (K, 6), the largest first; nan of nan."""
     result = np.empty((len(sigma), 3))
-    in_parts(_principal, len(sigma), np.ascontiguousarray(sigma.T), result, _SWEEPS)
+    in_parts(_principal, len(sigma), np.ascontiguousarray(sigma.T), result, _ROTATIONS)
     return result
 
 
@@ -131,35 +131,22 @@ def _squares(start, stop, corner, sigma, mean, lame, weight, softest, error, ene
 
 
 @compiled
-def _principal(start, stop, sigma, result, sweeps):
+def _principal(start, stop, sigma, result, rotations):
     """By Jacobi's rotations, which find equal values as well as others."""
     for i in range(start, stop):
         a, b, c, d, e, f = sigma[0, i], sigma[1, i], sigma[2, i], sigma[3, i], sigma[4, i], sigma[5, i]
         least = 1e-18 * (abs(a) + abs(b) + abs(c) + abs(d) + abs(e) + abs(f))  # less than rounding of the values
-        for _ in range(sweeps):
+        for _ in range(rotations):
             if not abs(d) + abs(e) + abs(f) > least:
                 break
-            if d != 0.0:  # rows x and y
+            if d != 0.0:
                 slope = (b - a) / (2 * d)
                 t = (1.0 if slope >= 0 else -1.0) / (abs(slope) + (slope * slope + 1) ** 0.5)
                 cosine = 1 / (t * t + 1) ** 0.5
                 sine = t * cosine
                 a, b, d = a - t * d, b + t * d, 0.0
                 f, e = cosine * f - sine * e, sine * f + cosine * e
-            if e != 0.0:  # y and z
-                slope = (c - b) / (2 * e)
-                t = (1.0 if slope >= 0 else -1.0) / (abs(slope) + (slope * slope + 1) ** 0.5)
-                cosine = 1 / (t * t + 1) ** 0.5
-                sine = t * cosine
-                b, c, e = b - t * e, c + t * e, 0.0
-                d, f = cosine * d - sine * f, sine * d + cosine * f
-            if f != 0.0:  # x and z
-                slope = (c - a) / (2 * f)
-                t = (1.0 if slope >= 0 else -1.0) / (abs(slope) + (slope * slope + 1) ** 0.5)
-                cosine = 1 / (t * t + 1) ** 0.5
-                sine = t * cosine
-                a, c, f = a - t * f, c + t * f, 0.0
-                d, e = cosine * d - sine * e, sine * d + cosine * e
+            a, b, c, d, e, f = b, c, a, e, f, d  # the next two rows are the first two
         if abs(a + b + c + d + e + f) < np.inf:
             low, high = min(a, b, c), max(a, b, c)
             result[i, 0], result[i, 2] = high, low
