@@ -170,26 +170,21 @@ class CoarseCorrection:
         """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
         stage. Nothing of it is remembered."""
         aside, before = copy(self), self.predict.previous
-        aside.problem = self.problem.aside()
+        aside.problem, aside.predict = self.problem.aside(), copy(self.predict)
         rest = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
         rest[..., : jump.shape[2]] = jump
         rest[..., : jump.shape[2]] -= np.concatenate([before[None, :, : jump.shape[2]], jump[:-1]])
-        return self._moved(fields.u, aside._solved(fields, rest), self.boundary_response, self.body_of_boundary)
+        aside.predict.rest = rest
+        return self._moved(fields.u, aside._solved(fields), self.boundary_response, self.body_of_boundary)
 
-    def _solved(self, fields: Admissible, rest: np.ndarray | None = None) -> np.ndarray:
-        """(T, bodies, n) y.
-
-        Parameters
-        ----------
-        rest : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: that of the laws
-        """
-        rest = self.predict.rest if rest is None else rest
+    def _solved(self, fields: Admissible) -> np.ndarray:
+        """(T, bodies, n) y."""
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         previous = self.predict.previous
         F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(len(y)):
-            number, anchor = self.predict.pairs.numbers[t], previous if rest is None else previous + rest[t]
+            number, anchor = self.predict.pairs.numbers[t], self.predict.anchor(t, previous)
             y[t], F = self.problem.solve(t, number, F0[t], resultant[t], previous, self.radius, anchor)
             force = self.pairs.force(F, previous, number).force
             previous = self.pairs.settled(force, F, anchor)[1]
