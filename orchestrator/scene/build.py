@@ -22,6 +22,7 @@ from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
 from orchestrator.scene.model import BoundaryEntry, Interface, Material, Mesh, Scene, Subdomain
+from orchestrator.scene.names import look_alike
 from orchestrator.scene.partition.bolts import cut_bolts
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
@@ -155,7 +156,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
 
         check_figures(mesh.nodes, mesh.volumes, config.output.figures, ("output", "figures"), problems)
     problems.raise_if_any()
-    problems.warnings += mesh.remarks
+    problems.warnings += [*mesh.remarks, *look_alike(mesh.volumes, "volume"), *look_alike(mesh.surfaces, "surface")]
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}
     used |= {part.foreign.history for part in config.parts or [] if part.foreign is not None}
     problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces, bolts or parts names it"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from fnmatch import fnmatchcase
 
 import numpy as np
+
+from orchestrator.scene.names import matching
 
 NO_UNITS = {"length": "", "force": "", "stress": ""}
 
@@ -49,5 +50,5 @@ class Look:
         """(k,) int, the tets that are drawn of ``count``; all of them where no part has such a name."""
         if not self.parts or part is None:
             return np.arange(count)
-        wanted = [any(fnmatchcase(name, pattern) for pattern in self.parts) for name in names]
-        return np.flatnonzero(np.array(wanted)[part]) if any(wanted) else np.arange(count)
+        wanted = np.isin(names, [name for pattern in self.parts for name in matching(pattern, names)])
+        return np.flatnonzero(wanted[part]) if wanted.any() else np.arange(count)

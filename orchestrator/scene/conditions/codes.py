@@ -25,7 +25,8 @@ def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[Code
     known = [name for own in names for name in own]
     for i, entry in enumerate(entries):
         for pattern in entry.on:
-            hit = [bool(matching(pattern, own)) for own in names]
+            meant = set(matching(pattern, known))
+            hit = [not meant.isdisjoint(own) for own in names]
             if not any(hit):
                 problems.add((*entry_path(i, entries), "on"), f"no subdomain and no volume is called {pattern!r}",
                              "names of subdomains, shell wildcards allowed", suggestion(pattern, known, "subdomain"))

@@ -87,10 +87,10 @@ def _cells_of(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], part: st
     """(m,) bool, the tets of a part; all where none is named; None, with a problem, where there is none of that name."""
     if part is None:
         return np.ones(len(mesh.cells), dtype=bool)
-    volumes = np.isin(mesh.volumes, matching(part, mesh.volumes))[mesh.volume]
-    own = np.isin(bodies, matching(part, bodies))[subdomain]
+    known = list(dict.fromkeys([*mesh.volumes, *bodies]))
+    meant = matching(part, known)
+    volumes, own = np.isin(mesh.volumes, meant)[mesh.volume], np.isin(bodies, meant)[subdomain]
     if not (volumes | own).any():
-        known = list(dict.fromkeys([*mesh.volumes, *bodies]))
         problems.add(path, f"no volume and no body is called {part!r}", "a name of one, shell wildcards allowed",
                      suggestion(part, known, "volume"))
         return None

@@ -37,13 +37,14 @@ class Laws:
     Parameters
     ----------
     entries : of the YAML, each with a ``pair`` of patterns, pairs to ``exclude``, and ``law``; the last match wins
+    names : everything an entry could name, subdomains and volumes
     factors : per entry (steps,) what multiplies it; none: one load step
     """
 
-    def __init__(self, entries: list[Any], factors: Sequence[Sequence[float]] = ()):
-        self.entries, self.factors = list(entries), factors
+    def __init__(self, entries: list[Any], names: Iterable[str], factors: Sequence[Sequence[float]] = ()):
+        self.entries, self.factors, self.names = list(entries), factors, list(dict.fromkeys(names))
         self.used = [False] * len(self.entries)
-        self._hits = lru_cache(maxsize=None)(lambda pattern, name: bool(matching(pattern, [name])))
+        self._meant = lru_cache(maxsize=None)(lambda pattern: frozenset(matching(pattern, self.names)))
 
     def between(self, first: Iterable[str], second: Iterable[str]) -> int:
         """Index of the governing entry, -1 for none.
@@ -73,13 +74,13 @@ class Laws:
         if index < 0:
             return
         entry, interface.entry = self.entries[index], index
-        direction = 1.0 if self._any(entry.pair[0], first) else -1.0
+        direction = 1.0 if self.means(entry.pair[0], first) else -1.0
         govern(interface, entry, self.factors[index] if self.factors else [], direction, distance)
 
     def slave(self, index: int, first: Iterable[str], second: Iterable[str]) -> int | None:
         """Which side, 0 or 1, an entry has for the slave; None: neither, or both by the same word."""
         name = self.entries[index].slave if index >= 0 else None
-        chosen = [name is not None and self._any(name, side) for side in (first, second)]
+        chosen = [name is not None and self.means(name, side) for side in (first, second)]
         return None if chosen[0] == chosen[1] else chosen.index(True)
 
     def found(self, index: int) -> bool:
@@ -135,13 +136,12 @@ class Laws:
                              "names of different bodies: their pieces are joined by perfect interfaces",
                              "leave this entry out; a real joint needs two volumes in the mesh")
 
-    def report_unused(self, names: list[str], pairs: list[tuple[str, str]], pieces: int, problems: Problems,
+    def report_unused(self, pairs: list[tuple[str, str]], pieces: int, problems: Problems,
                       nearest: Callable[[Any], str] = lambda entry: "") -> None:
         """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
 
         Parameters
         ----------
-        names : everything an entry could have named
         pairs : names of the two sides of existing interfaces, for the cure
         pieces : number of pieces of the mesh that share no faces with each other
         nearest : what to say of how far apart the parts of an entry are
@@ -150,23 +150,23 @@ class Laws:
             everything = entry.pair == ("*", "*")
             for k, two in enumerate(entry.exclude or []):
                 for p in two:
-                    if not matching(p, names):
+                    if not self._meant(p):
                         problems.add(("interfaces", i, "exclude", k), f"{p!r} matches no subdomain and no volume",
-                                     "names of two parts, shell wildcards allowed", suggestion(p, names, "part"))
-            if entry.slave is not None and not matching(entry.slave, names):
+                                     "names of two parts, shell wildcards allowed", suggestion(p, self.names, "part"))
+            if entry.slave is not None and not self._meant(entry.slave):
                 problems.add(("interfaces", i, "slave"), f"{entry.slave!r} matches no subdomain and no volume",
-                             "names of parts, shell wildcards allowed", suggestion(entry.slave, names, "part"))
+                             "names of parts, shell wildcards allowed", suggestion(entry.slave, self.names, "part"))
             if used or entry.found or (everything and pieces < 2):
                 continue  # of pairs that are found, ``report_neighbours`` says which are missing
-            unknown = [p for p in entry.pair if not matching(p, names)]
+            unknown = [p for p in entry.pair if not self._meant(p)]
             if unknown:
                 found = f"{' and '.join(repr(p) for p in unknown)} matches no subdomain and no volume"
-                cure = "; ".join(suggestion(p, names, "part") for p in unknown)
+                cure = "; ".join(suggestion(p, self.names, "part") for p in unknown)
             else:
                 found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" \
                     + nearest(entry)
                 beside = [f"{a} | {b}" for a, b in pairs
-                          if any(matching(p, [a, b]) for p in entry.pair if p != "*")] or \
+                          if any(self.means(p, (a, b)) for p in entry.pair if p != "*")] or \
                          [f"{a} | {b}" for a, b in pairs]
                 cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
                     if pairs else "there are no interfaces at all"
@@ -194,7 +194,8 @@ class Laws:
     def _are(self, two: Sequence[str], first: Iterable[str], second: Iterable[str]) -> bool:
         """Whether two patterns name two sides, in either order."""
         a, b = two
-        return (self._any(a, first) and self._any(b, second)) or (self._any(b, first) and self._any(a, second))
+        return (self.means(a, first) and self.means(b, second)) or (self.means(b, first) and self.means(a, second))
 
-    def _any(self, pattern: str, names: Iterable[str]) -> bool:
-        return any(self._hits(pattern, name) for name in names)
+    def means(self, pattern: str, names: Iterable[str]) -> bool:
+        """Whether a pattern means one of a side's names."""
+        return not self._meant(pattern).isdisjoint(names)

@@ -17,7 +17,6 @@ from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface, Mesh
-from orchestrator.scene.names import matching
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 
@@ -45,7 +44,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
     """
     shared, sides, bounds = patches(faces, partition.subdomain)
     triangles, cells = _outward_of_first(faces, partition.subdomain, shared)
-    laws = Laws(entries, factors)
+    laws = Laws(entries, [*partition.names, *mesh.volumes], factors)
     found: list[Interface] = []
     pairs: list[tuple[str, str]] = []
     cuts: list[tuple[str, str]] = []  # names of the two sides, between bodies and within one
@@ -73,8 +72,8 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         pairs.append(names)
     laws.refuse_within(cuts, problems)
     if asked:
-        laws.report_unused([*partition.names, *mesh.volumes], list(dict.fromkeys(pairs)), piece_of(mesh, faces)[0],
-                           problems, lambda entry: _how_far(mesh, bodies, partition, entry))
+        laws.report_unused(list(dict.fromkeys(pairs)), piece_of(mesh, faces)[0], problems,
+                           lambda entry: _how_far(mesh, bodies, partition, laws, entry))
     near = []
     if bodies and not problems.found:
         near = report_neighbours(mesh, faces, bodies, found, partition, numbering, laws, asked, problems)
@@ -194,9 +193,9 @@ def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, key: tuple[i
     return np.where(np.abs(gap) <= rounding * 1e-3, 0.0, np.maximum(gap, 0.0))
 
 
-def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, entry: Any) -> str:
+def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, laws: Laws, entry: Any) -> str:
     """How far apart the nearest nodes are of the parts that an entry names."""
-    sides = [[b for b in bodies if matching(pattern, [partition.names[b.subdomain], mesh.volumes[b.volume]])]
+    sides = [[b for b in bodies if laws.means(pattern, (partition.names[b.subdomain], mesh.volumes[b.volume]))]
              for pattern in entry.pair]
     found = [nearest(a, b) for a in sides[0] for b in sides[1] if a is not b and a.volume != b.volume]
     if not found or len(found) > MOST:

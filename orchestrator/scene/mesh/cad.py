@@ -157,7 +157,8 @@ def leave_out(source: str, names: list[str], exclude: Sequence[str], known: list
         if not matching(pattern, known):
             problems.add(("mesh", "exclude"), f"no solid is called {pattern!r}", "names of solids, shell wildcards allowed",
                          suggestion(pattern, known, "solid"))
-    kept = [i for i, name in enumerate(names) if not any(matching(pattern, [name]) for pattern in exclude)]
+    left = {name for pattern in exclude for name in matching(pattern, known)}
+    kept = [i for i, name in enumerate(names) if name not in left]
     if not kept:
         problems.add(("mesh", "exclude"), f"{source}: no solid is left", "at least one solid", "leave fewer out")
     problems.raise_if_any()

@@ -102,7 +102,8 @@ def _survey(path: Path, source: str, h: Any, exclude: list[str]) -> tuple[list[S
     names = unique_names([product(*s) or "solid" for s in found])
     shells = [f"shell_{i}" for i in range(1, len(loose) + 1)]
     kept = leave_out(source, names, exclude, [*names, *shells])
-    open_ = [(name, faces) for name, faces in zip(shells, loose) if not any(matching(p, [name]) for p in exclude)]
+    left = {name for pattern in exclude for name in matching(pattern, [*names, *shells])}
+    open_ = [(name, faces) for name, faces in zip(shells, loose) if name not in left]
     if open_:
         raise InputError([Problem(
             ("mesh", "step"), f"{source}: {name}, {len(faces)} faces, the first at "
