@@ -10,6 +10,7 @@ import pytest
 from orchestrator.config import Loaded, config_from, load_config, located, steps, vectors_per_step
 from orchestrator.config.method import Method
 from orchestrator.config.source import Source
+from orchestrator.config.text import parse_yaml
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
 # Each block is one line of the file, so that tests can name the line by the key.
@@ -157,6 +158,13 @@ def test_wrong_entry_names_key_line_and_cure(write, changes, key, words):
 
 @pytest.mark.parametrize("text, line, words", [
     ("name: a\nname: b\n", 2, 'duplicate key "name"'),
+    ('histories:\n  1: [1.0]\n  "1": [2.0]\n', 3, 'duplicate key "1", on lines 2 and 3'),
+    ('histories: {true: [1.0], "true": [2.0]}\n', 1, 'duplicate key "true", on lines 1 and 1'),
+    ('histories:\n  null: [1.0]\n\n  "null": [2.0]\n', 4, 'duplicate key "null", on lines 2 and 4'),
+    ('a:\n  2026-01-01: 1\n  "2026-01-01": 2\n', 3, "duplicate key"),
+    ("a: &a {x: 1}\nb: &b {x: 2}\nc:\n  <<: *a\n  <<: *b\n", 5, 'duplicate key "<<", on lines 4 and 5'),
+    ("a: &k 1\nb: {1: 2, *k : 3}\n", 1, 'duplicate key "1"'),
+    ("histories: {[a, b]: [1.0]}\n", 1, "a list or a mapping for a key"),
     ("name: a\nmesh: {box: [1, 2\nmethod: 1\n", 3, "correct YAML"),
     ("name: a\n\tmesh: 1\n", 2, "correct YAML"),
     ("", 1, "nothing"),
@@ -168,6 +176,13 @@ def test_file_that_is_no_configuration(tmp_path, text, line, words):
     path.write_text(text)
     [problem] = problems_of(path)
     assert (problem.file, problem.line) == (str(path), line) and words in str(problem)
+
+
+def test_keys_are_what_is_written():
+    """Numbers, truths and nothing are texts where they are keys, as they are written; own keys come before merged ones."""
+    data, lines = parse_yaml("base: &b {x: 1, y: 2}\n010: 1\n1: 2\n1.0: 3\ntrue: 4\nTrue: 5\n~: 6\ntwo:\n  <<: *b\n  x: 3\n", "bar.yaml")
+    assert data == {"base": {"x": 1, "y": 2}, "010": 1, "1": 2, "1.0": 3, "true": 4, "True": 5, "~": 6, "two": {"x": 3, "y": 2}}
+    assert lines["010",] == 2 and lines["two", "x"] == 10
 
 
 def test_missing_file_folder_and_binary_file(tmp_path):

@@ -7,11 +7,13 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer
-from ruamel.yaml.constructor import ConstructorError, DuplicateKeyError, RoundTripConstructor
+from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import ScalarNode
 
 from orchestrator.errors import InputError, KeyPath, Problem
 
+TEXT, MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"  # what a key is, and the one that stands for others
 LARGEST = 20_000_000  # bytes, far above what ``MOST`` entries take: beyond, the file is something else
 DEEPEST = 50  # levels; no configuration has more than ten
 MOST = 100_000  # entries, those counted that aliases repeat: a few lines of aliases of aliases make thousands of millions
@@ -50,8 +52,8 @@ def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
         return _Plain(lines).of(reader.load(text), ()), lines
     except _TooMuch as error:
         raise InputError(Problem((), *error.args, file, max(lines.values(), default=1))) from None
-    except DuplicateKeyError as error:
-        raise InputError(Problem((), _first_line(error.problem), "every key once in its mapping", "remove one of the two",
+    except _Twice as error:
+        raise InputError(Problem((), error.problem, "every key once in its mapping", "remove one of the two",
                                  file, error.problem_mark.line + 1)) from error
     except YAMLError as error:
         mark = (error.problem_mark or error.context_mark) if isinstance(error, MarkedYAMLError) else None
@@ -61,9 +63,24 @@ def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
 
 
 class _Composer(Composer):
-    """Refuses deep nesting where it stands, before Python runs out of stack."""
+    """Takes keys as they are written; refuses deep nesting where it stands, before Python runs out of stack."""
 
     _depth = 0
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        """Keys are texts, quoted or not: 1 and "1" are one key, 1 and 1.0 are two, and none of them is a number."""
+        node = super().compose_mapping_node(anchor)
+        lines: dict[str, int] = {}
+        for i, (key, value) in enumerate(node.value):
+            if not isinstance(key, ScalarNode):
+                raise MarkedYAMLError(problem="a list or a mapping for a key", problem_mark=key.start_mark)
+            line = key.start_mark.line + 1
+            if key.value in lines:
+                raise _Twice(problem=f"duplicate key \"{key.value}\", on lines {lines[key.value]} and {line}", problem_mark=key.start_mark)
+            lines[key.value] = line
+            if key.tag != MERGE:
+                node.value[i] = ScalarNode(TEXT, key.value, key.start_mark, key.end_mark, key.style, key.comment), value
+        return node
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         self._depth += 1
@@ -86,6 +103,10 @@ class _Constructor(RoundTripConstructor):
             raise ConstructorError(problem=str(error).partition(";")[0], problem_mark=node.start_mark) from error
 
 
+class _Twice(MarkedYAMLError):
+    """A key that its mapping has already."""
+
+
 class _TooMuch(Exception):
     """What was found, what is expected, and the cure."""
 
@@ -105,8 +126,8 @@ class _Plain:
         if isinstance(node, dict):
             for key in node:
                 if key in (node.lc.data or {}):  # keys merged from an anchor have no line of their own
-                    self._lines[*path, str(key)] = node.lc.key(key)[0] + 1
-            return {str(key): self.of(value, (*path, str(key))) for key, value in node.items()}
+                    self._lines[*path, key] = node.lc.key(key)[0] + 1
+            return {str(key): self.of(value, (*path, key)) for key, value in node.items()}
         if isinstance(node, list):
             for index in node.lc.data or {}:
                 self._lines[*path, index] = node.lc.item(index)[0] + 1
