@@ -8,6 +8,7 @@ from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.config.parts import Rotate
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.interfaces.mortar import segments
 from orchestrator.scene.mesh.placing import turned
 from orchestrator.scene.model import Scene
 
@@ -97,3 +98,17 @@ def off(scene: Scene, parts, strains) -> float:
 def one_piece(scene: Scene, made: Config) -> Monolithic:
     with make_blackbox(made.codes[0]) as blackbox:
         return Monolithic(scene, blackbox)
+
+
+def pairs_looked_at(monkeypatch, search) -> int:
+    """How many pairs of facets a search compares."""
+    count, clipped = [0], segments._clipped
+
+    def counted(frame, master, normal, i, *more):
+        count[0] += len(i)
+        return clipped(frame, master, normal, i, *more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(segments, "_clipped", counted)
+        search()
+    return count[0]

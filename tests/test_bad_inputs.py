@@ -17,7 +17,7 @@ from orchestrator.cli import app
 from orchestrator.scene.mesh import size
 from orchestrator.scene.mesh.structured import bricks
 
-PATIENCE = 10  # seconds that any of them may take
+PATIENCE = 120  # seconds after which one counts as hanging, on a slow machine too
 
 FOREIGN = {"rotation": "motion:", "symmetry": "in an entry of boundary", "temperature": "expansion:", "gravity": "density:",
            "contact": "law between parts", "dynamics": "load steps", "nlgeom": "small",

@@ -13,6 +13,16 @@ from orchestrator.blackbox.start import make_blackbox
 from orchestrator.savings import Savings
 
 
+# Seconds per entry of a product, for one row and per row of many: a machine of 10 GB/s and 10 GFlop/s, and others.
+MACHINES = {"usual": (8e-10, 2e-10), "slow memory": (8e-9, 2e-10), "slow throughout": (3e-9, 3e-9), "quick": (1e-10, 2e-11)}
+
+
+@pytest.fixture(params=MACHINES)
+def machine(request, monkeypatch):
+    """What products cost, whatever the machine that the tests run on."""
+    monkeypatch.setattr(cost, "_speeds", lambda: MACHINES[request.param])
+
+
 def spent(requests: int, trace: int, cases: int, request: Request, unit_loads: Request, expected: int = 0) -> float:
     """Seconds of a run of so many requests that follows the model."""
     seconds = 0.0
@@ -25,18 +35,17 @@ def spent(requests: int, trace: int, cases: int, request: Request, unit_loads: R
 
 @pytest.mark.parametrize("start, each, factor", [(0.0, 1e-3, 1.0), (0.3, 1e-3, 1.0), (0.0, 0.2, 0.01), (0.05, 0.01, 30.0)],
                          ids=["alive", "runs", "green", "dear unit loads"])
-def test_at_most_twice_the_cheaper_way(start, each, factor):
+def test_at_most_twice_the_cheaper_way(start, each, factor, machine):
     """However many requests come: codes that stay alive, end after every run, or have a cheaper way to unit loads."""
     request, unit_loads = Request(start, each), Request(start, factor * each)
     for trace in (9, 150, 1500):
         for cases in (1, 7):
             formed = unit_loads.of(trace)
-            for requests in (1, 2, 5, 17, 60, 400):
+            for requests in (1, 2, 5, 17, 60, 400, 5000):
                 found = spent(requests, trace, cases, request, unit_loads)
                 solved = requests * request.of(cases)
                 product = formed + requests * cost.product_seconds(trace, cases)
                 assert found <= 2 * min(solved, product) + request.of(cases)
-            assert spent(10**5, trace, cases, request, unit_loads) < 0.5 * 10**5 * request.of(cases)
 
 
 def test_what_is_expected_decides_before_anything_has_been():
@@ -47,7 +56,7 @@ def test_what_is_expected_decides_before_anything_has_been():
     assert [to_come(done, 20) for done in (0, 5, 10, 19, 30)] == [20, 15, 11, 20, 31]
 
 
-def test_products_are_not_free():
+def test_products_are_not_free(machine):
     """Where back-substitutions are as quick as products nothing is gained."""
     quick = cost.product_seconds(1000, 1)
     assert 0 < quick < cost.product_seconds(1000, 4000) and math.isclose(quick, 100 * cost.product_seconds(100, 1))

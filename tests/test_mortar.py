@@ -1,12 +1,11 @@
 """Interfaces whose sides are meshed each on its own: the operators, and fields that must pass through them unchanged."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from contact_case import contact, written
-from mortar_case import FOUR, SIX, THREE, TURN, TWO, YOUNG, POISSON, axes, blocks, free_mesh, gradients, off, one_piece, patch_scene, there
+from mortar_case import FOUR, SIX, THREE, TURN, TWO, YOUNG, POISSON, axes, blocks, free_mesh, gradients, off, one_piece, pairs_looked_at, patch_scene, there
 
 from orchestrator.errors import InputError
 from orchestrator.run import solve
@@ -159,15 +158,10 @@ def test_sagitta_of_a_sphere():
     assert sagitta(flat, t).max() < 1e-16
 
 
-def test_work_grows_with_the_facets():
-    """Twenty thousand facets on either side in seconds, four times as many in about four times as long."""
-    def seconds(n):
-        begin = time.process_time()
-        mortar_of(surfaces(n, n))
-        return time.process_time() - begin
-
-    small, large = min(seconds(25) for _ in range(2)), seconds(50)
-    assert large < 10 * small and large < 3 / 4 * 3  # 5,000 facets; noise of a shared machine granted
+def test_work_grows_with_the_facets(monkeypatch):
+    """Twice as many facets along an edge: four times as many pairs of facets looked at, not sixteen, and some ten for each."""
+    looked_at = [pairs_looked_at(monkeypatch, lambda: surfaces(n, n)) for n in (12, 24)]
+    assert looked_at[1] < 5 * looked_at[0] and looked_at[1] < 60 * 2 * 24**2
 
 
 # --- fields that must pass ------------------------------------------------------------------------------------
