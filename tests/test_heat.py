@@ -127,6 +127,25 @@ def test_a_curved_beam_bends_as_golovin_says(tmp_path):
     assert np.abs(hoop - exact(r))[inside].max() < 5e-3 * size
 
 
+@pytest.mark.parametrize("place, warmth, told", [
+    ((0.5, 0.5, 0.0), 51.0, "two temperatures"), ((0.5, 0.5, 4e-7), 51.0, None), ((0.5, 0.5, 0.0), 5.000001, None), ((0.5, 0.5, 0.0), 5.0, None)],
+    ids=["another temperature", "a place beside", "rounded", "repeated"])
+def test_two_rows_at_one_place_agree(place, warmth, told, tmp_path):
+    """What differs by the digits of a file only agrees; of two temperatures at one place, the file has to say which is meant."""
+    x = build_scene(config_from(bar(loads=[]))).mesh.nodes
+    rows = np.r_[np.c_[x, 10 * x[:, 0]], [[*place, warmth]]]
+    at = int(np.flatnonzero((x == [0.5, 0.5, 0.0]).all(axis=1))[0])
+    text = ["# x y z T", "", *(" ".join(map(repr, map(float, row))) for row in rows)]
+    (tmp_path / "warm.csv").write_text("\n".join(text))
+    heated = config_from(bar(loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}}]))
+    if told is None:
+        assert np.allclose(build_scene(heated).thermal[0, :, 0], 1.2e-5 * 10 * x[build_scene(heated).mesh.cells[:, 0], 0], rtol=1e-12, atol=1e-12)
+        return
+    with pytest.raises(InputError, match="two temperatures at") as caught:
+        build_scene(heated)
+    assert f"5 on line {at + 3} and 51 on line {len(text)}" in str(caught.value) and "a file for each" in caught.value.problems[0].cure
+
+
 WRONG = {
     "no expansion": ({"materials": [{"young": 1.0, "poisson": 0.3}]}, ("loads", 0, "temperature"), "materials[0]"),
     "two kinds": ({"loads": [{"temperature": 1.0, "gravity": [0, 0, 1.0]}]}, ("loads", 0, "gravity"), "together"),
@@ -149,6 +168,7 @@ def test_what_is_wrong_with_a_temperature_is_told_with_its_place(what):
 
 @pytest.mark.parametrize("content, words", [
     ("0 0 0", "3 columns"), ("0 0 0 warm", "could not convert"), ("0 0 0 1", "no row for"), ("0 0 0 nan", "not all of them numbers"),
+    ("", "0 columns in 0 rows"), ("# x y z T", "0 columns in 0 rows"), ("0;0;0;20,5", "decimal point"), ("0 0 0 1e999", "not all of them"),
     (None, "no file")])
 def test_what_is_wrong_with_a_file_of_temperatures_is_told_with_its_line(content, words, tmp_path):
     if content is not None:

@@ -27,6 +27,8 @@ from orchestrator.scene.partition.numbering import SplitNumbering
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more.
 SAME_PLACE = 1e-5
+ROUNDING = 1e-9  # over the same, what may lie between two rows that are written at one place
+SAME_WARMTH = 1e-6  # over the largest, what may lie between the temperatures of such rows
 _INNER = (5 - np.sqrt(5)) / 20
 # Points, in barycentric coordinates, of the rule that is exact for quadratics.
 FOUR = np.full((4, 4), _INNER) + (1 - 4 * _INNER) * np.eye(4)
@@ -78,8 +80,11 @@ def _of_file(path: Path, points: np.ndarray, size: float, times: np.ndarray, key
     """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load step."""
     expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
     try:
-        text = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
-        rows = np.loadtxt(text.splitlines(), ndmin=2)
+        text = path.read_text(encoding="utf-8")
+        if ";" in text and "," in text:
+            raise ValueError("commas beside semicolons: numbers have a decimal point")
+        lines = [(i, line) for i, line in enumerate(text.replace(",", " ").replace(";", " ").splitlines(), 1) if line.partition("#")[0].strip()]
+        rows = np.loadtxt([line for _, line in lines], ndmin=2) if lines else np.empty((0, 0))
     except (OSError, ValueError, UnicodeDecodeError) as error:
         problems.add(key, f"{path}: {error}", expected, "write such a file, for instance with numpy.savetxt")
         return None
@@ -89,13 +94,28 @@ def _of_file(path: Path, points: np.ndarray, size: float, times: np.ndarray, key
         return None
     from scipy.spatial import cKDTree  # temperatures from files alone need it
 
-    distance, nearest = cKDTree(rows[:, :3]).query(points)
+    tree = cKDTree(rows[:, :3])
+    distance, nearest = tree.query(points)
     far = distance > SAME_PLACE * size
     if far.any():
         worst = int(distance.argmax())
         problems.add(key, f"{path}: no row for {far.sum()} of {len(points)} nodes; the one at {format_point(points[worst])} is "
                      f"{distance[worst]:.3g} from the nearest row", f"a row for every node of the volumes, within {SAME_PLACE * size:.2g}",
                      "write the nodes' own coordinates, in the mesh's unit of length, after scale and move")
+        return None
+    # rows that are as near, but for the digits that coordinates are written with: any of them may be meant
+    near = tree.query_ball_point(points, 2 * distance + ROUNDING * size)
+    counts = np.fromiter(map(len, near), int, len(near))
+    start, chosen = np.r_[0, counts.cumsum()[:-1]], np.concatenate(near).astype(int)
+    spread = np.abs(rows[chosen, 3:] - rows[np.repeat(nearest, counts), 3:]).max(axis=1)
+    if spread.max(initial=0.0) > SAME_WARMTH * np.abs(rows[:, 3:]).max():
+        worst = int(spread.argmax())
+        at = int(np.searchsorted(start, worst, side="right")) - 1
+        column = 3 + int(np.abs(rows[chosen[worst], 3:] - rows[nearest[at], 3:]).argmax())
+        one, other = sorted((nearest[at], chosen[worst]))
+        problems.add(key, f"{path}: two temperatures at {format_point(points[at])}: {rows[one, column]:.6g} on line {lines[one][0]} and "
+                     f"{rows[other, column]:.6g} on line {lines[other][0]}", "one temperature at each place", "where bodies of different temperature "
+                     "touch, write a file for each of them, and an entry of loads with on: and that file")
         return None
     return times[:, None] * rows[nearest, 3:].T
 
