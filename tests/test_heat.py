@@ -64,6 +64,39 @@ def test_a_bar_between_walls_presses_as_hard_as_theory_says():
     assert solution.reactions[3, 0] == pytest.approx([0, 0, -240.0], abs=1e-6)
 
 
+HELD = [{"on": side, "symmetry": True} for side in ("xmin", "xmax", "ymin", "ymax", "zmin", "zmax")]
+STILL = {
+    "held": {}, "ten nodes": {"blackbox": {**IN_PROCESS, "element": "P2"}}, "pieces": {"subdomains": {"metis": 3}},
+    "no slip": {"boundary": [{"on": "*", "displacement": [0, 0, 0]}]}, "moved": {"boundary": [{"on": "*", "displacement": [0.01, 0.02, 0.03]}]},
+    "steps of nothing": {"loads": [{"temperature": 100.0, "history": "h"}], "histories": {"h": [1.0, 0.0]}},
+    "contact": {"interfaces": [{"law": "contact", "friction": 0.2}],
+                "parts": [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}} for n, z in (("a", 0), ("b", 1))],
+                "boundary": [{"on": on, "symmetry": True} for on in ("*/x*", "*/y*", "a/zmin", "b/zmax")], "subdomains": {"groups": True}}}
+
+
+@pytest.mark.parametrize("what", STILL)
+def test_what_is_heated_and_cannot_move_is_sound(what):
+    """The exact answer is no displacement at all beside what is prescribed: stress −E α ΔT / (1 − 2ν), and no error to warn of."""
+    data = {**bar(loads=[{"temperature": 100.0}], boundary=HELD, histories={}), "method": {}, **STILL[what]}
+    if "parts" in data:
+        del data["mesh"]
+    solution = solve(config_from(data))
+    assert solution.converged, solution.stop_reason
+    moved = np.array([0.01, 0.02, 0.03]) if what == "moved" else 0.0
+    assert np.abs(solution.displacement - moved).max() < 1e-8 * 1.2e-3
+    pressed = -STEEL["young"] * 1.2e-3 / (1 - 2 * STEEL["poisson"])
+    assert np.abs(solution.fields.stress(0)[:, :3] - pressed).max() < 1e-6 * abs(pressed)
+    assert solution.summary["discretisation_error"] < 1e-5
+    assert not [text for text in solution.summary["warnings"] if "small perturbations" not in text]
+
+
+def test_a_body_that_is_carried_away_as_a_whole_is_sound():
+    """Every node of its surface is moved alike: no stress, and rounding of the motion is no error."""
+    solution = solve(config_from(bar(loads=[], boundary=[{"on": "*", "motion": {"translate": [0.1, 0.2, 0.3], "rotate": {"axis": "z", "degrees": 1}}}], histories={})))
+    assert solution.converged and np.abs(solution.fields.stress(0)).max() < 1e-6 * STEEL["young"]
+    assert solution.summary["discretisation_error"] < 1e-5
+
+
 def test_temperatures_come_from_a_file_in_any_order(tmp_path):
     plain = build_scene(config_from(bar()))
     x = plain.mesh.nodes

@@ -89,7 +89,7 @@ def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tupl
 def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside: Interior | None = None) -> Iterated:
     """The same with the noise of the answers in its bound; not converged any more if that is too much."""
     inside = inside or interior(d, iterated, parts)
-    unbalanced, _ = inside.shares(iterated.bound.energy.max(initial=0.0))
+    unbalanced, _ = inside.shares(d.loading.size(iterated.bound.energy))
     bound, floor = iterated.bound.relative, NOISE * float(np.hypot(noise(d, iterated, parts), unbalanced))
     if not floor > NOTICED * bound:
         return iterated
@@ -114,13 +114,13 @@ def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> floa
     strain = dots(apart, d.bound.stiffness.times(apart))
     stress = np.sum(forces**2 / d.bound.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
-    size = iterated.bound.energy.max(initial=0.0)
-    return float(np.sqrt(max(energy.max(initial=0.0), 0.0) / size)) if size > 0 else 0.0
+    size = d.loading.size(iterated.bound.energy)
+    return float(np.sqrt(max(energy.max(initial=0.0), 0.0)) / size) if size > 0 else 0.0
 
 
 def _repeats(d: Decomposition, iterated: Iterated, inside: Interior) -> list[str]:
     """With contact no bound holds the noise of the answers: it must stay below the tolerance."""
-    share = NOISE * float(np.hypot(*inside.shares(iterated.bound.energy.max(initial=0.0))))
+    share = NOISE * float(np.hypot(*inside.shares(d.loading.size(iterated.bound.energy))))
     if share <= BEYOND * max(iterated.last.target[1], ROUNDING):
         return []
     return [f"repeated answers of the code differ, most in {d.scene.subdomains[inside.worst()].name}: no error below "
@@ -129,9 +129,10 @@ def _repeats(d: Decomposition, iterated: Iterated, inside: Interior) -> list[str
 
 def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside: Interior) -> list[str]:
     inner, outer, size = works(d, iterated, parts)
-    # where nothing is strained, what rounding leaves of the soles' energy is no work
+    # where nothing is strained, what rounding leaves of the soles' energy, and of what loads would do alone, is no work
     soles, = d.space.team.sum(dots(iterated.fields.w, d.stage.direction.times(iterated.fields.w)))
-    scale = max(size.max(initial=0.0), ROUNDING * soles.max(initial=0.0), np.finfo(float).tiny)
+    noise = soles.max(initial=0.0) + d.loading.alone.max(initial=0.0)
+    scale = max(size.max(initial=0.0), ROUNDING * noise, np.finfo(float).tiny)
     found = []
     if not np.isfinite([inner, outer]).all():
         return ["energies are not finite"]
@@ -173,7 +174,8 @@ def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], int
 def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, lengths: Lengths,
           allowed: float) -> list[str]:
     chosen, worst = own_interfaces(d), {}
-    pressures = _pressures(d, interfaces, lengths)
+    stiff = d.space.team.max((d.local.pairs.points.stiff_n / d.local.pairs.points.area).max(initial=0.0))[0]
+    pressures = _pressures(d, interfaces, lengths.of_rest * stiff)
     for i, start in zip(chosen, interfaces.offsets):
         mobile = np.searchsorted(i.corners, lawful_corners(i))
         at, nodes = start + mobile, i.corners[mobile]
@@ -182,21 +184,20 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
         each = [(i.law, slice(None))] if not i.law_at_steps else [(law, slice(t, t + 1)) for t, law in enumerate(i.law_at_steps)]
         for law, steps in each:
             written = Written(*(x[steps] for x in fields), nodes, length[at])
-            for what, value in law.violations(written, lengths.of_displacements, pressures[law.name]).items():
+            # where next to nothing moves and much is pressed, gaps are as small as forces are accurate
+            moved = max(lengths.of_displacements, pressures[law.name] / stiff if stiff else 0.0)
+            for what, value in law.violations(written, moved, pressures[law.name]).items():
                 worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
     worst = _largest(d, worst)
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
             for what, value in worst.items() if not value <= allowed]
 
 
-def _pressures(d: Decomposition, interfaces: InterfaceFields, lengths: Lengths) -> dict[str, float]:
-    """Law → the largest pressure or shear on its interfaces, or what counts as next to nothing."""
-    points = d.local.pairs.points
-    resting = lengths.of_rest * (points.stiff_n / points.area).max(initial=0.0)
+def _pressures(d: Decomposition, interfaces: InterfaceFields, resting: float) -> dict[str, float]:
+    """Law → the largest pressure or shear on its interfaces, or ``resting``, what counts as next to nothing."""
     size = np.maximum(np.abs(interfaces.pressure), np.linalg.norm(interfaces.friction_traction, axis=2)).max(axis=0)
     largest = {str(law): size[(interfaces.laws == law)[interfaces.interface_of_node]].max(initial=0.0)
                for law in set(interfaces.laws)}
-    resting, = d.space.team.max(resting)
     return {law: max(value, resting) or 1.0 for law, value in _largest(d, largest).items()}
 
 

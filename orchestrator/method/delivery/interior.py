@@ -42,8 +42,8 @@ class Interior:
     complete: bool
 
     def shares(self, size: float) -> tuple[float, float]:
-        """√ of what is unbalanced, and of what is repeated otherwise, over all subdomains, relative to an energy."""
-        return tuple(float(np.sqrt(x.sum(axis=1).max(initial=0.0) / size)) if size > 0 else 0.0
+        """√ of what is unbalanced, and of what is repeated otherwise, over all subdomains, relative to the energy norm of an answer."""
+        return tuple(float(np.sqrt(x.sum(axis=1).max(initial=0.0)) / size) if size > 0 else 0.0
                      for x in (self.unbalanced, self.repeated))
 
     def worst(self) -> int:

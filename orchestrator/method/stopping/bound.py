@@ -236,7 +236,7 @@ class ErrorBound:
             begun = self.begin(fields)
             begun = begun.summed(*self.team.sum(*begun.parts))
         c, u, delta, a2, energy = begun.c, begun.u, begun.delta, begun.a2, begun.energy
-        size, moved = np.sqrt(max(energy.max(initial=0.0), 0.0)), c[:, self.modes.own]
+        size, moved = self.loading.size(energy), c[:, self.modes.own]
         a = self._largest(a2)
         if not complete:
             return Bound(np.nan, _relative(a, size), energy, moved, delta, errors=self._each(a2, size))

@@ -232,7 +232,7 @@ class LawCriterion:
         measure = laws.largest if self.by_error else measures().indicator
         if self.auto:
             bound = self._delivered(fields)
-            measure = max(measure, energy_residual(self.d.stage, fields, local, bound.energy))
+            measure = max(measure, energy_residual(self.d.stage, fields, local, self.d.loading.size(bound.energy)))
         return Verdict(bool(measure <= self.value), measure, bound, laws, lengths)
 
     def _fixed_point(self, local: LocalState, lengths: Lengths, residual: float) -> float:

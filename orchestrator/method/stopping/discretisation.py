@@ -32,6 +32,7 @@ from math import factorial, prod
 
 import numpy as np
 
+from orchestrator.method.linear.loading import NOTHING
 from orchestrator.method.stopping.stress import CENTRE, strain, stress
 from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.team import ALONE
@@ -126,12 +127,15 @@ class Estimator:
         displacement = np.concatenate(sides, axis=1)
         numbers = range(len(displacement)) if numbers is None else numbers
         squares, energies = np.empty((2, len(displacement), len(self.cells)))
+        alone = np.zeros(len(displacement))
         for t, (u, number) in enumerate(zip(displacement, numbers)):
             squares[t, self.order], energies[t] = self._squares(self._stress(u, number))
+            alone[t] = energies[t].sum() + self._of_nodes(u)
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
                 energies[t] = self._squares(self._stress(u))[1]
-        errors, energy = self.team.sum(squares.sum(axis=1), energies.sum(axis=1))
-        size = np.sqrt((energy + errors).max(initial=0.0)) or 1.0
+        errors, energy, alone = self.team.sum(squares.sum(axis=1), energies.sum(axis=1), alone)
+        size, alone = np.sqrt((energy + errors).max(initial=0.0)), np.sqrt(alone.max(initial=0.0))
+        size = max(size, NOTHING * alone) or 1.0  # what rounding leaves of zero has no error of its own
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
     def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
@@ -159,6 +163,11 @@ class Estimator:
 
         corners = np.stack([stress(elastic(at), self.lame).T for at in (np.eye(4) if ten else [CENTRE])], axis=1)
         return np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1) if ten else corners
+
+    def _of_nodes(self, u: np.ndarray) -> float:
+        """The energy that the displacements (n, 3) of the corners would have, each moved alone: its digits are no strain."""
+        slopes = (self.gradients**2).sum(axis=2) * (u[self.cells[:, :4]] ** 2).sum(axis=2)
+        return float(slopes.sum(axis=1) @ (self.volumes * (self.lame[:, 0] + 2 * self.lame[:, 1])))
 
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, p or 1, m).

@@ -152,18 +152,17 @@ def all_squares(start, stop, k, w, f, s, residual, robin, partner, w_there, f_th
     return gap, total, jump, moved, imbalance, force, change, state
 
 
-def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, energy: np.ndarray) -> float:
+def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, size: float) -> float:
     """max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K: the numerator of η in the units of the energy error.
 
     Parameters
     ----------
-    energy : (T,) ‖u‖²_K; the diagonal of k stands in for it in the inverse norm
+    size : max_t ‖u‖_K; the diagonal of k stands in for it in the inverse norm
     """
     w_hat, f_hat, kw_hat = local.hats
     w, kw, f = fields.w - w_hat, stage.robin_of(fields) - fields.f - kw_hat, fields.f - f_hat
     gap, = stage.space.team.sum(dots(w, kw) + (f * f) @ (1 / stage.direction.diagonal))
-    size = energy.max(initial=0.0)
-    return float(np.sqrt(gap.max(initial=0.0) / size)) if size > 0 else 0.0 if not gap.any() else np.inf
+    return float(np.sqrt(gap.max(initial=0.0)) / size) if size > 0 else 0.0 if not gap.any() else np.inf
 
 
 def _square(x: np.ndarray, weight: np.ndarray) -> float:
