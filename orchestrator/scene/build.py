@@ -144,7 +144,9 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     if not unresolved and (grounds or not standing):
         # A selection that failed holds nothing: a second complaint would only distract.
         links = [i.cells for i in interfaces if not any(i is g for g in grounds)] + mesh.one_body
-        check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None, keeps)
+        first = np.unique(partition.subdomain, return_index=True)[1]
+        hinges = [(*first[list(i.subdomains)], i.global_nodes) for i in interfaces if not len(i.triangles)]
+        check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None, keeps, hinges)
     probes = []
     if config.output.probes:
         from orchestrator.scene.conditions.probes import find_probes

@@ -145,7 +145,8 @@ class Subdomain:
 
 @dataclass
 class Interface:
-    """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are paired.
+    """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are paired; or nodes that two
+    subdomains share where no faces hold them together, without triangles.
 
     Where the sides are meshed each on its own, ``mortar`` says how they meet: then ``nodes`` are no pairs, and whatever
     is said here of nodes, triangles, free components and the law's parameters per node is that of side 1, the slave.

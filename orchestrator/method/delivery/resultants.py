@@ -71,7 +71,10 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
         each = np.linalg.norm(area_vectors(points, triangles), axis=1)
         area[k] = np.bincount(facet_of, weights=each, minlength=len(k))
         middle = each[:, None] * points[triangles[:, :3]].mean(axis=1)
-        centre[k] = np.stack([np.bincount(facet_of, weights=x, minlength=len(k)) for x in middle.T], axis=1) / area[k][:, None]
+        centre[k] = np.stack([np.bincount(facet_of, weights=x, minlength=len(k)) for x in middle.T], axis=1)
+        bare = area[k] == 0  # of nodes alone
+        centre[k] = np.where(bare[:, None], np.add.reduceat(points, starts, axis=0) / counts[:, None],
+                             centre[k] / np.where(bare, 1.0, area[k])[:, None])
         forces, arm = np.zeros((steps, len(points), 3)), points - centre[k][of]
         forces[:, np.concatenate([traced(i, 0) for i in chosen])] = f[:, np.concatenate([space.sides[n][0] for n in k])]
         normals = node_normals(points, triangles)
@@ -84,6 +87,6 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
         pressed[:, k], size[:, k] = np.add.reduceat(push, starts, axis=1), np.add.reduceat(np.abs(push), starts, axis=1)
         weighted[:, k] = np.add.reduceat(push[:, :, None] * arm, starts, axis=1)
     force, moment, weighted, pressed, size, centre, area = space.team.sum(force, moment, weighted, pressed, size, centre, area)
-    known = np.abs(pressed) > NO_CENTRE * size
+    known = (np.abs(pressed) > NO_CENTRE * size) & (area > 0)
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]
     return Resultants(force, moment, centre + shift, centre, area)

@@ -54,7 +54,10 @@ def point_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
 
 
 def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
-    """(n,) the same where laws act at mid-edge nodes too: a twelfth of a six-node facet for its corners, a quarter for these."""
+    """(n,) the same where laws act at mid-edge nodes too: a twelfth of a six-node facet for its corners, a quarter for these.
+    Infinite where there are no facets: what such nodes carry, which are bonded, is no pressure."""
+    if not len(interface.triangles):
+        return np.full(len(points), np.inf)
     if interface.tied or not interface.matching or interface.triangles.shape[1] == 3:
         return point_areas(points, interface)
     area = np.linalg.norm(area_vectors(points, interface.triangles), axis=1)

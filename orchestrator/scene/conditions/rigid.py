@@ -83,13 +83,15 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 
 def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
-               links: np.ndarray | None = None, grounds: Sequence[tuple[int, np.ndarray]] = ()) -> None:
+               links: np.ndarray | None = None, grounds: Sequence[tuple[int, np.ndarray]] = (),
+               hinges: Sequence[tuple[int, int, np.ndarray]] = ()) -> None:
     """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
 
     Parameters
     ----------
     links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
+    hinges : two cells each, and the nodes alone that their bodies share
     """
     count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
     if links is not None:
@@ -99,12 +101,13 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     ranges = np.searchsorted(piece[order], np.arange(count + 1))
     own = [_nodes_of(mesh, order[a:b] if count > 1 else slice(None)) for a, b in zip(ranges[:-1], ranges[1:])]
     hint = _touching(mesh, own) if count > 1 else None
-    for i, nodes in enumerate(own):
-        points = mesh.nodes[nodes]
-        kept = [rows for cell, rows in grounds if piece[cell] == i]
-        free = left_over(points, fixed[nodes], np.concatenate(kept) if kept else None)
+    kept = [[rows for cell, rows in grounds if piece[cell] == i] for i in range(count)]
+    left = [left_over(mesh.nodes[nodes], fixed[nodes], np.concatenate(rows) if rows else None) for nodes, rows in zip(own, kept)]
+    _hold_by_hinges(mesh, own, fixed, kept, left, [(int(piece[a]), int(piece[b]), nodes) for a, b, nodes in hinges])
+    for i, (nodes, free) in enumerate(zip(own, left)):
         if free.shape[1] == 0:
             continue
+        points = mesh.nodes[nodes]
         parts = [mesh.volumes[v] for v in np.unique(mesh.volume[order[ranges[i]:ranges[i + 1]]])]
         where = "" if count == 1 else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})"
         shown = some(parts, 6)
@@ -114,9 +117,26 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
                     "faces do not match: if the parts are meant to touch, mesh both sides alike or merge them (gmsh: "
                     "Coherence; Mesh.removeDuplicateNodes); otherwise " + cure)
         elif hint is not None:
-            cure += "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
+            cure += "; an edge that bodies share is a hinge, and a corner less" if any(i in (piece[a], piece[b]) for a, b, _ in hinges) else \
+                "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
         problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
+
+
+def _hold_by_hinges(mesh: Mesh, own: list[np.ndarray], fixed: np.ndarray, kept: list[list[np.ndarray]], left: list[np.ndarray],
+                    hinges: Sequence[tuple[int, int, np.ndarray]]) -> None:
+    """Takes from the motions ``left`` of bodies, in place, what nodes stop that they share with bodies that are held."""
+    while True:
+        stopped: dict[int, list[np.ndarray]] = {}
+        for a, b, nodes in hinges:
+            for loose, held in ((a, b), (b, a)):
+                if left[loose].shape[1] and not left[held].shape[1]:
+                    stopped.setdefault(loose, []).append(nodes)
+        for i, nodes in stopped.items():
+            rest = fixed[own[i]] | np.isin(own[i], np.concatenate(nodes))[:, None]
+            left[i] = left_over(mesh.nodes[own[i]], rest, np.concatenate(kept[i]) if kept[i] else None)
+        if not any(left[i].shape[1] == 0 for i in stopped):
+            return  # nobody else is held by now
 
 
 def _nodes_of(mesh: Mesh, cells: np.ndarray | slice) -> np.ndarray:
@@ -130,14 +150,14 @@ def _nodes_of(mesh: Mesh, cells: np.ndarray | slice) -> np.ndarray:
 
 
 def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:
-    """Per body, how many of its nodes lie on a node of another body."""
+    """Per body, how many of its nodes lie on another node of another body."""
     from scipy.spatial import cKDTree  # for this complaint alone
 
     nodes = np.concatenate(own)
     body = np.repeat(np.arange(len(own)), [len(o) for o in own])
     reach = TOUCHING * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     near = cKDTree(mesh.nodes[nodes]).query_pairs(reach, output_type="ndarray")
-    near = near[body[near[:, 0]] != body[near[:, 1]]]
+    near = near[(body[near[:, 0]] != body[near[:, 1]]) & (nodes[near[:, 0]] != nodes[near[:, 1]])]
     return np.bincount(body[np.unique(near)], minlength=len(own)).tolist()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.hinges import hinges
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
@@ -27,9 +28,9 @@ MOST = 50
 def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, entries: list[Any],
                     problems: Problems, asked: bool = True,
                     matter: Matter | None = None, factors: Sequence[Sequence[float]] = ()) -> tuple[list[Interface], list[tuple[int, int]]]:
-    """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces.
+    """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces, then ``hinges``.
 
-    Pairs that touch along an edge or in a node are none. All components count as free, see ``leave_free``.
+    Pairs that touch along an edge or in a node are one only where nothing else joins them there. All components count as free, see ``leave_free``.
 
     Parameters
     ----------
@@ -70,6 +71,9 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
         interface.index = len(found)
         found.append(interface)
         pairs.append(names)
+    for interface in hinges(mesh, partition, numbering, found, laws):
+        interface.index = len(found)
+        found.append(interface)
     laws.refuse_within(cuts, problems)
     if asked:
         laws.report_unused(list(dict.fromkeys(pairs)), piece_of(mesh, faces)[0], problems,

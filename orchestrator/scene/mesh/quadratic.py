@@ -20,6 +20,8 @@ if TYPE_CHECKING:  # what draws needs no scene
 # Ends of the edges behind nodes 4 … 9 of a tet, and behind nodes 3 … 5 of a triangle.
 TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+# Of an edge with its middle.
+LINE = np.array([[0, 1]])
 
 # Integrals of the shape functions over an element, as shares of its volume or area, by number of nodes.
 TET_SHARES = {4: np.full(4, 1 / 4), 10: np.r_[np.full(4, -1 / 20), np.full(6, 1 / 5)]}
@@ -65,21 +67,26 @@ def find(ends: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     return np.searchsorted(ends[:, 0] * size + ends[:, 1], low * size + high)
 
 
-def with_middles(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray,
+def lines_of(triangles: np.ndarray) -> np.ndarray:
+    """(3k, 3) int, ends and middles of the edges of triangles (k, 6)."""
+    return np.concatenate([triangles[:, [*ends, 3 + i]] for i, ends in enumerate(TRIANGLE_EDGES)])
+
+
+def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray,
                  cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A sole's points and cells (q, 10) with a node in the middle of every edge.
 
     Parameters
     ----------
     inner : (n, 3) nodes of the interface
-    triangles : (k, 6) int, its faces, whose edges have their middles among ``inner``
+    lines : (e, 3) int, ends and middles of the edges that have all of them among ``inner``
     points : (p, 3) the sole's other corners; cells : (q, 4) int, values from n on mean ``points``
     """
     n = len(inner)
     ends, edge = edges_of(cells, TET_EDGES)
-    known, own = edges_of(triangles, TRIANGLE_EDGES)
+    known, own = edges_of(lines, LINE)
     middle_of = np.empty(len(known), dtype=int)
-    middle_of[own] = triangles[:, 3:]
+    middle_of[own[:, 0]] = lines[:, 2]
     on = ends[:, 1] < n
     middle = np.empty(len(ends), dtype=int)
     middle[on] = middle_of[find(known, ends[on])]

@@ -139,6 +139,6 @@ def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) 
                      f"at {where})")
     more = f"; and {len(broken) - 5} more" if len(broken) > 5 else ""
     cure = ("give each piece a group of its own, or make the pieces share faces" if kind == "groups" else
-            f"use metis: {len(partition.names)}, whose parts are always connected, or another count")
+            f"use metis: {max(len(partition.names), pieces(faces, mesh.volume)[0])}, whose parts are always connected, or another count")
     raise InputError(Problem(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}",
                              "subdomains held together by shared faces", cure))

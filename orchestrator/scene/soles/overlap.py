@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of, find, with_middles
+from orchestrator.scene.mesh.quadratic import TET_EDGES, with_middles
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.partition.numbering import position_rank
 from orchestrator.scene.soles.sole import Sole
@@ -36,10 +36,10 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
     ----------
     ratio : ``method.sole.modulus_ratio``; each side's copy has half of it times its own modulus
     """
-    inner, triangles = scene.side_points(interface, 0), interface.triangles
+    inner = scene.side_points(interface, 0)
     count = len(inner)
     matter = np.array([[m.young, m.poisson] for m in scene.materials])
-    points, cells, sides, copied = [], [], [], []
+    points, cells, sides, copied, lines = [], [], [], [], []
     for side, e in enumerate(interface.subdomains):
         subdomain, row = scene.subdomains[e], first_row(scene, interface, side)
         corners = subdomain.connectivity[row, :4]
@@ -51,12 +51,16 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
         points.append(scene.mesh.nodes[subdomain.nodes[behind]])
         cells.append(number[corners])
         sides.append(np.full(len(row), side))
+        whole = number[subdomain.connectivity[row]]
+        lines.append(np.concatenate([whole[:, [*ends, 4 + i]] for i, ends in enumerate(TET_EDGES)]) if whole.shape[1] == 10 else whole[:0, :3])
         copied.append(matter[subdomain.material[row]])
     young, poisson = np.vstack(copied).T
     points, cells = np.vstack(points), np.vstack(cells)
-    if triangles.shape[1] == 6:
-        points, cells = _without_chords(inner, triangles, points, cells, np.concatenate(sides))
-        points, cells = with_middles(inner, triangles, points, cells)
+    if scene.mesh.cells.shape[1] == 10:
+        own = np.concatenate(lines)
+        own = own[((own >= 0) & (own < len(inner))).all(axis=1)]
+        points, cells = _without_chords(inner, own, points, cells, np.concatenate(sides))
+        points, cells = with_middles(inner, own, points, cells)
         poisson = np.where(poisson > INCOMPRESSIBLE, _between(poisson), poisson)
     return Sole(points, cells, 0.5 * ratio * young, poisson)
 
@@ -67,25 +71,25 @@ def _between(poisson: np.ndarray) -> np.ndarray:
     return ratio / (2 * (ratio + 1))
 
 
-def _without_chords(inner: np.ndarray, triangles: np.ndarray, points: np.ndarray, cells: np.ndarray,
+def _without_chords(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells: np.ndarray,
                     sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and cells (q, 4) in which every edge between nodes of the interface is an edge of its faces.
+    """Points and cells (q, 4) in which every edge between nodes of the interface is one whose middle is its node, too.
 
     Of a chord, the end with more of them in the element becomes another node, the same in all elements of a side.
 
     Parameters
     ----------
     inner : (n, 3) nodes of the interface; the others are ``points``
+    lines : (e, 3) int, such edges: ends and middle
     sides : (q,) int, 0 or 1, whose element each cell is
     """
     n, total, rank = len(inner), len(inner) + len(points), position_rank(inner)
-    known, _ = edges_of(triangles, TRIANGLE_EDGES)
+    known = np.sort(lines[:, :2], axis=1) @ [n, 1]
     cells = cells.copy()
     while True:
         pairs = np.sort(cells[:, TET_EDGES], axis=2)
         on = pairs[..., 1] < n
-        at = np.minimum(find(known, pairs), len(known) - 1)
-        chord = on & (known[at] != pairs).any(axis=2)
+        chord = on & ~np.isin(pairs @ [n, 1], known)
         bad = np.flatnonzero(chord.any(axis=1))
         if not len(bad):
             break

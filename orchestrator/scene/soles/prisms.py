@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.scene.mesh.geometry import tet_volumes
-from orchestrator.scene.mesh.quadratic import with_middles
+from orchestrator.scene.mesh.quadratic import lines_of, with_middles
 from orchestrator.scene.partition.numbering import position_rank
 from orchestrator.scene.soles.facets import Facets
 from orchestrator.scene.soles.sole import Sole
@@ -67,7 +67,7 @@ def prisms(facets: Facets, direction: int) -> Sole:
     cells[cells >= n] = n + inverse
     points = points[used - n]
     if facets.triangles.shape[1] == 6:
-        points, cells = with_middles(facets.points, facets.triangles, points, cells)
+        points, cells = with_middles(facets.points, lines_of(facets.triangles), points, cells)
     return Sole(
         points=points,
         cells=cells,

@@ -1,0 +1,109 @@
+"""Interfaces of subdomains that hang together by nodes alone: by an edge or a corner that they share, and no face.
+
+Around a node of a body that is solid there, faces lead from each tet to every other one, and with them interfaces from each
+subdomain to every other one. Where bodies touch along an edge or in a corner they do not: what one mesh holds together by
+shared nodes would come apart where a cut passes. There the subdomains get an interface of these nodes, without faces.
+Laws other than the perfect one act on areas: along an edge they do nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orchestrator.registry import LAWS
+from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.mesh.faces import components
+from orchestrator.scene.mesh.quadratic import TET_EDGES
+from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.partition.partition import Partition
+
+
+def hinges(mesh: Mesh, partition: Partition, numbering: SplitNumbering, found: Sequence[Interface], laws: Laws) -> list[Interface]:
+    """Interfaces that join what no others do, ordered by pair of subdomains; with them, what moves as one does.
+
+    Parameters
+    ----------
+    found : those of faces
+    """
+    owner = np.repeat(np.arange(len(partition.names)), np.diff(numbering.offsets))
+    copies = np.bincount(numbering.nodes, minlength=numbering.total)
+    label = _joined(numbering, found)
+    lowest, highest = np.full(numbering.total, len(label)), np.full(numbering.total, -1)
+    np.minimum.at(lowest, numbering.nodes, label)
+    np.maximum.at(highest, numbering.nodes, label)
+    apart = np.flatnonzero((lowest < highest)[numbering.nodes])
+    if not len(apart):
+        return []
+    apart = apart[np.argsort(numbering.nodes[apart], kind="stable")]  # copies of a node one after the other, by subdomain
+    node, made = numbering.nodes[apart], []
+    steps = range(1, int(copies[node].max()))
+    first = [np.flatnonzero(node[step:] == node[:-step]) for step in steps]
+    one, two = apart[np.concatenate(first)], apart[np.concatenate([f + step for f, step in zip(first, steps)])]
+    pairs, which = np.unique(np.c_[owner[one], owner[two]], axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    around = _Around(mesh, partition, numbering, apart)
+    for pair, at in zip(pairs.tolist(), np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)):
+        a, b = one[at], two[at]
+        entry, known = -1, None
+        if partition.body(pair[0]) != partition.body(pair[1]):
+            known = around.known(pair, (a, b))
+            entry = laws.foreseen(*known)
+            if entry >= 0 and not LAWS[laws.entries[entry].law].perfect:
+                continue
+        loose = label[a] != label[b]
+        a, b = a[loose], b[loose]
+        if not len(a):
+            continue
+        if known is not None:
+            laws.between(*known)
+        made.append(_interface(partition, numbering, pair, around.with_ends(a)))
+        if known is not None:
+            laws.apply(entry, made[-1], known[0])
+        joined = components(label[a], label[b], len(label))[1]
+        label = joined[label]
+    return made
+
+
+def _joined(numbering: SplitNumbering, found: Sequence[Interface]) -> np.ndarray:
+    """(N,) int, label of each split node: equal where interfaces of faces make nodes one."""
+    pairs = [[numbering.offsets[e] + own for e, own in zip(i.subdomains, i.nodes)] for i in found if i.law.perfect and i.matching]
+    one, two = (np.concatenate([np.empty(0, int), *side]) for side in (zip(*pairs) if pairs else ((), ())))
+    return components(one, two, len(numbering.nodes))[1]
+
+
+def _interface(partition: Partition, numbering: SplitNumbering, pair: Sequence[int], split: np.ndarray) -> Interface:
+    """Of split nodes (n,) of the first side and what the second one has of the same nodes, without facets."""
+    nodes = numbering.nodes[split]
+    own = tuple(numbering.find(np.int64(e), nodes) - numbering.offsets[e] for e in pair)
+    corners = 3 if numbering.corners.shape[1] == 4 else 6
+    return Interface(-1, " | ".join(partition.names[e] for e in pair), tuple(pair), nodes, own,
+                     np.empty((0, corners), dtype=int), np.empty((0, 2), dtype=int), np.ones((len(nodes), 3), dtype=bool),
+                     normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))  # any: what is bonded asks for no direction
+
+
+class _Around:
+    """What is around some split nodes (k,): the volumes, and with ten-node tets the ends of the edges that they are amid."""
+
+    def __init__(self, mesh: Mesh, partition: Partition, numbering: SplitNumbering, split: np.ndarray):
+        self.names, self.volumes = partition.names, mesh.volumes
+        chosen = np.zeros(len(numbering.nodes), dtype=bool)
+        chosen[split] = True
+        cell, corner = np.nonzero(chosen[numbering.corners])
+        self.split, self.volume = np.unique(np.c_[numbering.corners[cell, corner], mesh.volume[cell]], axis=0).T
+        cell, corner = cell[corner > 3], corner[corner > 3]
+        self.middle, at = np.unique(numbering.corners[cell, corner], return_index=True)
+        self.ends = numbering.corners[cell[at, None], TET_EDGES[corner[at] - 4]]
+
+    def with_ends(self, split: np.ndarray) -> np.ndarray:
+        """Split nodes of one side and, ascending, the ends of edges of which they have the middle: soles need them."""
+        return np.unique(np.concatenate([split, self.ends[np.isin(self.middle, split)].ravel()]))
+
+    def known(self, pair: Sequence[int], split: Sequence[np.ndarray]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names of both sides at their split nodes; inside one volume the subdomains' own names alone."""
+        own = [np.unique(self.volume[np.isin(self.split, at)]) for at in split]
+        if len(self.volumes) == 1 or len(np.intersect1d(*own)):
+            return (self.names[pair[0]],), (self.names[pair[1]],)
+        return tuple((self.names[e], *(self.volumes[v] for v in volumes)) for e, volumes in zip(pair, own))

@@ -1,0 +1,92 @@
+"""Bodies that hang together by an edge or a corner alone, cut there: what one mesh holds stays together."""
+
+import numpy as np
+import pytest
+from method_case import config, method, saved, solved
+
+from orchestrator.errors import InputError
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.model import Mesh
+
+BASE = [(i, j, 0) for i in range(2) for j in range(2)]
+EDGE = [*BASE, (0, 0, 1), (1, 1, 1)]  # two voxels on a base, that share an edge
+CORNER = [(0, 0, 0), (0, 1, 0), (1, 1, 1), (0, 1, 1), (0, 0, 2), (0, 1, 2), (1, 0, 2), (1, 0, 3), (0, 0, 3)]  # a frame, a corner in it
+AROUND = [(i, j, 0) for i in range(3) for j in range(3)] + [(0, 0, 1), (1, 1, 1), (2, 2, 1), (0, 2, 1), (2, 0, 1)]
+APART = [(0, 0, 0), (1, 1, 0)]  # which share an edge and nothing else
+HELD = {"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]}
+WEST = {"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]}
+EAST = {"on": {"plane": "x", "at": 2}, "traction": [1, 2, 3]}
+
+
+def voxels(filled, cells=1, volume=lambda centre: np.zeros(len(centre), dtype=int)) -> Mesh:
+    """Unit cubes of cells³ bricks each that share the nodes where they touch."""
+    shape = np.max(filled, axis=0) + 1
+    box = bricks(shape.astype(float), shape * cells, "voxels")
+    there = np.zeros(shape, dtype=bool)
+    there[tuple(np.transpose(filled))] = True
+    kept = box.cells[there[tuple(box.nodes[box.cells].mean(axis=1).astype(int).T)]]
+    used, cells = np.unique(kept, return_inverse=True)
+    cells, nodes = cells.reshape(kept.shape), box.nodes[used]
+    return Mesh(nodes, cells, volume(nodes[cells].mean(axis=1)), ["all"])
+
+
+def pulled(filled) -> list[dict]:
+    """Held below, pulled and sheared above."""
+    return [HELD, {"on": {"plane": "z", "at": float(np.max(filled, axis=0)[2] + 1)}, "traction": [1, -2, 3]}]
+
+
+def assert_bounded(solution) -> None:
+    error, bound = solution.summary["true_error"], solution.error_bound
+    assert solution.converged and error <= bound <= 5 * error + 1e-10, (error, bound)
+
+
+@pytest.mark.parametrize("filled, cells, cut, element", [
+    (EDGE, 1, {"metis": 2}, "P1"), (EDGE, 2, {"slices": {"axis": "x", "count": 2}}, "P1"), (EDGE, 1, {"metis": 3}, "P2"),
+    (AROUND, 1, {"slices": {"axis": "x", "count": 3}}, "P1"), (CORNER, 1, {"metis": 9}, "P1"),
+])
+def test_a_cut_through_an_edge_or_a_corner_leaves_it_whole(tmp_path, filled, cells, cut, element):
+    """The answer is that of the mesh in one piece, and the bound holds."""
+    made = dict(mesh=saved(voxels(filled, cells), tmp_path / "voxels.mesh"), subdomains=cut, boundary=pulled(filled),
+                blackbox={"code": "in-process", "workers": 1, "element": element}, **method(tolerance={"error": 1e-6}))
+    assert any(not len(i.triangles) for i in build_scene(config(**made)).interfaces)
+    assert_bounded(solved(**made))
+
+
+@pytest.mark.parametrize("kind", ["springs", "layer", "overlap"])
+def test_it_stays_whole_whatever_the_sole(tmp_path, kind):
+    mesh = voxels(EDGE, volume=lambda centre: (centre[:, 2] > 1) * (1 + (centre[:, 0] > 1)))
+    assert_bounded(solved(mesh=saved(mesh, tmp_path / "voxels.mesh"), subdomains="groups", boundary=pulled(EDGE),
+                          **method({"kind": kind}, tolerance={"error": 1e-6})))
+
+
+def test_what_faces_hold_together_gets_no_other_interface(tmp_path):
+    """Cuts that cross in the inside of a body: every interface has faces."""
+    scene = build_scene(config(mesh={"box": {"size": [2, 2, 2], "cells": [4, 4, 4]}}, subdomains={"grid": [2, 2, 2]}, boundary=pulled(EDGE)))
+    assert len(scene.interfaces) == 12 and all(len(i.triangles) for i in scene.interfaces)
+
+
+def test_a_law_that_opens_does_nothing_along_an_edge(tmp_path):
+    """Between two volumes that share an edge: bonded unless an entry says otherwise; contact there is refused by name."""
+    mesh = saved(voxels(EDGE, volume=lambda centre: (centre[:, 2] > 1) * (1 + (centre[:, 0] > 1))), tmp_path / "voxels.mesh")
+    made = dict(mesh=mesh, subdomains="groups", boundary=pulled(EDGE))
+    names = build_scene(config(**made)).mesh.volumes
+
+    def bare(*entries):
+        scene = build_scene(config(**made, interfaces=list(entries)))
+        return [i.name for i in scene.interfaces if not len(i.triangles)]
+
+    on_base = {"between": [names[0], "*"], "law": "contact"}
+    assert bare() == bare(on_base) == [f"{names[1]} | {names[2]}"]
+    assert bare({"between": ["*", "*"], "law": "contact"}) == []
+    with pytest.raises(InputError, match="no interface between .*: they share no face"):
+        bare({"between": names[1:], "law": "contact"})
+
+
+def test_an_edge_is_a_hinge(tmp_path):
+    """A body that hangs on another one by an edge may turn about it; held against that, it is held."""
+    made = dict(mesh=saved(voxels(APART), tmp_path / "voxels.mesh"), subdomains={"metis": 2})
+    with pytest.raises(InputError, match=r"can still move as a rigid body: rotation about the z axis through \(1, 1, 0.5\)"):
+        build_scene(config(**made, boundary=[WEST, EAST]))
+    assert_bounded(solved(**made, boundary=[WEST, {**EAST, "traction": [1, 1, 2]}, {"on": {"plane": "y", "at": 2}, "displacement": [None, 0.1, None]}],
+                          **method(tolerance={"error": 1e-6})))
