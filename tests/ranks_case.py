@@ -114,9 +114,10 @@ CASES = {
 }
 
 
-def found(name: str, team: Team = ALONE) -> dict[str, np.ndarray] | None:
-    """What a case comes out as; on rank 0."""
-    config = config_from({"name": name, **CASES[name]})
+def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.ndarray] | None:
+    """What a case comes out as; on rank 0. ``nudge``: a force per volume on all of it."""
+    loads = {"loads": [{"body_force": [nudge, -0.7 * nudge, 0.4 * nudge]}]} if nudge else {}
+    config = config_from({"name": name, **CASES[name], **loads})
     solved = solve(config, build_scene(config) if team.rank == 0 else None, team=team)
     if team.rank:
         return None

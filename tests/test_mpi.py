@@ -29,7 +29,7 @@ MPIEXEC = str(BESIDE_PYTHON if BESIDE_PYTHON.exists() else shutil.which("mpiexec
 # More ranks than cores, and maybe as root: what Open MPI refuses unless told.
 ALLOWED = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
            "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
-SECONDS = 120  # for a run that hangs
+SECONDS = 600  # for a run that hangs, on a slow machine too
 # Relaxed so little that it goes on for thousands of iterations.
 ENDLESS = """
 name: endless
@@ -69,8 +69,15 @@ def orchestrate(ranks: int, *arguments: str, folder: Path | None = None) -> subp
 
 
 @cache
-def alone(case: str) -> dict[str, np.ndarray]:
-    return found(case)
+def alone(case: str, nudge: float = 0.0) -> dict[str, np.ndarray]:
+    return found(case, nudge=nudge)
+
+
+def rounding(case: str, name: str) -> float:
+    """What rounding of forces may change: 1e-13 of the largest (sums over hundreds of pairs, tens of iterations), times the
+    scene's own condition, as forces of 1e-10 of the largest show it."""
+    nudge = 1e-10 * np.abs(alone(case)["reactions"]).max()
+    return 1e-13 / 1e-10 * float(np.abs(np.subtract(alone(case, nudge)[name], alone(case)[name])).max())
 
 
 @pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.long), 4])
@@ -85,12 +92,12 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
         together = dict(np.load(tmp_path / f"{case}.npz"))
         assert together.pop("ranks") == ranks
         for name, expected in alone(case).items():
-            if name == "status":
-                assert np.array_equal(together[name], expected)
+            if name in ("status", "iterations", "sweeps", "gave way"):
+                assert np.array_equal(together[name], expected), (case, name)
             else:
-                # where nothing holds a grain, rounding of 1e-16 is ten million times larger
-                allowed = 1e-8 if (case, name) == ("loose grains", "displacement") else 1e-9
-                assert np.abs(together[name] - expected).max() <= allowed * np.abs(expected).max(), (case, name)
+                off = np.abs(together[name] - expected).max()
+                # where springs of stabilisation alone hold a grain, rounding of 1e-16 is ten million times larger
+                assert off <= 1e-10 * np.abs(expected).max() or off <= rounding(case, name), (case, name, off)
     if ranks == 3:  # set up again on the way, with other subdomains on every rank: as if nothing had happened
         again, expected = Solution.read(tmp_path / PLACED), alone("contact")
         assert again.converged and "placed anew" in again.summary["warnings"][-1]
@@ -170,9 +177,9 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     settings.write_text(ENDLESS)
     run = orchestrate(2, settings, "--output", results, folder=temporary)
     iterating(run, results)
-    run.send_signal(signal.SIGINT)
+    run.send_signal(signal.SIGUSR2)  # mpiexec forwards it to all, and ends as they do
     _, errors = run.communicate(timeout=SECONDS)
-    assert "Traceback" not in errors
+    assert "Traceback" not in errors and run.returncode == 130
     before = read_summary(results)
     assert before["stop_reason"] == "interrupted"
     more = "--resume", "--set", "method.max_iterations=2"
@@ -184,9 +191,9 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert np.array_equal(iterations, np.arange(1, len(iterations) + 1))
     run = orchestrate(2, settings, "--output", results, "--resume", folder=temporary)
     iterating(run, results, len(iterations) + 1)
-    run.send_signal(signal.SIGUSR2)  # mpiexec forwards it to all, and ends as they do
-    run.communicate(timeout=SECONDS)
-    assert run.returncode == 130
+    run.send_signal(signal.SIGINT)  # mpiexec kills the ranks soon after: a slow machine has no time for a summary then
+    _, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode and "Traceback" not in errors and saved_iteration(results) > iterations[-1] - 2
 
 
 @pytest.mark.parametrize("right, wrong, told", [
