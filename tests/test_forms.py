@@ -6,6 +6,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from method_case import CLAMP, PULL
 
+from orchestrator.blackbox.codes.freefem.code import FreeFem
 from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.results.fingerprint import fingerprint
@@ -138,7 +139,7 @@ def test_a_form_that_says_uniform_shares_matrices_and_one_that_does_not_does_not
 
 def test_a_form_that_varies_and_says_uniform_is_found_out(tmp_path):
     graded = PLAIN.replace("real myE", "func myGrade = 1 + .1*x;\nreal myE", 1).replace("(Density(u, v))", "(myGrade*Density(u, v))")
-    with pytest.raises(BlackBoxError, match="differs from it by a translation alone.*leave uniform: true out"):
+    with pytest.raises(BlackBoxError, match="varies from place to place and says that it does not: leave uniform: true out"):
         solve(config_from(problem(written(tmp_path, graded), uniform=True)))
 
 
@@ -148,8 +149,19 @@ WRONG = {
     "everywhere": (ISOTROPIC + "macro Stiffness(u, v) int3d(Th, qfV = qfV2)(Density(u, v)) // EOM\n", "int3d.Th, mine"),
     "a bedding": (ISOTROPIC + "macro Stiffness(u, v) int3d(Th, mine, qfV = qfV2)(Density(u, v) + 1e-2*myE*u#x*v#x) // EOM\n",
                   "rigid motions cost force"),
+    "an indefinite law": (PLAIN.replace("(Density(u, v))", "(Density(u, v) - 1.001*myMu*(dy(u#z) + dz(u#y))*(dy(v#z) + dz(v#y)))"),
+                          "stiffness that is not positive: displacements near .* give energy away"),
+    "a modulus below zero": (PLAIN.replace("(Density(u, v))", "((2.5 - x)*Density(u, v))"), "not positive: to move a node near"),
+    "a function of the mesh": (PLAIN.replace("(Density(u, v))", "((1. + .01*Th.nt)*Density(u, v))"), "no sum over tets"),
     "a slip of the pen": (ISOTROPIC + "macro Stiffness(u, v) int3d(Th, mine, qfV = qfV2)(Densty(u, v)) // EOM\n", "compile error"),
 }
+
+
+def test_a_modulus_below_zero_that_harms_nothing_is_left_alone(tmp_path):
+    """A corner of one tet, where the tet around it stays positive; the bound holds."""
+    form = written(tmp_path, PLAIN.replace("(Density(u, v))", "((3.98 - x)*Density(u, v))").replace("qfV2", "qfV5"))
+    found = solve(config_from(problem(form) | {"method": {"tolerance": {"error": 1e-6}}}), reference=True)
+    assert found.converged and found.summary["true_error"] <= found.error_bound
 
 
 @pytest.mark.parametrize("what", WRONG)
@@ -157,6 +169,42 @@ def test_forms_that_would_spoil_the_result_end_the_run(tmp_path, what):
     content, words = WRONG[what]
     with pytest.raises(BlackBoxError, match=words):
         solve(config_from(problem(written(tmp_path, content))))
+
+
+_VOLUME = "int3d(Th, mine, qfV = qfV2)(Density(u, v))"
+REFUSED = {  # text of the form, words of the message
+    "a skin": (ISOTROPIC + f"macro Stiffness(u, v) {_VOLUME} + int2d(Th, 3)(myE*dx(u#x)*dx(v#x)) // EOM\n", ":8: int2d.*no labelled faces"),
+    "a bedding in an include": (f'include "more.idp"\n{ISOTROPIC}macro Stiffness(u, v) {_VOLUME} + Bedding(u, v) // EOM\n',
+                                "in a file that it includes: int2d"),
+    "edges": (ISOTROPIC + f"macro Stiffness(u, v) {_VOLUME} + int1d(Th)(u#x*v#x) // EOM\n", ":8: int1d"),
+    "a jump": (ISOTROPIC + f"macro Stiffness(u, v) {_VOLUME} + intallfaces(Th)(jump(dx(u#x))*jump(dx(v#x))) // EOM\n", ":8: jump.*another subdomain"),
+    "a support": (ISOTROPIC + f"macro Stiffness(u, v) {_VOLUME} + on(1, u#x = 0) // EOM\n", ":8: on.*would hold nothing"),
+    "a pressure": (PLAIN + "macro Loads(v) int2d(Th, 2)(5.*v#z) // EOM\n", ":9: int2d.*entries of boundary"),
+    "a slip of the pen": (PLAIN.replace("(Density", "(Densty"), "FreeFEM says: .*Densty does not exist"),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_terms_that_would_vanish_are_refused_before_anything_is_solved(tmp_path, what):
+    """FreeFEM itself finds them, however deep in macros and includes."""
+    content, words = REFUSED[what]
+    (tmp_path / "more.idp").write_text("macro Bedding(u, v) int2d(Th)(u#x*v#x) // EOM\n")
+    entry = config_from(problem(written(tmp_path, content))).codes[0]
+    with pytest.raises(InputError, match=f"(?s){words}") as caught:
+        FreeFem(entry).check()
+    assert caught.value.problems[0].path == ("blackbox", "form")
+
+
+@pytest.mark.parametrize("transport", ["pipe", "file"])
+def test_a_run_refuses_them_too(tmp_path, transport):
+    with pytest.raises(InputError, match=":8: int2d"):
+        solve(config_from(problem(written(tmp_path, REFUSED["a skin"][0]), transport=transport)))
+
+
+def test_a_form_may_integrate_over_faces_of_meshes_of_its_own(tmp_path):
+    """In two dimensions int2d is the volume; comments count for nothing."""
+    own = "// no int2d of ours\nmesh mySection = square(2, 2);\nreal mySize = int2d(mySection)(1.);\n"
+    FreeFem(config_from(problem(written(tmp_path, own + PLAIN.replace("(Density", "(mySize*Density")))).codes[0]).check()
 
 
 @pytest.mark.parametrize("content, words", [

@@ -9,13 +9,21 @@ from blackbox_case import assemble, box, difference, settings
 from in_process import IN_PROCESS, InProcess, InProcessWorker
 from quadratic_case import assemble_ten
 
-from orchestrator.blackbox.layers.guarded import PATCH, imbalance, patch_errors, wrong_stiffness
+from orchestrator.blackbox.layers.guarded import PATCH, GuardedCode, imbalance, patch_errors, wrong_stiffness
+from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
 from orchestrator.blackbox.models.matter import Matter
+from orchestrator.blackbox.pool.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError
+from orchestrator.method.interface import factor
+from orchestrator.method.linear.loading import assemble_rims
+from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
+from orchestrator.method.stopping.semidefinite import is_semidefinite
 from orchestrator.registry import CODES
 from orchestrator.run import solve
+from orchestrator.savings import Savings
+from orchestrator.scene.build import build_scene
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
 
@@ -211,3 +219,62 @@ class Solver(template.Solver):
             "subdomains": {"slices": {"axis": "x", "count": 4}}}
     solved = solve(config_from(made), reference=True)
     assert solved.converged and solved.summary["true_error"] <= 1e-8
+
+
+def of_body(model, young=lambda model, centre: 200e3, poisson=0.3):
+    """The stiffness of a model whose body has moduli of its own, (m,) or one, its soles those of the YAML."""
+    body = np.zeros(len(model.cells), bool)
+    if model.origin is not None:
+        body[: len(model.origin.cells)] = model.origin.cells >= 0
+    moduli = model.materials[model.region].copy()
+    moduli[body, 0] = np.broadcast_to(young(model, model.nodes[model.cells].mean(axis=1)), len(body))[body]
+    moduli[body, 1] = poisson
+    return assemble(replace(model, materials=moduli, region=np.arange(len(body))))
+
+
+OWN = {  # what stiffness() of matter of one's own returns, words of the message; None: it is sound
+    "a bulk modulus below zero": (  # by 0.3 of a shear modulus of 77e3
+        lambda m: of_body(m, lambda *_: -27 * 77e3, -14.5), "not positive: displacements near .* give energy away"),
+    "a modulus below zero": (lambda m: of_body(m, lambda _, x: 200e3 * np.where(x[:, 0] > 3.5, -0.5, 1.0)), "not positive: to move a node near"),
+    "the whole's average": (lambda m: of_body(m, lambda m, x: 200e3 * (1 + 0.1 * x[:, 0].mean())), "no sum over tets"),
+    "the model's name": (lambda m: of_body(m, lambda m, _: 200e3 * (1 + 1e-6 * m.name.startswith("rim"))), "no sum over tets"),
+    "soft and hard": (lambda m: of_body(m, lambda _, x: 200e3 * 10.0 ** np.round(-6 * x[:, 0] / 4)), None),
+    "nearly incompressible": (lambda m: of_body(m, poisson=0.4999), None),
+    "shrinking when pressed": (lambda m: of_body(m, poisson=-0.9), None),
+}
+
+
+@pytest.mark.parametrize("law", [{"law": "perfect"}, {"law": "contact", "friction": 0.3}], ids=lambda law: law["law"])
+@pytest.mark.parametrize("what", OWN)
+def test_own_matter_is_shown_to_be_positive_and_local_before_anything_is_iterated(what, law):
+    """Soles hide it: they make the sum positive that the code factorises."""
+    make, words = OWN[what]
+    config = config_from({**BAR, "interfaces": [law]})
+    scene = build_scene(config)
+    sides, own = sides_by_subdomain(scene), scene.subdomains
+    worker = type("OwnWorker", (InProcessWorker,), {"stiffness": lambda self, index, model: make(model)})
+    code = type("OwnCode", (InProcess,), {"worker": lambda self: worker, "own_matter": True, "translation_invariant": False})(config.codes[0])
+    with GuardedCode(Pool(code)) as blackbox:
+        def judge():
+            rims = assemble_rims(scene, own, sides, blackbox, 1, True, Savings())
+            found = own_stiffness(scene, own, blackbox, 1, True, Savings())
+            check_own_matter(scene, own, found, rims, [boundary_dofs(scene, s, sides[s.index]) for s in own])
+
+        if words is None:
+            judge()
+            return
+        with pytest.raises(BlackBoxError, match=words) as caught:
+            judge()
+    assert caught.value.subdomain.endswith(("slice 0", "slice 1"))
+
+
+@pytest.mark.parametrize("without", [False, True], ids=["CHOLMOD", "SuperLU"])
+def test_what_is_semidefinite(monkeypatch, without):
+    """Singular is, by more than rounding below zero is not; missing digits count as rounding if they are told."""
+    if without:
+        monkeypatch.setattr(factor, "cholmod", None)
+    K = assemble(THREE)
+    shift = sp.diags_array(K.diagonal())
+    assert is_semidefinite(K, 1e-12) and is_semidefinite(K - 1e-9 * shift, 1e-8)
+    assert not is_semidefinite(K - 1e-9 * shift, 1e-12) and not is_semidefinite(-K, 1e-12)
+    assert is_semidefinite(0 * K, 1e-12)

@@ -25,6 +25,7 @@ from orchestrator.method.linear.loading import Loading, RimStiffness, apply_load
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
+from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
 from orchestrator.method.linear.macro_basis import interface_bases
 from orchestrator.method.linear.meanwhile import Meanwhile
 from orchestrator.method.interface.pairing import make_pairs
@@ -209,6 +210,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
         whole = all_perfect or space.ties is not None
         rims = assemble_rims(scene, own, sides if whole else [[] for _ in sides], blackbox, workers, share,
                              savings)
+        of_bodies = own_stiffness(scene, own, blackbox, workers, share, savings)
     # the codes factorise meanwhile: until ``loaded``, nothing is asked of them
     factorised = Meanwhile(lambda: blackbox.load(models))
 
@@ -217,6 +219,7 @@ def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: 
             factorised.result()
 
     with watch("search_direction"):
+        check_own_matter(scene, own, of_bodies, rims, traces if whole else [trace[:0] for trace in traces])
         stiffness = boundary_stiffness(space, traces, rims) if whole else None
         if space.ties is not None:
             space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])

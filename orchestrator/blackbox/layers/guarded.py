@@ -94,6 +94,12 @@ def wrong_stiffness(model: Model, matrix: sp.csr_array, own_matter: bool = False
     """What a stiffness (3n, 3n) should be and is not, in words; empty where nothing is wrong."""
     if matrix.shape != (model.fixed.size,) * 2:
         return f"a stiffness of {matrix.shape} for {model.fixed.size} dofs"
+    diagonal = matrix.diagonal()
+    if diagonal.min(initial=0.0) < -PATCH * np.abs(diagonal).max(initial=0.0):
+        worst = int(np.argmin(diagonal))
+        why = "is its modulus below zero somewhere?" if own_matter else f"a wrong sign; {OWN}"
+        return (f"a stiffness that is not positive: to move a node near {_place(model, worst // 3)} by itself gives energy away, "
+                f"{diagonal[worst]:.3g} beside {diagonal.max():.3g} at others ({why})")
     symmetry, rigid, strain, node, allowed = patch_errors(model, matrix, own_matter)
     if not symmetry <= PATCH:
         return f"a stiffness that is not symmetric: |K − Kᵀ| is {symmetry:.1e} |K|"

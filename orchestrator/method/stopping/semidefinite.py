@@ -24,3 +24,24 @@ def semidefinite_solver(matrix: sp.sparray) -> Callable[[np.ndarray], np.ndarray
     # where rounding has made it indefinite, pivots have to be chosen
     solve = factorised.solve if sound(shifted, factorised.solve) else sla.splu(whole(shifted)).solve
     return lambda rows: np.ascontiguousarray(solve(rows.T).T)
+
+
+def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
+    """Whether a symmetric matrix A (n, n) is positive semidefinite, but for errors of its entries.
+
+    It is, to rounding, if A + rounding × diag A has a factorisation with positive pivots (Sylvester's law of inertia).
+
+    Parameters
+    ----------
+    rounding : relative error of the entries, above that of double precision
+    """
+    scale = matrix.diagonal()
+    largest = scale.max(initial=0.0)
+    if (scale < -rounding * largest).any():
+        return False
+    # where nothing is stiff, any entry would be beside the diagonal
+    shifted = sp.tril(matrix + sp.diags_array(rounding * np.where(scale > rounding * largest, scale, largest or 1.0)), format="csc")
+    if by_cholesky(shifted) is not None:
+        return True
+    lu = sla.splu(whole(shifted), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return bool(np.array_equal(lu.perm_r, lu.perm_c) and (lu.U.diagonal() > 0).all())

@@ -48,4 +48,5 @@ def foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
     """What is not to be believed where the matter is a code's own: a sentence, or none. ``codes`` as in the summary."""
     own = list(dict.fromkeys(str(entry["code"]) for entry in codes if entry["own_matter"]))
     return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
-            "there they are not to be believed, displacements and forces are"] if own else []
+            "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is meant: "
+            "nothing shows that it is"] if own else []

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.codes.freefem import installation
-from orchestrator.blackbox.codes.freefem.form import FORM_SERVER, check_form, form_server, with_volumes
+from orchestrator.blackbox.codes.freefem.form import FORM_SERVER, check_form, form_server, not_compiled, refused_term, with_volumes
 from orchestrator.blackbox.codes.freefem.scripts import SERVER, script
 from orchestrator.blackbox.pool.exits import exit_meaning
 from orchestrator.config.base import Name
@@ -24,9 +24,10 @@ from orchestrator.errors import InputError
 if TYPE_CHECKING:
     from orchestrator.blackbox.protocol import Model
 
-_NO_PLUGIN = 2
+_COMPILING, _NO_PLUGIN = 1, 2
+_PATIENCE = 60  # seconds for a form to be compiled
 _MEANINGS = {
-    1: "compile error in the script",
+    _COMPILING: "compile error in the script",
     _NO_PLUGIN: "a plugin is missing",
     6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)",
     8: "runtime error in the script",
@@ -91,6 +92,20 @@ class FreeFem(MessageCode):
         """The server's script around a form."""
         return {FORM_SERVER: form_server(Path(self.settings.form))} if self.settings.form else {}
 
+    def check(self) -> None:
+        """Of a form: FreeFEM compiles it, and is asked for nothing."""
+        if not self.settings.form:
+            return
+        with tempfile.TemporaryDirectory(prefix="orchestrator-form-") as folder:
+            for name, content in self.files().items():
+                (Path(folder) / name).write_text(content, encoding="utf-8")
+            done = subprocess.run(self.command(os.devnull, os.devnull), env=self.environment(), cwd=folder, stdin=subprocess.DEVNULL,
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", timeout=_PATIENCE)
+        if missing := self.missing_part(done.returncode, done.stdout):
+            raise missing
+        if done.returncode:
+            raise not_compiled(Path(self.settings.form), done.stdout, self.meaning(done.returncode))
+
     def told(self, model: Model) -> Model:
         """Of a form: regions are the volumes of the mesh, then the matter of soles."""
         return with_volumes(model) if self.settings.form else model
@@ -126,7 +141,9 @@ class FreeFem(MessageCode):
         return exit_meaning(exit_code, _MEANINGS, "ended by the script")
 
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
-        """The plugin: FreeFEM finds out about it only when it reads the script."""
+        """The plugin, or a term that a form may not have: FreeFEM finds out about them only when it reads the script."""
+        if exit_code == _COMPILING and self.settings.form:
+            return refused_term(Path(self.settings.form), said)
         if exit_code != _NO_PLUGIN:
             return None
         return InputError(installation.no_plugin(self._environment.get("FF_LOADPATH", "")))

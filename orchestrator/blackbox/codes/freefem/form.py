@@ -19,14 +19,17 @@ if TYPE_CHECKING:
 
 FORM_SERVER = "form_server.edp"
 _BEFORE, _AFTER = ("elasticity.idp", "form_names.idp"), ("form.idp", "serve.idp")
+_REFUSALS = "form_refused.idp"  # between the form and what uses its macros
 _GIVEN = {"Stiffness", "Loads"}  # names that a form is there to define
 _DEFINED = re.compile(r"^[ \t]*(?:macro|func|NewMacro|real|int|bool|matrix|fespace|mesh3|string)(?:\s*\[[^\]]*\])*[ \t]+(\w+)", re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z]\w*")
+_REFUSED = re.compile(r"Identifier refused(\w+) does not exist")  # FreeFEM's words where a form uses one of ``_REFUSALS``
+_COMPLAINS = re.compile(r"rror|does not exist")
 
 
 def form_server(form: Path) -> str:
     """The script of a server whose matter is the form's."""
-    files = [*map(script, _BEFORE), form.absolute(), *map(script, _AFTER)]
+    files = [*map(script, _BEFORE), form.absolute(), *map(script, (_REFUSALS, *_AFTER))]
     return 'load "bfstream"\n' + "".join(f'include "{file}"\n' for file in files)
 
 
@@ -36,7 +39,7 @@ def check_form(form: Path) -> None:
         text = form.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise _problem(f"{form}: {error.strerror}", "a file with a macro Stiffness(u, v)", "check the path") from error
-    bare = re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", lambda m: "\n" * m[0].count("\n"), text, flags=re.DOTALL))
+    bare = _bare(text)
     names = {match[1]: bare[: match.start(1)].count("\n") + 1 for match in _DEFINED.finditer(bare)}
     if "Stiffness" not in names:
         raise _problem(f"{form} without a macro Stiffness", "macro Stiffness(u, v) int3d(Th, mine, qfV = qfV1)(...) // EOM",
@@ -47,6 +50,41 @@ def check_form(form: Path) -> None:
         if name in used:
             raise _problem(f"{form}:{line}: a name of the form's, {name}, that the server's script uses too",
                            "names of its own", f"call it my{name[0].upper()}{name[1:]}, say")
+
+
+def refused_term(form: Path, said: str) -> InputError | None:
+    """The error to raise where FreeFEM's last lines say that the form has a term which is refused; None where they do not."""
+    if (match := _REFUSED.search(said)) is None:
+        return None
+    name = match[1]
+    try:
+        text = _bare(form.read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        text = ""
+    place = re.search(rf"\b{name}\b", text)  # else in a file that it includes
+    where = f"{form}:{text[: place.start()].count(chr(10)) + 1}" if place else f"{form}, in a file that it includes"
+    if name == "on":
+        return _problem(f"{where}: on(...) in Stiffness or Loads", "terms on volumes, int3d(Th, mine, ...): the meshes have no "
+                        "labelled faces, and it would hold nothing", "leave it out: supports are entries of boundary")
+    if name == "jump":
+        return _problem(f"{where}: jump(...) in Stiffness or Loads", "terms of each tet by itself, int3d(Th, mine, ...): what lies "
+                        "beyond a face may be another subdomain", "leave it out")
+    return _problem(f"{where}: {name}(...) in Stiffness or Loads", "terms on volumes, int3d(Th, mine, ...): the meshes have no "
+                    "labelled faces, and it would vanish", "leave it out: pressures and tractions are entries of boundary, a skin "
+                    "is a thin volume of the mesh, a bedding a part beneath")
+
+
+def not_compiled(form: Path, said: str, meaning: str) -> InputError:
+    """The error to raise where FreeFEM ends before its first word; its own are quoted."""
+    words = [line.strip() for line in said.splitlines() if line.strip()]
+    first = next((i for i, line in enumerate(words) if _COMPLAINS.search(line)), max(len(words) - 3, 0))
+    return _problem(f"{form}: {meaning}; FreeFEM says: {' / '.join(words[first : first + 3])}", "a form that FreeFEM compiles",
+                    "mend the line; where it is not in the form, a name that Stiffness or Loads uses is missing")
+
+
+def _bare(text: str) -> str:
+    """A script without its comments, line by line."""
+    return re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", lambda m: "\n" * m[0].count("\n"), text, flags=re.DOTALL))
 
 
 def with_volumes(model: Model) -> Model:
