@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from foreign_case import HEAT, SIZE, more_inside, restart_displacements, stiffness, tets, write_deck, write_matrix
+from foreign_case import HEAT, SIZE, STEEL, more_inside, restart_displacements, stiffness, tets, write_deck, write_matrix
 from in_process import IN_PROCESS
 
 from orchestrator.config import config_from
@@ -232,6 +232,62 @@ def test_a_deck_rubs(tmp_path):
     assert other.converged and np.abs(one - two).max() <= 1  # a pair may be on the edge
     assert sum(mine.summary["status_counts"]["slip"]) > 0 < sum(mine.summary["status_counts"]["stick"])
     assert np.abs(other.reactions[0] - mine.reactions[0]).max() <= 1e-3 * 50
+
+
+AMPLITUDES = "*AMPLITUDE,NAME=TOTAL,TIME=TOTAL TIME\n0.,.5,1.,1.,2.,3.,3.,-2.\n*AMPLITUDE,NAME=STEP\n0.,0.,1.,2.,4.,5.\n"
+TIMED = {
+    "one file": ["*CLOAD,AMPLITUDE=TOTAL\nFLANGE,3,-5.\n*DLOAD,AMPLITUDE=TOTAL\nEALL,P4,90.\n*TEMPERATURE,AMPLITUDE=TOTAL\nNALL,70.\n"
+                 "*BOUNDARY,AMPLITUDE=TOTAL\nROOT,3,3,.01\n*CLOAD,AMPLITUDE=STEP\n6,1,900.\n"],
+    "a file for each": ["*CLOAD,AMPLITUDE=TOTAL,TIME DELAY=.5\nFLANGE,3,-5.\n", ".5,.5\n*CLOAD,OP=NEW,AMPLITUDE=TOTAL\nFLANGE,2,-5.\n",
+                        "1.,2.\n*CLOAD,OP=NEW,AMPLITUDE=STEP\nFLANGE,1,-5.\n"],
+}
+
+
+@CALCULIX
+@pytest.mark.parametrize("kind", TIMED)
+def test_total_time_runs_on_from_load_step_to_load_step(tmp_path, kind):
+    """Amplitudes over it, as the deck's steps one after the other have them; a file of loads beside another of its name."""
+    x, files = write_deck(tmp_path, matter=HEAT, heat=True, more=AMPLITUDES), [tmp_path / f"{i}" / "loads.inp" for i in range(len(TIMED[kind]))]
+    for file, text in zip(files, TIMED[kind]):
+        file.parent.mkdir()
+        file.write_text(text)
+    entry = config_from(data(deck(tmp_path, loads=[str(file) for file in files]),
+                             boundary=[{"on": "block/xmax", "traction": [[t, 0, 0] for t in range(3)]}])).codes[-1]
+    code = FOREIGN[entry.code](entry)
+    found = np.linalg.solve(code.condensed().stiffness, code.loads(3).T).T
+    on = np.flatnonzero(x[:, 0] == SIZE[0])
+    for steps in (2, 3):
+        text = "*INCLUDE,INPUT=part.inp\n"
+        for t in range(steps):
+            text += "*STEP\n" + "*RESTART,WRITE\n" * (t == steps - 1) + "*STATIC\n" + TIMED[kind][t % len(files)] + "*END STEP\n"
+        (tmp_path / "whole.inp").write_text(text)
+        subprocess.run(["ccx", "-i", "whole"], cwd=tmp_path, capture_output=True, check=True)
+        exact = restart_displacements(tmp_path / "whole.rout", "WOOD")[on].ravel()
+        assert np.abs(found[steps - 1] - exact).max() <= 1e-10 * np.abs(exact).max()
+
+
+KEPT_LOADS = {
+    "a force that ends": (["*CLOAD\nFLANGE,3,-5.\n*CLOAD\n5,1,2.\n", "*CLOAD\nFLANGE,3,-5.\n"], "says nothing of 5, 1 under \\*CLOAD"),
+    "pressure that ends": (["*DLOAD\nEALL,P4,1.\n", "*CLOAD\nFLANGE,3,-5.\n"], "nothing of EALL, P4 under \\*DLOAD"),
+    "heat that ends": (["*TEMPERATURE\nNALL,70.\n", "*CLOAD,OP=NEW\nFLANGE,3,-5.\n"], "nothing of NALL under \\*TEMPERATURE"),
+    "supports taken away": (["*BOUNDARY,OP=NEW\nROOT,1,3,.1\n", "*BOUNDARY\nROOT,1,3,.2\n"], "supports away"),
+    "elements taken away": (["*MODEL CHANGE,TYPE=ELEMENT,REMOVE\nEALL\n", "*CLOAD\nFLANGE,3,1.\n"], "MODEL CHANGE"),
+    "softer when warm": (["*TEMPERATURE\nNALL,20.\n", "*TEMPERATURE\nNALL,80.\n"], "do not move them as its stiffness says"),
+}
+
+
+@CALCULIX
+@pytest.mark.parametrize("kind", KEPT_LOADS)
+def test_loads_of_a_later_step(tmp_path, kind):
+    """What CalculiX would keep is said again; what the first load step does not show is looked for in the others."""
+    loads, message = KEPT_LOADS[kind]
+    write_deck(tmp_path, matter=STEEL.replace("200e3,.3\n", "200e3,.3,20.\n50e3,.3,200.\n"), heat=True)
+    files = [tmp_path / f"{i}.inp" for i in range(2)]
+    for file, text in zip(files, loads):
+        file.write_text(text)
+    config = config_from(data(deck(tmp_path, loads=[str(f) for f in files]), boundary=[{"on": "block/xmax", "traction": [[1, 0, 0], [2, 0, 0]]}]))
+    with pytest.raises(InputError, match=message):
+        FOREIGN[config.codes[-1].code](config.codes[-1]).condensed()
 
 
 WRONG_DECKS = {

@@ -13,7 +13,7 @@ import numpy as np
 
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.foreign.deck_cards import check_deck, check_loads
+from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Row, cards, numbers
 from orchestrator.scene.mesh.splitting import FACES
@@ -42,6 +42,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     deck = Deck(Path(part.calculix), (*path, "calculix"), part.nonlinear)
     for i, file in enumerate(part.loads or []):
         check_loads(Path(file), (*path, "loads", i), part.nonlinear)
+    check_kept([Path(file) for file in part.loads or []], (*path, "loads"))
     members = [deck.nodes_of(joint, (*path, "joints", i)) for i, joint in enumerate(part.joints)]
     ids = np.unique(np.concatenate(members))
     points = deck.places(ids)

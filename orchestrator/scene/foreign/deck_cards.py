@@ -6,12 +6,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.mesh.inp_cards import Row, cards
 
 # Cards of matter and conditions whose answers are not proportional to forces.
 NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
              "CONTACT PAIR", "GAP", "SURFACE BEHAVIOR", "USER MATERIAL"}
 # Those of them that a part may have which says that it is nonlinear: its matter flows, at small strains, whatever the time.
 FLOWING = {"PLASTIC", "CYCLIC HARDENING", "DEFORMATION PLASTICITY"}
+# What CalculiX keeps from one step to the next, and how many words of a line say where it acts.
+KEPT = {"CLOAD": 2, "DLOAD": 2, "DSLOAD": 2, "BOUNDARY": 2, "TEMPERATURE": 1}
 # What is said with a step, which is not the part's to say.
 OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
 
@@ -43,6 +46,33 @@ def check_deck(file: Path, path: KeyPath, nonlinear: bool) -> None:
         _refuse_nonlinear(card, options, where, path, nonlinear)
 
 
+def runs_on(file: Path, path: KeyPath) -> bool:
+    """Whether an amplitude of the deck is a function of the time since the first load step."""
+    return any(card == "AMPLITUDE" and "".join(options.get("TIME", "").upper().split()) == "TOTALTIME"
+               for card, options, _ in headings(file, path))
+
+
+def period(file: Path, path: KeyPath) -> float:
+    """How long the load step of a file of loads lasts: the second number of *STATIC's own line, where the file begins with it.
+
+    Raises
+    ------
+    InputError : no length of time
+    """
+    number, line = _first(file)
+    if line.startswith("*"):
+        return 1.0
+    word = (line.split(",") + [""])[1].strip()
+    try:
+        lasts = float(word.upper().replace("D", "E") or 1.0)
+    except ValueError:
+        lasts = -1.0
+    if not 0 <= lasts < float("inf"):
+        raise InputError(Problem(path, f"{file}:{number}: '{line}'", "an increment and the length of the step, the line after "
+                                 "*STATIC, or a card", "mend that line, or leave it out"))
+    return lasts or 1.0
+
+
 def check_loads(file: Path, path: KeyPath, nonlinear: bool) -> None:
     """Raises InputError for cards that loads cannot have."""
     for card, options, where in headings(file, path):
@@ -50,6 +80,41 @@ def check_loads(file: Path, path: KeyPath, nonlinear: bool) -> None:
         if card in OF_STEPS:
             raise InputError(Problem(path, f"{where}: *{card}", "what stands between *STATIC and *END STEP",
                                      "leave this line out: steps are made here"))
+        if card == "BOUNDARY" and _new(options):
+            raise InputError(Problem(path, f"{where}: *BOUNDARY, OP=NEW takes the deck's supports away: its stiffness would be another",
+                                     "supports that stay", "leave OP=NEW out, and move what is to be back by 0"))
+        if card == "MODEL CHANGE":
+            raise InputError(Problem(path, f"{where}: *MODEL CHANGE makes the deck's stiffness another", "loads alone",
+                                     "leave the elements out of the deck, or in it"))
+    if nonlinear and not _first(file)[1].startswith("*"):
+        raise InputError(Problem(path, f"{file}: numbers before the first card", "cards: a load step of matter that flows is one increment",
+                                 "leave that line out, and write more load steps for smaller increments"))
+
+
+def check_kept(files: list[Path], path: KeyPath) -> None:
+    """Raises InputError where a file says nothing of a load of the file before: CalculiX would keep it from step to step, and
+    here a file says all that acts in its load step."""
+    before: dict[tuple[str, ...], Row] = {}
+    for i, file in enumerate(files):
+        new = {card for card, options, _ in headings(file, path) if _new(options)}
+        said = {(card, *(word.upper() for word in row.words[: KEPT[card]])): row for card, _, rows in cards(file) if card in KEPT for row in rows}
+        for key, row in before.items():
+            if key not in said and key[0] not in new:
+                raise InputError(Problem((*path, i), f"{file} says nothing of {', '.join(key[1:])} under *{key[0]}, which CalculiX would keep "
+                                         f"from the load step before ({row.file}:{row.line})", "in each file all that acts in its load step",
+                                         "write that line again with what it is now, which may be 0"
+                                         + ("" if key[0] == "BOUNDARY" else f"; or *{key[0]}, OP=NEW if it ends")))
+        before = said
+
+
+def _new(options: dict[str, str]) -> bool:
+    return options.get("OP", "").upper() == "NEW"
+
+
+def _first(file: Path) -> tuple[int, str]:
+    """The first line that says something, with its number."""
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    return next(((i, text.strip()) for i, text in enumerate(lines, 1) if text.strip() and not text.startswith("**")), (1, "*"))
 
 
 def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath, nonlinear: bool) -> None:

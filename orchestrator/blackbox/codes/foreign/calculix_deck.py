@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.blackbox.codes.foreign.code import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
-from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Refused
+from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Loads, Refused
 from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.scene.foreign.read import read_joints
@@ -75,12 +75,14 @@ class DeckCode(ForeignCode):
         if part.nonlinear:
             self._check_steps()
             return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))), part_on_joints.error)
-        b = np.array([M @ runs.static(k, load) for load in part.loads or []]) if part.loads else np.zeros((1, len(dofs)))
-        b[:, joints.held.ravel()] = 0.0
-        self._probe(runs, M, k, b[0])
-        if len(b) not in (1, len(self.settings.factors)):
-            raise InputError(Problem((*path, "loads"), f"{len(b)} files of loads for {len(self.settings.factors)} load steps",
+        steps = len(self.settings.factors)
+        if part.loads and len(part.loads) not in (1, steps):
+            raise InputError(Problem((*path, "loads"), f"{len(part.loads)} files of loads for {steps} load steps",
                                      "one file for all load steps, or one for each", "let history multiply a single one"))
+        b = np.array([M @ runs.static(k, case) for case in runs.cases(steps)]) if part.loads else np.zeros((1, len(dofs)))
+        b[:, joints.held.ravel()] = 0.0
+        for own, case in zip(b, runs.cases(steps) or [None]):
+            self._probe(runs, M, k, own, case)
         return Condensed(joints, part_on_joints.stiffness, b, part_on_joints.error)
 
     def _check_steps(self) -> None:
@@ -128,7 +130,7 @@ class DeckCode(ForeignCode):
             return self._own_fields_replayed(u, force)
         k, force = springs_of(part.stiffness, part.free), (u.reshape(steps, -1) @ part.stiffness - self.loads(steps)).reshape(u.shape)
         with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
-            own = [runs.everywhere(k, load) for load in self.settings.part.loads or []]
+            own = [runs.everywhere(k, case) for case in runs.cases(steps)]
             found = np.stack([runs.everywhere(k, None, (force[t].ravel() + k * u[t].ravel()) * (k > 0))
                               for t in range(steps)])
             for t, factor in enumerate(self.settings.factors if own else ()):
@@ -154,20 +156,22 @@ class DeckCode(ForeignCode):
         forces[:, np.searchsorted(ids, joints.ids)] = force
         return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)
 
-    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray) -> None:
-        """Raises InputError where forces on the joints do not move them as the stored matrix says."""
+    def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray, case: Loads | None) -> None:
+        """Raises InputError where under a case of its loads, b on the joints, forces there do not move them as the stored matrix
+        says."""
         free = np.flatnonzero(k)
         s = np.zeros(len(k))
         # as large as the loads, or such that displacements are a thousandth of the part
         size = max(float(np.abs(b).max(initial=0.0)), 1e-3 * runs.joints.size * float(k.max()))
         s[free] = size * np.random.default_rng(2).uniform(-1, 1, len(free))
-        u = runs.static(k, (self.settings.part.loads or [None])[0], s)
+        u = runs.static(k, case, s)
         left = np.abs(M @ u - b - s)[free].max() / (np.abs(M @ u)[free].max() or 1.0)
         if not left <= LINEAR:
             raise InputError(Problem((*self.settings.place, "calculix"), f"'{self.settings.name}': forces on its joints do not move them "
                                      f"as its stiffness says: {left:.1e} of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose "
                                      "stiffness does not depend on its loads", "look for contact, gaps, *TRANSFORM on joints, and moduli that "
-                                     "depend on temperature: with its loads the deck is another than without"))
+                                     "depend on temperature: with its loads the deck is another than without"
+                                     + ("" if case is None else f" ({case.file})")))
 
 
 def springs_of(S: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,12 @@ from orchestrator.blackbox.codes.calculix.files import Unreadable
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck import Deck
-from orchestrator.scene.foreign.deck_cards import headings
+from orchestrator.scene.foreign.deck_cards import headings, period, runs_on
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.waiting import waited_for
 
 JOB = "orchestrator-job"
+NAMED = "orchestrator-file-{}.inp"  # the deck and its files of loads, in their order
 # CalculiX stores no stiffness unless some matter has a mass; of this one nothing is made.
 DENSITY = "*MATERIAL,NAME=ORCHESTRATOR\n*ELASTIC\n1.,0.\n*DENSITY\n1.\n"
 # Of residual forces and corrections, relative: half a per cent, as is usual, would be a thousand times what is iterated away.
@@ -32,6 +34,20 @@ PATIENCE = 3600.0  # seconds for a run
 
 class Refused(Exception):
     """CalculiX does not take the deck; in its own words."""
+
+
+@dataclass(frozen=True)
+class Loads:
+    """A case of the deck's own loads.
+
+    Parameters
+    ----------
+    file : its cards
+    begin : total time at the beginning of its load step, for amplitudes that ask for it
+    """
+
+    file: Path
+    begin: float = 0.0
 
 
 class DeckRuns:
@@ -52,14 +68,25 @@ class DeckRuns:
         self.materials = [options["NAME"].upper() for card, options, _ in headings(Path(part.calculix), path)
                           if card == "MATERIAL" and "NAME" in options]
         elements = [int(row.words[0]) for card, _, rows in self.deck.cards if card == "ELEMENT" for row in rows if row.words[0].isdigit()]
+        self._named = [Path(file) for file in [part.calculix, *(part.loads or [])]]
+        # CalculiX takes no two amplitudes on one dof: forces on the joints then act on nodes that follow theirs
+        amplitudes = any(card == "CLOAD" and "AMPLITUDE" in options for file in part.loads or [] for card, options, _ in headings(Path(file), path))
+        self._carriers = joints.ids if not amplitudes else 1 + int(self.deck.ids.max()) + np.arange(len(joints.ids))
         self._next = 1 + max(elements, default=0)
 
     def __enter__(self) -> DeckRuns:
         self.folder = Path(tempfile.mkdtemp(prefix="orchestrator-deck-"))
-        for file in [self.part.calculix, *(self.part.loads or [])]:  # and whatever they include, by names beside them
-            for beside in Path(file).resolve().parent.iterdir():
+        included: set[str] = set()
+        for i, file in enumerate(self._named):  # by names of our own: files of two folders may have one name
+            (self.folder / NAMED.format(i)).symlink_to(file.resolve())
+            included |= {options.get("INPUT", "") for card, options, _ in headings(file, self.path) if card == "INCLUDE"}
+        for folder in dict.fromkeys(file.resolve().parent for file in self._named):  # and whatever they include, by names beside them
+            for beside in folder.iterdir():
                 link = self.folder / beside.name
-                if not link.exists() and beside.name.split(".")[0] != JOB:
+                if link.exists() and beside.name in included:
+                    raise InputError(Problem(self.path, f"{beside} and {link.resolve()}: two files of one name, one of which is "
+                                             "included", "files included from one folder, or of different names", "rename one of them"))
+                if not link.exists() and not beside.name.startswith("orchestrator-"):
                     link.symlink_to(beside)
         return self
 
@@ -74,8 +101,17 @@ class DeckRuns:
         except Unreadable as error:
             raise Refused(f"its stiffness was not stored: {error}") from error
 
-    def static(self, k: np.ndarray, loads: str | None, forces: np.ndarray | None = None) -> np.ndarray:
-        """(3n,) displacements of the joints under a file of loads and forces (3n,) on the joints, springs k (3n,) on them."""
+    def cases(self, steps: int) -> list[Loads]:
+        """Its own loads: one case for all load steps, or one for each."""
+        files, path = [Path(file) for file in self.part.loads or []], (*self.path, "loads")
+        if not runs_on(Path(self.part.calculix), path):
+            return [Loads(file) for file in files]
+        each = files * steps if len(files) == 1 else files
+        ends = np.cumsum([0.0, *(period(file, path) for file in each)]).tolist()
+        return [Loads(file, begin) for file, begin in zip(each, ends)]
+
+    def static(self, k: np.ndarray, loads: Loads | None, forces: np.ndarray | None = None) -> np.ndarray:
+        """(3n,) displacements of the joints under loads and forces (3n,) on the joints, springs k (3n,) on them."""
         u = self.everywhere(k, loads, forces)
         if len(u) < self.joints.ids.max():
             raise Refused("a restart file without all nodes")
@@ -84,11 +120,14 @@ class DeckRuns:
             raise Refused("displacements that are not finite: something inside can move by itself")
         return found
 
-    def everywhere(self, k: np.ndarray, loads: str | None, forces: np.ndarray | None = None) -> np.ndarray:
+    def everywhere(self, k: np.ndarray, loads: Loads | None, forces: np.ndarray | None = None) -> np.ndarray:
         """(nodes, 3) the same of all nodes, by number from 1."""
-        text = self._included() + self.springs(k) + "*STEP\n*RESTART,WRITE\n*STATIC\n"
+        text = self._included() + self.springs(k)
+        if loads is not None and loads.begin:  # a step without loads, as long as all those before
+            text += f"*STEP\n*STATIC\n{loads.begin!r},{loads.begin!r}\n*CLOAD\n{self._forces(np.zeros(len(k)))}*END STEP\n"
+        text += "*STEP\n*RESTART,WRITE\n*STATIC\n"
         if loads is not None:
-            text += f"*INCLUDE,INPUT={Path(loads).name}\n"
+            text += self._including(loads.file)
         text += "*CLOAD\n" + self._forces(np.zeros(len(k)) if forces is None else forces)
         self._run(text + "*END STEP\n")
         return self._displacements()
@@ -101,7 +140,7 @@ class DeckRuns:
             text += "*STEP\n" + ("*RESTART,WRITE\n" if t == len(forces) - 1 else "") + EXACT + "*STATIC,DIRECT\n1.,1.\n"
             # all forces of the step before go; those of the joint come first, the loads' own add to them
             text += "*CLOAD,OP=NEW\n" + self._forces(own)
-            text += f"*INCLUDE,INPUT={Path(files[t if len(files) > 1 else 0]).name}\n" if files else ""
+            text += self._including(Path(files[t if len(files) > 1 else 0])) if files else ""
             text += "*END STEP\n"
         self._run(text)
         return self._displacements()
@@ -117,11 +156,19 @@ class DeckRuns:
 
     def _forces(self, forces: np.ndarray) -> str:
         """Lines of *CLOAD; one of zero where there are none, since a step must load something."""
-        chosen = np.flatnonzero(np.abs(forces) > cards_of.SMALLEST)
-        return "".join(f"{self.joints.ids[d // 3]},{d % 3 + 1},{forces[d]:.13e}\n" for d in chosen) or f"{self.joints.ids[0]},1,0.\n"
+        chosen, at = np.flatnonzero(np.abs(forces) > cards_of.SMALLEST), self._carriers
+        return "".join(f"{at[d // 3]},{d % 3 + 1},{forces[d]:.13e}\n" for d in chosen) or f"{at[0]},1,0.\n"
 
     def _included(self) -> str:
-        return f"*INCLUDE,INPUT={Path(self.part.calculix).name}\n"
+        text = self._including(Path(self.part.calculix))
+        if self._carriers is self.joints.ids:
+            return text
+        text += "*NODE\n" + "".join(f"{i},0.,0.,0.\n" for i in self._carriers)
+        free = np.argwhere(~self.joints.held)
+        return text + "*EQUATION\n" + "".join(f"2\n{self._carriers[n]},{c + 1},1.,{self.joints.ids[n]},{c + 1},-1.\n" for n, c in free)
+
+    def _including(self, file: Path) -> str:
+        return f"*INCLUDE,INPUT={NAMED.format(self._named.index(file))}\n"
 
     def _run(self, text: str) -> None:
         from orchestrator.blackbox.codes.calculix.worker import complaint
