@@ -53,16 +53,18 @@ def write_matrix(folder, digits=17, change=lambda K, nodes: (K, nodes), clamp=Tr
     return K, x[kept], f
 
 
-def elements(kind, cells, at=(0, 0, 0)):
-    """Nodes and elements of the block: C3D4, C3D10 (tets), C3D8, C3D20, C3D20R (bricks)."""
+def elements(kind, cells, at=(0, 0, 0), turned=False, size=SIZE):
+    """Nodes and elements of the block: C3D4, C3D10 (tets), C3D8, C3D20, C3D20R (bricks; ``turned``: see ``write_deck``)."""
     if kind in ("C3D4", "C3D10"):
-        x, t = tets(cells, at)
+        x, t = tets(cells, at, size)
         if kind == "C3D4":
             return x, t
         ends = np.sort(t[:, EDGES].reshape(-1, 2), axis=1)
         edges, place = np.unique(ends, axis=0, return_inverse=True)
         return np.vstack([x, x[edges].mean(axis=1)]), np.hstack([t, len(x) + place.reshape(-1, 6)])
     corners = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [0, 0, 2], [2, 0, 2], [2, 2, 2], [0, 2, 2]])
+    if turned:
+        corners = corners[[4, 5, 1, 0, 7, 6, 2, 3]]
     local = corners
     if kind != "C3D8":
         ring = [(i, (i + 1) % 4) for i in range(4)]
@@ -71,19 +73,18 @@ def elements(kind, cells, at=(0, 0, 0)):
     first = 2 * np.array(list(np.ndindex(*cells)))
     grid = (first[:, None] + local).reshape(-1, 3)
     nodes, place = np.unique(grid, axis=0, return_inverse=True)
-    return nodes * np.array(SIZE) / (2 * np.array(cells)) + np.array(at), place.reshape(len(first), -1)
+    return nodes * np.array(size) / (2 * np.array(cells)) + np.array(at), place.reshape(len(first), -1)
 
 
-def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0), turned=False):
+def write_deck(folder, kind="C3D8", cells=(2, 1, 1), matter=STEEL, heat=False, clamp="ROOT,1,3\n", more="", loads="", at=(0, 0, 0), turned=False,
+               size=SIZE):
     """part.inp and loads.inp: joint FLANGE at the far end in x, ROOT at the near one; returns nodes.
 
     Parameters
     ----------
-    turned : C3D8 numbered so that faces across x are cut along their other diagonal, as those of our tets beyond it are
+    turned : bricks numbered so that faces across x are cut along their other diagonal, as those of our tets beyond it are
     """
-    x, cells = elements(kind, cells, at)
-    if turned:
-        cells = cells[:, [4, 5, 1, 0, 7, 6, 2, 3]]
+    x, cells = elements(kind, cells, at, turned, size)
     rows = np.column_stack([np.arange(1, len(cells) + 1), 1 + cells]).tolist()
     text = "*NODE,NSET=NALL\n" + "".join(f"{i},{p[0]!r},{p[1]!r},{p[2]!r}\n" for i, p in enumerate(x.tolist(), 1))
     text += f"*ELEMENT,TYPE={kind},ELSET=EALL\n"

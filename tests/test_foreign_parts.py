@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from foreign_case import HEAT, SIZE, STEEL, more_inside, restart_displacements, stiffness, tets, write_deck, write_matrix
+from foreign_case import HEAT, SIZE, STEEL, elements, more_inside, restart_displacements, stiffness, tets, write_deck, write_matrix
 from in_process import IN_PROCESS
 
 from orchestrator.config import config_from
@@ -203,6 +203,55 @@ def test_two_decks_and_nothing_else(tmp_path):
     forces = [own_fields(solution, name).force[0].sum(axis=0) for name in ("tail", "hull")]
     count = 15  # nodes of the loaded end
     assert solution.converged and np.abs(forces[0] - [0, 0, count]).max() <= 1e-7 and np.abs(forces[0] + forces[1]).max() <= 1e-7
+
+
+def two_decks(folder, kinds, turned) -> dict:
+    """One clamped and one pulled, of the same cells."""
+    for name, kind, at, clamp in zip(("hull", "tail"), kinds, (0, 2), ("ROOT,1,3\n", "")):
+        (folder / name).mkdir()
+        write_deck(folder / name, kind, (2, 2, 2), at=(at, 0, 0), clamp=clamp, loads="*CLOAD\nFLANGE,3,-1.\n", turned=turned and name == "tail")
+    two = [{**deck(folder / "hull", loads=None)}, {**deck(folder / "tail", joints="ROOT"), "name": "tail"}]
+    return data(two[0], parts=two, boundary=[], interfaces=[{"between": ["hull", "tail"], "law": "perfect"}])
+
+
+@pytest.mark.parametrize("kinds", [("C3D20R", "C3D20R"), ("C3D20", "C3D20R"), ("C3D8", "C3D8"), ("C3D8", "C3D4"), ("C3D4", "C3D8")], ids="-".join)
+def test_nodes_that_coincide_are_paired(tmp_path, kinds):
+    """Whatever diagonals the numbering of a quadrilateral suggests."""
+    for turned in (False, True):
+        (tmp_path / str(turned)).mkdir()
+        scene = build_scene(config_from(two_decks(tmp_path / str(turned), kinds, turned)))
+        assert [i.matching for i in scene.interfaces] == [True] and not scene.warnings
+
+
+@CALCULIX
+def test_two_decks_of_quadratic_bricks_are_one(tmp_path):
+    """Their faces cut along different diagonals, against the deck of both with its nodes shared."""
+    solution = solve(config_from(two_decks(tmp_path, ("C3D20R", "C3D20R"), True)))
+    tail = own_fields(solution, "tail")
+    write_deck(tmp_path, "C3D20R", (4, 2, 2), size=(4.0, 1.0, 1.0), loads="*CLOAD\nFLANGE,3,-1.\n")
+    (tmp_path / "whole.inp").write_text("*INCLUDE,INPUT=part.inp\n*STEP\n*RESTART,WRITE\n*STATIC\n*INCLUDE,INPUT=loads.inp\n*END STEP\n")
+    subprocess.run(["ccx", "-i", "whole"], cwd=tmp_path, capture_output=True, check=True)
+    x = elements("C3D20R", (4, 2, 2), size=(4.0, 1.0, 1.0))[0]
+    place = [int(np.argmin(np.linalg.norm(x - p, axis=1))) for p in tail.points]
+    exact = restart_displacements(tmp_path / "whole.rout", "STEEL")[place]
+    assert np.abs(tail.displacement[0] - exact).max() <= 1e-8 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("faces, matching", [([[0, 1, 2], [0, 2, 3]], True), ([[0, 1, 3], [1, 2, 3]], False),
+                                             ([[0, 1, 2, 3]], True), ([[1, 2, 3, 0]], True), (None, True)])
+def test_other_faces_between_the_same_nodes(tmp_path, faces, matching):
+    """Triangles that are the part's own stay as they are, which is told; the other side's say how quadrilaterals are cut, and
+    what is between nodes without faces."""
+    _, x, _ = write_matrix(tmp_path)
+    ids = np.loadtxt(tmp_path / "nodes.csv", delimiter=",", skiprows=1)[:, 0].astype(int)
+    ring = [int(ids[np.argmin(np.linalg.norm(x - [2, y, z], axis=1))]) for y, z in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    (tmp_path / "facets.csv").write_text("".join(" ".join(str(ring[i]) for i in face) + "\n" for face in faces or []))
+    keys = {} if faces else {"facets": None, "outward": [1, 0, 0], "nodes": str(tmp_path / "joint.csv")}
+    np.savetxt(tmp_path / "joint.csv", np.c_[ring, [[2, 0, 0], [2, 1, 0], [2, 1, 1], [2, 0, 1]]], "%.17g")
+    scene = build_scene(config_from(data(matrix(tmp_path, **keys))))
+    assert [i.matching for i in scene.interfaces] == [matching]
+    assert bool(scene.warnings) == (not matching or not faces)
+    assert matching or "faces between them are cut otherwise" in scene.warnings[0]
 
 
 @CALCULIX

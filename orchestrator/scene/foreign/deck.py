@@ -56,7 +56,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
         faces.append([np.searchsorted(ids, table) for table in tables])
         joint.append([np.full(len(table), i) for table in tables])
     flat = [table for tables in faces for table in tables]
-    triangles, owner = cut_in_triangles(flat, points, path, f"'{name}'")
+    triangles, owner, face = cut_in_triangles(flat, points, path, f"'{name}'")
     for kind, options, rows in deck.cards:
         if kind == "TRANSFORM" and np.isin(ids, deck.nodes_of(options.get("NSET", ""), path)).any():
             rows[0].fail(f"*TRANSFORM on nodes of a joint of '{name}': forces would be turned and displacements not",
@@ -65,7 +65,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     if part.held != "auto":
         left = np.zeros((6, 0)) if part.held else np.eye(6)
     return Joints(ids, points, triangles, np.concatenate([j for own in joint for j in own])[owner], list(part.joints), held, left,
-                  any(table.shape[1] in (6, 8) for table in flat), *deck.moduli())
+                  any(table.shape[1] in (6, 8) for table in flat), face, [], *deck.moduli())
 
 
 class Deck:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +34,8 @@ class Joints:
     held : (n, 3) bool, components that the part itself prescribes there; they are no unknowns of any interface
     left : (6, r) combinations of rigid motions about ``centre``, divided by ``size``, that its supports leave
     quadratic : faces have nodes in the middle of edges
+    face : (k,) int, which of the part's own faces each triangle is of, and -1 where its nodes can be cut in one way only
+    remarks : sentences on how its faces were made
     young, poisson : a representative modulus and ratio, None: not known
     """
 
@@ -45,6 +47,8 @@ class Joints:
     held: np.ndarray
     left: np.ndarray
     quadratic: bool = False
+    face: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    remarks: list[str] = field(default_factory=list)
     young: float | None = None
     poisson: float = 0.3
 
@@ -74,8 +78,9 @@ def supports_left(points: np.ndarray, nodes: np.ndarray, fixed: np.ndarray) -> n
     return rows[values <= 1e-8 * max(values.max(), 1.0)].T
 
 
-def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyPath, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (k, 3) of faces, and which face (k,) each is of.
+def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyPath,
+                     name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles (k, 3) of faces, which face (k,) each is of, and the same where it has another diagonal too, else -1.
 
     Parameters
     ----------
@@ -87,11 +92,12 @@ def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyP
     ------
     InputError : a face without area
     """
-    found, owner, first = [np.empty((0, 3), int)], [np.empty(0, int)], 0
+    found, owner, other, first = [np.empty((0, 3), int)], [np.empty(0, int)], [np.empty(0, int)], 0
     for table in faces:
         cut = np.array(CUT[table.shape[1]])
         found.append(table[:, cut].reshape(-1, 3))
         owner.append(first + np.repeat(np.arange(len(table)), len(cut)))
+        other.append(owner[-1] if table.shape[1] in (4, 8) else np.full(len(owner[-1]), -1))
         first += len(table)
     triangles, owner = np.concatenate(found), np.concatenate(owner)
     corners = points[triangles]
@@ -101,7 +107,7 @@ def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyP
         raise InputError(Problem(path, f"{name}: a face of its joints without area, at {corners[bad[0]].mean(axis=0)}",
                                  "faces of distinct nodes, the corners in order round the face, then the nodes in the middle of "
                                  "edges", "look at the nodes of that face: two of them may be the same"))
-    return triangles, owner
+    return triangles, owner, np.concatenate(other)
 
 
 def components_held(joints: Joints, inner: np.ndarray) -> np.ndarray | None:

@@ -20,15 +20,16 @@ def joints(part: ProgramPart, path: KeyPath, name: str) -> Joints:
     labels = [words[4] if len(words) == 5 else "joint" for words in rows]
     names = list(dict.fromkeys(labels))
     own = np.array([names.index(label) for label in labels])
+    remarks: list[str] = []
     if part.facets is not None:
         faces = faces_of(part.facets, ids, (*path, "facets"))
     elif part.outward is not None and len(names) == 1:
-        faces = [of_plane(points, np.array(part.outward), (*path, "outward"), name)]
+        faces, remarks = of_plane(points, np.array(part.outward), (*path, "outward"), name)
     else:
         raise InputError(Problem(path, "neither facets nor outward" if len(names) == 1 else f"{len(names)} joints without facets",
                                  "the faces that it meets others on", "add facets: a file with the ids of each face's nodes; or, of "
                                  "one flat joint, outward: [0, 0, 1], its normal out of the part"))
-    triangles, owner = cut_in_triangles(faces, points, path, f"'{name}'")
+    triangles, owner, face = cut_in_triangles(faces, points, path, f"'{name}'")
     of_face = [own[table] for table in faces]
     mixed = next((ids[table[i, 0]] for table, labels in zip(faces, of_face)
                   for i in np.flatnonzero((labels != labels[:, :1]).any(axis=1))), None)
@@ -38,4 +39,4 @@ def joints(part: ProgramPart, path: KeyPath, name: str) -> Joints:
     joint = np.concatenate([labels[:, 0] for labels in of_face])[owner]
     left = np.zeros((6, 0)) if part.held is True else np.eye(6)
     return Joints(ids, points, triangles, joint, names, np.zeros((len(ids), 3), dtype=bool), left,
-                  any(table.shape[1] in (6, 8) for table in faces))
+                  any(table.shape[1] in (6, 8) for table in faces), np.zeros_like(face) if part.facets is None else face, remarks)

@@ -60,7 +60,7 @@ def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
     held[len(joints.points):] = components
     surfaces = {joint: joints.triangles[joints.joint == i] for i, joint in enumerate(joints.names)}
     return Mesh(nodes, layer.cells, np.zeros(len(layer.cells), dtype=int), [name],
-                {f"{name}/{joint}": triangles for joint, triangles in surfaces.items()}, f"{name} (joints)",
+                {f"{name}/{joint}": triangles for joint, triangles in surfaces.items()}, f"{name} (joints)", joints.remarks,
                 foreign=[StandIn(0, 0, len(joints.points), held, joints.triangles, joints.size, joints.quadratic,
                                  None if joints.young is None else (joints.young, joints.poisson))])
 

@@ -10,18 +10,25 @@ from orchestrator.config.foreign_parts import MatrixPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
+from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.quality import format_point
 
 # Nodes this near one plane, in units of the joint's extent, are on it.
 PLANE = 1e-6
+# Triangles between nodes on a plane that are thinner than this share of their longest edge squared lie along its border.
+THIN = 1e-6
+# Between nodes that are spread evenly triangles are at most this much larger than the smallest at their corners: twice on
+# grids without the nodes in the middle of squares, three times on irregular ones. Above the second there is a void.
+UNEVEN, VOID = 1.6, 3.5
 
 
 def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
     """The nodes that faces are on, in the order of the matrix; of a flat joint without faces all nodes."""
-    ids, points = nodes(part.nodes, (*path, "nodes"))
+    (ids, points), remarks = nodes(part.nodes, (*path, "nodes")), []
     if part.facets is not None:
         faces = faces_of(part.facets, ids, (*path, "facets"))
     elif part.outward is not None:
-        faces = [of_plane(points, np.array(part.outward), (*path, "outward"), name)]
+        faces, remarks = of_plane(points, np.array(part.outward), (*path, "outward"), name)
     else:
         raise InputError(Problem(path, "neither facets nor outward", "the faces that it meets others on",
                                  "add facets: a file with the ids of each face's nodes; or, where all nodes lie on one plane, "
@@ -29,10 +36,11 @@ def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
     used = np.unique(np.concatenate([table.ravel() for table in faces]))
     place = np.zeros(len(ids), dtype=int)
     place[used] = np.arange(len(used))
-    triangles, _ = cut_in_triangles([place[table] for table in faces], points[used], path, f"'{name}'")
+    triangles, _, face = cut_in_triangles([place[table] for table in faces], points[used], path, f"'{name}'")
     left = np.zeros((6, 0)) if part.held is True else np.eye(6)
     return Joints(ids[used], points[used], triangles, np.zeros(len(triangles), dtype=int), ["joint"],
-                  np.zeros((len(used), 3), dtype=bool), left, any(table.shape[1] in (6, 8) for table in faces))
+                  np.zeros((len(used), 3), dtype=bool), left, any(table.shape[1] in (6, 8) for table in faces),
+                  np.zeros_like(face) if part.facets is None else face, remarks)
 
 
 def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
@@ -80,8 +88,13 @@ def faces_of(file: str, ids: np.ndarray, path: KeyPath) -> list[np.ndarray]:
     return [np.array(table) for table in found.values()]
 
 
-def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> np.ndarray:
-    """Triangles (k, 3) between the nodes of a flat joint, outward."""
+def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> tuple[list[np.ndarray], list[str]]:
+    """Triangles (k, 3) between the nodes of a flat joint, outward, and what is to be said of them.
+
+    Raises
+    ------
+    InputError : nodes off the plane; triangles across what may be a void
+    """
     from scipy.spatial import Delaunay  # for joints without faces alone
 
     normal = outward / (np.linalg.norm(outward) or 1.0)
@@ -91,11 +104,25 @@ def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) 
                                  "three nodes or more on one plane", "give the normal of the joint's plane, or facets: a file with "
                                  "the joint's faces"))
     first = np.linalg.svd(normal[None])[2][1:]
-    triangles = Delaunay(points @ first.T).simplices
-    corners = points[triangles]
-    turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ normal < 0
-    triangles[turned] = triangles[turned][:, ::-1]
-    return triangles.astype(int)
+    triangles = Delaunay(points @ first.T).simplices.astype(int)
+    signed = area_vectors(points, triangles) @ normal
+    longest = np.max([np.sum((points[triangles[:, i]] - points[triangles[:, i - 1]]) ** 2, axis=1) for i in range(3)], axis=0)
+    there = np.abs(signed) > THIN * longest  # slivers along straight edges are rounding
+    triangles[signed < 0] = triangles[signed < 0][:, ::-1]
+    triangles, area = triangles[there], np.abs(signed[there])
+    least = np.full(len(points), np.inf)
+    np.minimum.at(least, triangles, area[:, None])
+    beside = area / np.median(least[triangles], axis=1)
+    where = points[triangles[beside.argmax()]].mean(axis=0)
+    made = f"{area.sum():.4g} of area between the {len(points)} nodes of '{name}'"
+    if beside.max() > VOID:
+        raise InputError(Problem(path, f"{made}, with a face {beside.max():.2g} times as large as those beside it, at {format_point(where)}: "
+                                 "there may be a void", "nodes spread evenly over a joint that fills its convex hull",
+                                 "give facets: a file with the joint's faces"))
+    large = area[beside > UNEVEN].sum()
+    return [triangles], [f"{made} are its joint, up to their convex hull" + (
+        f", {large:.4g} of it in faces more than {UNEVEN:g} times as large as those beside them, the largest at {format_point(where)}"
+        if large else "") + "; if there is a void, give facets"]
 
 
 def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:

@@ -15,10 +15,11 @@ from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING
 from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.pairing import Body, Patch
+from orchestrator.scene.interfaces.pairing import COINCIDE, Body, Patch
 from orchestrator.scene.interfaces.proximity import may_face
 from orchestrator.scene.interfaces.skins import Skin, Skins
 from orchestrator.scene.mesh.faces import pack
+from orchestrator.scene.mesh.patch import local_size
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
@@ -63,8 +64,21 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     for patch in found:
         more = tuple(whole_faces(skins(b), own) for b, own in zip(pair, patch.facets)) if follows else None
         slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen, more)
+        if mesh.foreign and _same_nodes(surfaces):
+            problems.warnings.append(f"all {len(surfaces.nodes[0])} nodes of {names[0][0]} | {names[1][0]} coincide, and faces between "
+                                     "them are cut otherwise: forces are carried from face to face, not from node to node; "
+                                     "give both sides the same faces")
         turn = slice(None, None, -1 if slave else 1)
         yield _interface(surfaces, [skins(body) for body in pair[turn]], names[turn], numbering, laws, index, problems)
+
+
+def _same_nodes(surfaces: Surfaces) -> bool:
+    """Whether each node of either side coincides with one of the other's."""
+    from scipy.spatial import cKDTree  # parts of other programs alone are asked
+
+    one, two = surfaces.points
+    near = COINCIDE * local_size(one, surfaces.triangles[0])
+    return len(one) == len(two) and bool((cKDTree(two).query(one)[0] <= near).all())
 
 
 def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:

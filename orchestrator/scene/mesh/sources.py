@@ -61,22 +61,26 @@ def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make()) -> tupl
     """
     meshed, foreign = [p for p in parts if p.mesh is not None], [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
     meshes = [kept(lambda: _together(parts))] if meshed else []
-    mesh = joined([*meshes, *_standing_in(foreign)]) if foreign else meshes[0]
+    mesh = joined([*meshes, *_standing_in(foreign, meshes)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))
 
 
-def _standing_in(parts: list[tuple[int, OnePart]]) -> list[Mesh]:
-    """What stands for parts whose mesh is not ours, with the place of each in the YAML."""
+def _standing_in(parts: list[tuple[int, OnePart]], meshes: list[Mesh]) -> list[Mesh]:
+    """What stands for parts whose mesh is not ours, with the place of each in the YAML; ``meshes`` are ours."""
+    from orchestrator.scene.foreign.fitting import fitted, outer_surfaces
     from orchestrator.scene.foreign.read import read_joints
     from orchestrator.scene.foreign.standin import stand_in
 
-    made, problems = [], Problems()
+    made, problems, others = [], Problems(), [surface for mesh in meshes for surface in outer_surfaces(mesh)]
     for i, part in parts:
         path = ("parts", i, part.foreign.kind)
         try:
-            made.append(stand_in(read_joints(part.foreign, path, part.name), part.name, path))
+            joints = fitted(read_joints(part.foreign, path, part.name), others)
+            made.append(stand_in(joints, part.name, path))
         except InputError as error:
             problems.found += error.problems
+        else:
+            others.append((joints.points, joints.triangles))
     problems.raise_if_any()
     return made
 
