@@ -15,6 +15,9 @@ from orchestrator.errors import InputError
 from orchestrator.registry import FOREIGN
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.foreign.flat import of_plane
+from orchestrator.scene.foreign.read import read_joints
+from orchestrator.scene.mesh.geometry import area_vectors
 
 CALCULIX = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")
 BLOCK = {"name": "block", "mesh": {"box": {"size": list(SIZE), "cells": [2, 1, 1]}}, "move": {"translate": [2, 0, 0]}}
@@ -85,14 +88,24 @@ def test_condensed_by_whoever_made_it(tmp_path):
     import scipy.io
 
     scipy.io.mmwrite(tmp_path / "K.mtx", K[np.ix_(joint, joint)] - K[np.ix_(joint, rest)] @ across[:, :-1], precision=17)
-    scipy.io.mmwrite(tmp_path / "f.mtx", (f[joint] - K[np.ix_(joint, rest)] @ across[:, -1])[:, None], precision=17)
-    alone = solve(config_from(data(matrix(tmp_path, facets=None, outward=[1, 0, 0]), 1e-10)))
+    forces = (f[joint] - K[np.ix_(joint, rest)] @ across[:, -1]).reshape(-1, 3)
+    np.savetxt(tmp_path / "f.csv", np.c_[1 + on, forces][::-1], "%.17g", delimiter=",", header="id, fx, fy, fz")  # in any order
+    alone = solve(config_from(data(matrix(tmp_path, facets=None, outward=[1, 0, 0], loads=str(tmp_path / "f.csv")), 1e-10)))
     assert np.abs(block_of(alone)[1] - block_of(whole)[1]).max() <= 1e-9 * np.abs(block_of(whole)[1]).max()
 
 
 def _turned(K, table):
     """Rows of the table in another order than the matrix's."""
     return K, table[np.random.default_rng(0).permutation(len(table))]
+
+
+def _exchanged(one, two, columns=slice(None)):
+    """Two nodes of the joint have changed places in the table, or their ids alone."""
+    def change(K, table):
+        joint = np.flatnonzero(table[:, 1] == 2)[[one, two]]
+        table[joint[:, None], np.arange(4)[columns]] = table[joint[::-1][:, None], np.arange(4)[columns]]
+        return K, table
+    return change
 
 
 def _few(K, table):
@@ -113,10 +126,63 @@ WRONG_MATRICES = {
     "another size": (dict(change=lambda K, t: (K[:-3][:, :-3], t)), {}, "rows and columns"),
     "a wrong sign": (dict(change=lambda K, t: (-K, t)), {}, "gives way|no stiffness"),
     "not finite": (dict(change=lambda K, t: (K * np.nan, t)), {}, "not finite"),
+    **{f"two {kind}{' of a held part' * clamp}": (dict(change=_exchanged(*nodes, columns), clamp=clamp, cells=(3, 3, 3)), {"held": clamp}, words)
+       for kind, nodes, columns, words in (("rows exchanged", (5, 10), slice(None), "rotations cost force"),
+                                           ("rows beside each other", (0, 1), slice(None), "rotations cost force"),
+                                           ("ids exchanged", (5, 10), slice(1), "lie on each other"),
+                                           ("ids at the border", (0, 3), slice(1), "lie on each other")) for clamp in (True, False)},
+    "order of nodes of a held part": (dict(change=_turned, cells=(4, 2, 2)), {}, "another order"),
+    "a thousand times": (dict(change=lambda K, t: (1000 * K, t)), {}, "a factor of"),
+    "a thousandth": (dict(change=lambda K, t: (K / 1000, t), clamp=False), {"held": False}, "a factor of"),
     "no faces": ({}, {"facets": None}, "neither facets nor outward"),
     "faces turned over": (dict(turned=True), {}, "anticlockwise"),
     "not flat": ({}, {"facets": None, "outward": [0, 0, 1]}, "off a plane"),
 }
+
+
+@pytest.mark.parametrize("without", [(), (8,), (0,), (0, 1, 2), (8, 9)], ids=str)
+@pytest.mark.parametrize("cut", [lambda p: p, lambda p: p + np.array([0.05, 0, 0]) * np.sin(3 * p[:, [1]] + 2 * p[:, [2]])], ids=["flat", "curved"])
+def test_faces_that_seem_to_be_missing(tmp_path, without, cut):
+    """At the border and inside, one and several, on the corner; of a curved joint those inside."""
+    write_matrix(tmp_path, cells=(2, 3, 3), without=without)
+    part = matrix(tmp_path)
+    table = np.loadtxt(tmp_path / "nodes.csv", delimiter=",", skiprows=1)
+    np.savetxt(tmp_path / "nodes.csv", np.c_[table[:, 0], cut(table[:, 1:])], "%.17g", delimiter=",")
+    joints = read_joints(config_from(data(part)).parts[0].foreign, ("parts", 0, "matrix"), "hull")
+    told = [text for text in joints.remarks if "are faces missing?" in text]
+    assert len(told) == (bool(without) and (cut(np.ones((1, 3)))[0, 0] == 1 or without in ((8,), (8, 9))))
+
+
+VOIDS = {"two feet": ([[0, 1, 2], [6, 7, 8]], [0, 1, 2], "may be a void"), "feet nearer": ([[0, 1, 2], [4, 5, 6]], [0, 1, 2], "2 of it in faces"),
+         "a frame": ([[0, 1, 5, 6]], [0, 1, 5, 6], "may be a void"), "a grid": ([[0, 1, 2]], [0, 1, 2, 3], ""),
+         "a stretched grid": ([[0, 10, 20]], [0, 0.1, 0.2, 0.3], ""), "graded": ([[0, 1, 2.5, 4.7]], [0, 1, 2.5, 4.7], ""),
+         "a line": ([[0, 1, 2]], [0], "all on one line")}
+
+
+@pytest.mark.parametrize("kind", VOIDS)
+def test_flat_joints_without_faces(tmp_path, kind):
+    """What area is made between nodes is told, and refused where faces would be much larger than those beside them."""
+    columns, rows, message = VOIDS[kind]
+    at = np.array([(x, y, 0.0) for own in columns for x in own for y in rows])
+    if kind == "a frame":
+        at = at[(np.abs(at[:, 0] - 3) > 2.5) | (np.abs(at[:, 1] - 3) > 2.5)]
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    if "void" in message or "line" in message:
+        with pytest.raises(InputError, match=message):
+            of_plane(at @ turn.T, turn[:, 2], (), "it")
+        return
+    (triangles,), (remark,) = of_plane(at @ turn.T, turn[:, 2], (), "it")
+    normals = area_vectors(at @ turn.T, triangles) @ turn[:, 2]
+    assert (normals > 0).all() and np.isclose(normals.sum(), np.prod(np.ptp(at[:, :2], axis=0)))
+    assert f"{normals.sum():.4g} of area" in remark and ("in faces more than" in remark) == bool(message)
+
+
+@pytest.mark.parametrize("text, message", [("1,2,3\n", "3 numbers"), ("5,1,0,0\n5,1,0,0\n", "a second time"), ("99,1,0,0\n", "node 99"),
+                                           ("5,1,0,0,1,0,0\n", "2 columns of loads for 1"), ("5,1,0,0\n6,x,0,0\n", "'6,x,0,0'")])
+def test_wrong_tables_of_forces(tmp_path, text, message):
+    write_matrix(tmp_path)
+    (tmp_path / "f.csv").write_text(text)
+    refused(data(matrix(tmp_path, loads=str(tmp_path / "f.csv"))), message)
 
 
 @pytest.mark.parametrize("kind", WRONG_MATRICES)

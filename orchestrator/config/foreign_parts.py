@@ -40,7 +40,9 @@ class MatrixPart(ForeignPart):
     stiffness: Name = Field(description=(
         "symmetric matrix of three dofs per node, ux uy uz, in MatrixMarket's format, condensed to the joint or not"))
     nodes: Name = Field(description="a line id, x, y, z for each node, in the matrix's order")
-    loads: PerStep | None = Field(None, description="nodal forces in MatrixMarket's format, a column per load step, or one for all; none: no loads")
+    loads: PerStep | None = Field(None, description=(
+        "nodal forces: a line id, fx, fy, fz for each node that has any, and three more per further load step; or MatrixMarket's format, "
+        "in the matrix's order, which nothing checks, a column per load step, or one for all; none: no loads"))
     facets: Name | None = Field(None, description=(
         "the joints' faces, a line each: ids of 3, 4, 6 or 8 nodes, corners first, anticlockwise seen from outside"))
     outward: Vector | None = Field(None, description="of a flat joint without facets: the normal that points out of the part")

@@ -6,9 +6,11 @@ import numpy as np
 
 from orchestrator.config.foreign_parts import ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.foreign.covering import check_surface, missing_faces
+from orchestrator.scene.foreign.flat import of_plane
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles
 from orchestrator.scene.foreign.program_run import JOINT, ProgramRuns
-from orchestrator.scene.foreign.tables import checked_nodes, faces_of, of_plane
+from orchestrator.scene.foreign.tables import checked_nodes, faces_of
 
 
 def joints(part: ProgramPart, path: KeyPath, name: str) -> Joints:
@@ -30,6 +32,9 @@ def joints(part: ProgramPart, path: KeyPath, name: str) -> Joints:
                                  "the faces that it meets others on", "add facets: a file with the ids of each face's nodes; or, of "
                                  "one flat joint, outward: [0, 0, 1], its normal out of the part"))
     triangles, owner, face = cut_in_triangles(faces, points, path, f"'{name}'")
+    if part.facets is not None:
+        check_surface(ids, points, triangles, (*path, "facets"), name)
+        remarks = missing_faces(points, triangles, np.delete(points, np.unique(triangles), axis=0), name)
     of_face = [own[table] for table in faces]
     mixed = next((ids[table[i, 0]] for table, labels in zip(faces, of_face)
                   for i in np.flatnonzero((labels != labels[:, :1]).any(axis=1))), None)

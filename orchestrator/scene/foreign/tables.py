@@ -8,18 +8,9 @@ import numpy as np
 
 from orchestrator.config.foreign_parts import MatrixPart
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.conditions.rigid import size_of
+from orchestrator.scene.foreign.covering import check_surface, missing_faces
+from orchestrator.scene.foreign.flat import of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.quality import format_point
-
-# Nodes this near one plane, in units of the joint's extent, are on it.
-PLANE = 1e-6
-# Triangles between nodes on a plane that are thinner than this share of their longest edge squared lie along its border.
-THIN = 1e-6
-# Between nodes that are spread evenly triangles are at most this much larger than the smallest at their corners: twice on
-# grids without the nodes in the middle of squares, three times on irregular ones. Above the second there is a void.
-UNEVEN, VOID = 1.6, 3.5
 
 
 def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
@@ -37,6 +28,9 @@ def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
     place = np.zeros(len(ids), dtype=int)
     place[used] = np.arange(len(used))
     triangles, _, face = cut_in_triangles([place[table] for table in faces], points[used], path, f"'{name}'")
+    if part.facets is not None:
+        check_surface(ids[used], points[used], triangles, (*path, "facets"), name)
+        remarks = missing_faces(points[used], triangles, np.delete(points, used, axis=0), name)
     left = np.zeros((6, 0)) if part.held is True else np.eye(6)
     return Joints(ids[used], points[used], triangles, np.zeros(len(triangles), dtype=int), ["joint"],
                   np.zeros((len(used), 3), dtype=bool), left, any(table.shape[1] in (6, 8) for table in faces),
@@ -88,41 +82,27 @@ def faces_of(file: str, ids: np.ndarray, path: KeyPath) -> list[np.ndarray]:
     return [np.array(table) for table in found.values()]
 
 
-def of_plane(points: np.ndarray, outward: np.ndarray, path: KeyPath, name: str) -> tuple[list[np.ndarray], list[str]]:
-    """Triangles (k, 3) between the nodes of a flat joint, outward, and what is to be said of them.
+def forces_of(file: str, ids: np.ndarray, path: KeyPath) -> np.ndarray:
+    """(3n, cases) nodal forces, of a table of lines id, fx, fy, fz, and three more for each further load step; in any order, 0 on
+    nodes that it leaves out.
 
     Raises
     ------
-    InputError : nodes off the plane; triangles across what may be a void
+    InputError : lines of other lengths, nodes that are not in the table ``ids`` (n,), nodes that come twice
     """
-    from scipy.spatial import Delaunay  # for joints without faces alone
-
-    normal = outward / (np.linalg.norm(outward) or 1.0)
-    off = np.abs((points - points.mean(axis=0)) @ normal).max()
-    if not np.linalg.norm(outward) or off > PLANE * size_of(points) or len(points) < 3:
-        raise InputError(Problem(path, f"nodes of '{name}' that are up to {off:.3g} off a plane across {outward.tolist()}",
-                                 "three nodes or more on one plane", "give the normal of the joint's plane, or facets: a file with "
-                                 "the joint's faces"))
-    first = np.linalg.svd(normal[None])[2][1:]
-    triangles = Delaunay(points @ first.T).simplices.astype(int)
-    signed = area_vectors(points, triangles) @ normal
-    longest = np.max([np.sum((points[triangles[:, i]] - points[triangles[:, i - 1]]) ** 2, axis=1) for i in range(3)], axis=0)
-    there = np.abs(signed) > THIN * longest  # slivers along straight edges are rounding
-    triangles[signed < 0] = triangles[signed < 0][:, ::-1]
-    triangles, area = triangles[there], np.abs(signed[there])
-    least = np.full(len(points), np.inf)
-    np.minimum.at(least, triangles, area[:, None])
-    beside = area / np.median(least[triangles], axis=1)
-    where = points[triangles[beside.argmax()]].mean(axis=0)
-    made = f"{area.sum():.4g} of area between the {len(points)} nodes of '{name}'"
-    if beside.max() > VOID:
-        raise InputError(Problem(path, f"{made}, with a face {beside.max():.2g} times as large as those beside it, at {format_point(where)}: "
-                                 "there may be a void", "nodes spread evenly over a joint that fills its convex hull",
-                                 "give facets: a file with the joint's faces"))
-    large = area[beside > UNEVEN].sum()
-    return [triangles], [f"{made} are its joint, up to their convex hull" + (
-        f", {large:.4g} of it in faces more than {UNEVEN:g} times as large as those beside them, the largest at {format_point(where)}"
-        if large else "") + "; if there is a void, give facets"]
+    rows, place = _rows(file, path, "id, fx, fy, fz"), {int(number): i for i, number in enumerate(ids)}
+    width, seen = len(rows[0][1]), set()
+    forces = np.zeros((len(ids), max(width - 1, 0)))
+    for line, row in rows:
+        if len(row) != width or width < 4 or (width - 1) % 3:
+            raise _bad(path, file, line, f"{len(row)} numbers: {row[:5]}", "id, fx, fy, fz, and three more for each further load step")
+        if row[0] not in place:
+            raise _bad(path, file, line, f"node {row[0]:g}, which is not in the table of nodes", "nodes of that table")
+        if row[0] in seen:
+            raise _bad(path, file, line, f"node {row[0]:g} a second time", "each node once", "add its forces up")
+        seen.add(row[0])
+        forces[place[int(row[0])]] = row[1:]
+    return forces.reshape(len(ids), -1, 3).transpose(0, 2, 1).reshape(3 * len(ids), -1)
 
 
 def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:

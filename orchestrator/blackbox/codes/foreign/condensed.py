@@ -18,12 +18,16 @@ from orchestrator.blackbox.codes.foreign.schur import Elimination
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
+from orchestrator.scene.mesh.patch import local_size
 
 # Relative. What two halves of a symmetric matrix may differ by: six digits, rounded apart.
 SYMMETRIC = 1e-6
 # Share of the entries' size that rounding leaves of rigid motions: above the first, digits are missing, and the error they
 # cause is told; above the second (four digits leave 1e-4) it is no rounding: nodes are mixed up, or supports hidden.
 DIGITS, WRONG = 1e-13, 3e-4
+# Of parts whose elements are no slabs or needles, diagonal entries are .1 to 20 times the modulus times the size of the faces
+# there (measured, .02 to 300 where they are): units that are mixed up make a thousand of it.
+OTHER_UNIT = 100.0
 # An eigenvalue this far below zero, in units of the largest, is no rounding either; times the share above where that is more.
 NEGATIVE = 1e-9
 
@@ -140,6 +144,20 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
         raise _wrong(path, f"'{name}': a stiffness that gives way: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}",
                      "a stiffness ≥ 0", "look for a wrong sign, or for loads that make the part buckle")
     return Condensed(joints, S, b, error)
+
+
+def check_modulus(part: Condensed, young: float | None, path: KeyPath, name: str) -> None:
+    """Raises InputError where the stiffness speaks of another modulus than the representative one, by what only units explain."""
+    joints, diagonal = part.joints, np.diag(part.stiffness).reshape(-1, 3)
+    free = ~joints.held & (diagonal > 0)
+    if young is None or not free.any() or not len(joints.triangles):
+        return
+    found = float(np.median((diagonal / local_size(joints.points, joints.triangles)[:, None])[free]))
+    if not young / OTHER_UNIT <= found <= young * OTHER_UNIT:
+        raise _wrong(path, f"'{name}': a stiffness as of a modulus of some {found:.1g}, and material: young: {young:g}, "
+                     f"a factor of {max(found / young, young / found):.1g}", "forces and lengths of the matrix in the units of the scene, "
+                     "and a representative modulus of the part's own matter", "scale the matrix to the scene's units; if they are the "
+                     f"same, write material: {{young: {found:.1g}, poisson: 0.3}}, which sets no more than how fast iterations are")
 
 
 def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, int]:

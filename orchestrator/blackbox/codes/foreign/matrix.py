@@ -10,13 +10,16 @@ import scipy.io
 import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.foreign.code import ForeignCode
-from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, condense, judged
+from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, check_modulus, condense, judged
 from orchestrator.config.foreign_parts import MatrixPart
 from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.foreign.read import read_joints
-from orchestrator.scene.foreign.tables import nodes
+from orchestrator.scene.foreign.tables import forces_of, nodes
 
 SAMPLE = 2000  # entries whose digits are counted
+# Of forces in a row, relative: what rigid motions leave where nothing is held.
+STILL = 1e-9
 FULL = 15  # digits from which a double is written as it is, but for its last bits
 
 
@@ -33,7 +36,7 @@ class MatrixCode(ForeignCode):
             raise InputError(Problem((*path, "stiffness"), f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
                                      f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table",
                                      "write the table of just the matrix's nodes, in its order; condense rotations of shells and beams out of it"))
-        loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, K.shape[0], len(self.settings.factors), path, name)
+        loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, ids, len(self.settings.factors), path, name)
         apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
         if apart > SYMMETRIC * size:
             raise InputError(Problem((*path, "stiffness"), f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is "
@@ -42,8 +45,32 @@ class MatrixCode(ForeignCode):
         order = np.argsort(ids)
         at = order[np.searchsorted(ids[order], joints.ids)]
         dofs = (3 * at[:, None] + np.arange(3)).ravel()
-        S, b, error = condense(K, loads, dofs, path, name, _rounding(Path(part.stiffness)))
-        return judged(joints, S, b, (*path, "stiffness"), name, error)
+        rounding = _rounding(Path(part.stiffness))
+        _check_places(K, points, ids, rounding, (*path, "nodes"), name)
+        S, b, error = condense(K, loads, dofs, path, name, rounding)
+        condensed = judged(joints, S, b, (*path, "stiffness"), name, error)
+        check_modulus(condensed, self.settings.young, (*path, "stiffness"), name)
+        return condensed
+
+
+def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding: float, path: KeyPath, name: str) -> None:
+    """Raises InputError where nodes (n, 3) are not where the matrix (3n, 3n) has them.
+
+    In the rows of a node without a support beside it, K vanishes on all rigid motions, held or not. Where it vanishes on
+    translations and not on rotations, the node or one that it is connected with is elsewhere.
+    """
+    R = motions_about(points, points.mean(axis=0), size_of(points)).reshape(-1, 6)
+    terms = sp.csr_array((np.abs(K.data), K.indices, K.indptr), K.shape) @ np.abs(R)
+    left = np.abs(K @ R) / np.where(terms > 0, terms, 1.0)
+    of_node = left.reshape(len(points), 3, 6).max(axis=1)
+    bad = (of_node[:, :3].max(axis=1) <= max(STILL, 10 * rounding)) & (of_node[:, 3:].max(axis=1) > 100 * max(STILL, 10 * rounding))
+    if bad.any():
+        worst = np.where(bad, of_node[:, 3:].max(axis=1), 0).argmax()
+        raise InputError(Problem(path, f"'{name}': at {bad.sum()} of {len(points)} nodes rotations cost force, and translations do not, "
+                                 f"most at node {ids[worst]}", "a stiffness that vanishes on rigid motions of the nodes that the table "
+                                 "gives, but beside supports", "the table of nodes is in another order than the matrix, nodes are "
+                                 "exchanged or in other units than the model was, or displacements are turned: write it in the "
+                                 "matrix's own order and axes"))
 
 
 def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
@@ -61,12 +88,12 @@ def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
     return K
 
 
-def _loads(part: MatrixPart, size: int, steps: int, path: KeyPath, name: str) -> np.ndarray:
-    """(1 or steps, size) nodal forces."""
-    columns = []
+def _loads(part: MatrixPart, ids: np.ndarray, steps: int, path: KeyPath, name: str) -> np.ndarray:
+    """(1 or steps, 3n) forces on nodes (n,)."""
+    columns, size = [], 3 * len(ids)
     for i, file in enumerate(part.loads):
         at = (*path, "loads", i) if len(part.loads) > 1 else (*path, "loads")
-        found = _matrix(file, at, name).toarray()
+        found = _matrix(file, at, name).toarray() if _is_matrix(file) else forces_of(file, ids, at)
         if found.shape[0] != size:
             raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has", "write forces on just the matrix's dofs"))
         columns.append(found)
@@ -75,6 +102,14 @@ def _loads(part: MatrixPart, size: int, steps: int, path: KeyPath, name: str) ->
         raise InputError(Problem((*path, "loads"), f"{len(loads)} columns of loads for {steps} load steps",
                                  "one column for all load steps, or one for each", "let history multiply a single column"))
     return loads
+
+
+def _is_matrix(file: str) -> bool:
+    """Whether a file is MatrixMarket's, or is not there; else it is a table of nodes and forces."""
+    if file.endswith((".gz", ".bz2")) or not Path(file).is_file():
+        return True
+    with Path(file).open(errors="replace") as lines:
+        return lines.readline().lower().startswith("%%matrixmarket")
 
 
 def _rounding(file: Path) -> float:
