@@ -73,7 +73,7 @@ def opened(status: dict[int, list[int]] | None = None, steps: int = 2) -> Fields
         friction_traction=np.zeros((steps, count, 3)),
         status=np.array([(status or {}).get(step, [0] * count) for step in range(steps)]),
         kinds=np.array([int(kind) for kind in kinds]), kind_names=np.array([kind.name for kind in kinds]),
-        kind_colours=np.array([kind.colour for kind in kinds]), resultant=np.zeros((steps, 1, 3)))
+        kind_colours=np.array([kind.colour for kind in kinds]), resultant=np.zeros((steps, 1, 3)), areas=np.full((steps, count), 1 / count))
     return Fields(mesh.nodes, mesh.cells, part, lame(mesh), u, [u[:, own[0]], u[:, own[1]] + apart], interfaces)
 
 

@@ -96,6 +96,17 @@ def test_in_contact_a_bolt_presses_plates_together_and_takes_a_part_of_what_pull
     assert "| bolt | 3 |" in "\n".join(interface_section(solution.summary))
 
 
+@pytest.mark.parametrize("increment", [1, 2])
+def test_bolts_are_tightened_load_step_by_load_step(increment, tmp_path):
+    """Nothing but a bolt's force asks for anything in the first of them."""
+    solution = solve(config_from(clamp(tmp_path, method={"tolerance": {"error": 1e-4}, "increment": increment})))
+    assert solution.converged, solution.stop_reason
+    told, = solution.summary["bolts"]
+    assert told["state"] == ["tightened", "tightened", "locked"]
+    assert told["force"][:2] == pytest.approx([200, 400], rel=1e-3) and abs(told["force"][2] - 400) < 15
+    assert told["shortening"][2] == pytest.approx(told["shortening"][1], rel=1e-4)
+
+
 def test_the_coarse_problem_knows_that_a_bolts_pairs_answer_together(monkeypatch):
     """Newton's matrix is the derivative of the imbalance, also where ∂f̂/∂F couples all pairs of a cut."""
     from orchestrator.method.coarse.problem import CoarseProblem

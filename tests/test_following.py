@@ -7,6 +7,7 @@ from mortar_case import POISSON, YOUNG
 
 from orchestrator.config import Config, config_from
 from orchestrator.errors import InputError
+from orchestrator.results.answers.work import work as work_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.resume import load_checkpoint
 from orchestrator.results.subscribers.checkpoint import Checkpoint
@@ -117,6 +118,29 @@ def test_a_block_that_slides_off_is_carried_no_more():
     assert (fields.status[1][end] == 0).all() and (fields.status[2][end] != 0).any()
     force = fields.resultant[:, 0, 2]
     assert force[1] < 0.75 * force[0] and force[2] == pytest.approx(force[0], rel=0.05)
+
+
+ON, OVER, ASIDE, ABOVE = [0, 0, -0.002], [-3, 0, -0.002], [0, 1.5, -0.002], [0, 0, 2.0]
+
+
+@pytest.mark.parametrize("away, law", [(OVER, {}), (ASIDE, {}), (ABOVE, {}), (OVER, {"slave": "slab"}), (OVER, {"friction": 0.3})],
+                         ids=["over the end", "aside", "above", "slab as slave", "friction"])
+def test_a_block_that_leaves_the_slab_altogether_comes_back(away, law):
+    """Nothing meets any more: no force; back where it was without friction, it is pressed as before."""
+    solved = solve(sliding([ON, away, ON], block=(2, 1, 1), error=1e-6, **{"friction": 0.0, **law}))
+    assert solved.converged and solved.summary["residuals"]["law_residual"] <= 1e-6
+    fields, force = solved.interfaces, solved.interfaces.resultant[:, 0]
+    assert (force[1] == 0).all() and (fields.status[1] == 0).all() and (fields.pressure[1] == 0).all()
+    assert [sum(counts[t] for counts in fields.counts.values()) for t in range(3)] == ([9, 0, 9] if "slave" in law else [6, 0, 6])
+    lost = work_of(fields, np.array([True]))[1][:, 0]
+    if "friction" in law:  # dragged on from where it had been
+        assert np.hypot(*force[2, :2]) == pytest.approx(law["friction"] * np.abs(force[2, 2]), rel=1e-3)
+        slid = np.linalg.norm(fields.slip[2] - fields.slip[1], axis=1)
+        rubbed = np.linalg.norm(fields.friction_traction[2], axis=1) * fields.areas[2]
+        assert lost[2] - lost[1] == pytest.approx(slid @ rubbed, rel=1e-3) and lost[1] == lost[0] > 0
+    else:
+        assert np.abs(force[2] - force[0]).max() < 1e-5 * np.abs(force[0]).max()
+        assert np.abs(solved.parts[0][2] - solved.parts[0][0]).max() < 1e-5 * np.abs(solved.parts[0][0]).max()
 
 
 def test_nonlinear_parts_do_not_slide_on():

@@ -231,7 +231,8 @@ class Batch:
     def _paired(self) -> list[Paired]:
         if self.d.following is None:
             return []
-        return [Paired(self.d.local.pairs, {i.index: i.mortar for i in self.d.following.interfaces})]
+        local = self.d.local
+        return [Paired(local.pairs, {i.index: i.mortar for i in self.d.following.interfaces}, local.previous)]
 
     def _slid_on(self, fields: Admissible, verdict: Verdict) -> bool:
         """Whether sides that follow have slid so far since they were paired that they are to be paired anew."""

@@ -98,14 +98,17 @@ class Following:
         return slid + n * (apart - np.einsum("cp,cp->p", n, slid))
 
     def moved(self, pairs: Pairs, fields: Admissible) -> float:
-        """How far any point has moved along the other side since it was paired, in elements; the same on all ranks."""
+        """How far any point has moved along the other side since it was paired, in elements; the same on all ranks. Points that
+        carry nothing have none: they move from the middle of the other side, and towards it as well."""
         w, = fields.extended[:1]
-        since = pairs.transfer.jump(w[-1:] - self.space.extended(self.place)[0])[0]
-        farthest = 0.0
+        moved = w[-1:] - self.space.extended(self.place)[0]
+        since, farthest = pairs.transfer.jump(moved)[0], 0.0
         for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
             if i.moving is not None:
-                n = i.mortar.normal.T
+                n, points = i.mortar.normal.T, i.mortar.points
                 along = since[:, a:b] - n * np.einsum("cp,cp->p", n, since[:, a:b])
-                size = i.moving.size[i.mortar.points]
-                farthest = max(farthest, float((np.linalg.norm(along, axis=0) / size).max(initial=0.0)))
+                own, other = (moved[0, side].reshape(-1, 3) for side in self.space.sides[i.index])
+                apart = other[np.unique(i.mortar.triangles[:, :3])].mean(axis=0) - own[points]
+                along = np.where(i.mortar.carrying, along, apart.T)
+                farthest = max(farthest, float((np.linalg.norm(along, axis=0) / i.moving.size[points]).max(initial=0.0)))
         return self.space.team.max(farthest)[0]

@@ -24,10 +24,12 @@ class Paired:
     ----------
     pairs : that are not perfect
     mortars : operators by the interface's place in the scene
+    before : (3, P) jump at the beginning of the load step
     """
 
     pairs: Pairs
     mortars: dict[int, Mortar]
+    before: np.ndarray
 
 
 @dataclass(frozen=True)

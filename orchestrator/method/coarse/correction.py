@@ -140,7 +140,8 @@ class CoarseCorrection:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
         previous = np.zeros((3, len(self.pairs)))
         previous[:, : len(local.pairs)] = local.previous  # perfect ones come last
-        self.predict = LawStage(self.stage.direction, replace(self.pairs, numbers=local.pairs.numbers), previous)
+        steps = replace(self.pairs, numbers=local.pairs.numbers, targets=local.pairs.targets)
+        self.predict = LawStage(self.stage.direction, steps, previous)
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.

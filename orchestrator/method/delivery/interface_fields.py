@@ -44,6 +44,7 @@ class InterfaceFields:
         conditions) …
     kinds, kind_names, kind_colours : (K,) numbers, names and colours (#rrggbb) of the statuses that there may be
     resultant : (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
+    areas : (T, N) ``area`` at each load step; zero where nothing is opposite
     """
 
     names: np.ndarray
@@ -66,6 +67,7 @@ class InterfaceFields:
     kind_names: np.ndarray
     kind_colours: np.ndarray
     resultant: np.ndarray
+    areas: np.ndarray
 
     @classmethod
     def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
@@ -92,7 +94,7 @@ class InterfaceFields:
                    np.repeat(np.arange(len(order)), faces[order]),
                    *(chosen(name, node) for name in ("normal", "area", "initial_gap")),
                    *(chosen(name, node, 1) for name in ("gap", "slip", "pressure", "friction_traction", "status")),
-                   parts[0].kinds, parts[0].kind_names, parts[0].kind_colours, chosen("resultant", order, 1))
+                   parts[0].kinds, parts[0].kind_names, parts[0].kind_colours, chosen("resultant", order, 1), chosen("areas", node, 1))
 
     @property
     def steps(self) -> int:
@@ -105,9 +107,10 @@ class InterfaceFields:
 
     @property
     def counts(self) -> dict[str, list[int]]:
-        """Nodes that are open, stick, slip, or what else the laws know, per load step; bonded ones have no choice."""
+        """Nodes that are open, stick, slip, or what else the laws know, per load step; bonded ones have no choice, and those
+        that have slid off the other side are left out."""
         found = {name: [0] * self.steps for name in COUNTED}
-        return found | {str(name): ((self.status == kind) & (self.area > 0)).sum(axis=1).tolist()
+        return found | {str(name): ((self.status == kind) & (self.areas > 0)).sum(axis=1).tolist()
                         for kind, name in zip(self.kinds, self.kind_names) if kind != BONDED}
 
 
@@ -133,13 +136,13 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
 
     jump, force = np.zeros((2, steps, offsets[-1], 3))
     status = np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
-    gap, slip, pressure, traction = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,)))
+    gap, slip, pressure, traction, areas = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here in d.by_pairing(iterated):
         both = [pair_normals(scene.points(i), i) for i in chosen]
         normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
         length = _joined([l[c] for (_, l), c in zip(both, corners)])
-        area = _joined([point_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
+        areas[t] = area = _joined([point_areas(scene.points(i), i)[c] for i, c in zip(chosen, corners)])
         at = here.traces(*(x[t] for x in iterated.fields.extended))
         mine = here.mine
         jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (at.jump, at.force))
@@ -163,7 +166,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
         _joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)).astype(int),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
         gap, slip, pressure, traction, status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant)
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas)
 
 
 def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFields | None:

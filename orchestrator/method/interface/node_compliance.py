@@ -70,13 +70,14 @@ def inverses(blocks: np.ndarray, free: np.ndarray) -> np.ndarray:
     return np.where(both, np.linalg.inv(np.where(both, blocks, 0.0) + held), 0.0)
 
 
-def search_stiffness(S: sp.csr_array, normal: np.ndarray, parts: Sequence[slice]) -> tuple[np.ndarray, np.ndarray]:
+def search_stiffness(S: sp.csr_array, normal: np.ndarray, parts: Sequence[slice], usual: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """(P,) keq along the normal and across it, from S (3P, 3P), so that keq S has no eigenvalue above 1 on any part.
 
     Parameters
     ----------
     normal : (3, P) unit
     parts : points of each interface: one eigenvalue for each
+    usual : compliance of points where none carries anything, as of sides that have slid off each other
     """
     count = normal.shape[1]
     if not count:
@@ -90,12 +91,12 @@ def search_stiffness(S: sp.csr_array, normal: np.ndarray, parts: Sequence[slice]
     along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
     across = (np.trace(blocks, axis1=1, axis2=2) - along) / 2
     idle = along <= 0  # points that carry nothing: any stiffness does
-    along[idle], across[idle] = along.max() or 1.0, across.max() or 1.0
+    along[idle], across[idle] = along.max() or usual, across.max() or usual
     points = Points(normal, 1 / np.sqrt(along), 1 / np.sqrt(across), np.ones(count))
     S, factor = sp.csr_array(S), np.ones(count)
     for part in parts:
-        chosen = (np.arange(3)[:, None] * count + np.arange(count)[part]).ravel()
-        if len(chosen):
+        if not idle[part].all():
+            chosen = (np.arange(3)[:, None] * count + np.arange(count)[part]).ravel()
             factor[part] = max(1.0, _largest(S[chosen][:, chosen], points.some(part)))
     return 1 / (along * factor), 1 / (across * factor)
 

@@ -131,9 +131,10 @@ def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[
         chosen = np.concatenate([np.arange(part.start, part.stop) for part in mortars])
         at = _components(chosen, rows.shape[1])
         ends = np.cumsum([0] + [part.stop - part.start for part in mortars])
+        gives = nodes.compliance.diagonal()
         points.stiff_n[chosen], points.stiff_t[chosen] = search_stiffness(
-            sp.csr_array(S[at][:, at]), points.normal[:, chosen],
-            [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
+            sp.csr_array(S[at][:, at]), points.normal[:, chosen], [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
+            2 * float(gives.sum() / max(np.count_nonzero(gives), 1)) or 1.0)
     return transfer, transfer.exists, nodes
 
 

@@ -243,12 +243,12 @@ class LawCriterion:
 
     def laws(self, d: Decomposition, iterated: Iterated) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces in the end, in all load steps."""
-        lengths, local, previous, found = self.lengths(iterated.fields.u), iterated.local, self.d.local.previous, []
-        for t, pairs in d.by_pairing(iterated):
+        lengths, local, found = self.lengths(iterated.fields.u), iterated.local, []
+        begun = [paired.before for paired in iterated.paired] or [self.d.local.previous]
+        for (t, pairs), previous in zip(d.by_pairing(iterated), begun):
             w, f = (x[t] for x in iterated.fields.extended)
-            found.append(law_residuals(pairs, w, f, local.steps(t), lengths, previous, d.space.team))
-            previous = np.where(pairs.free, local.jump[t][-1], previous)
-        return LawResiduals.worst(found)
+            found.append(LawMeasure(pairs, w, f, local.steps(t), previous))
+        return law_residuals(found, lengths, d.space.team)
 
     def _delivered(self, fields: Admissible) -> Bound:
         """Energy and the continuity that perfect interfaces of the scene need; no bound is known."""

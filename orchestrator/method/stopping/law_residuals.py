@@ -44,14 +44,6 @@ class LawResiduals:
     measures: dict[str, float] = field(default_factory=dict)
     traction: float = float("nan")
 
-    @classmethod
-    def worst(cls, found: Sequence[LawResiduals]) -> LawResiduals:
-        """The largest of each measure."""
-        if len(found) == 1:
-            return found[0]
-        return cls(max(each.residual for each in found), max(each.imbalance for each in found),
-                   {name: max(each.measures[name] for each in found) for name in found[0].measures})
-
     @property
     def largest(self) -> float:
         """What the tolerance is compared with; nan if any is."""
@@ -151,19 +143,17 @@ class LawMeasure:
         return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), measures, traction)
 
 
-def law_residuals(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, lengths: Lengths,
-                  first_previous: np.ndarray, team: Team = ALONE) -> LawResiduals:
-    """Measure traces (T, D + G) of the linear stage against the local stage.
+def law_residuals(found: Sequence[LawMeasure], lengths: Lengths, team: Team = ALONE) -> LawResiduals:
+    """How well laws hold in all load steps, which may have been measured in several parts.
 
     Parameters
     ----------
     lengths : the length scale of these displacements
-    first_previous : (3, P) jump before the first step
     team : the ranks over which to sum and to take the largest
     """
-    found = LawMeasure(pairs, w, f, local, first_previous)
-    sums, = team.sum(found.sums)
-    return found.result(sums, team.max(*found.largest), lengths)
+    sums, = team.sum(np.sum([each.sums for each in found], axis=0))
+    sums[3] /= len(found)  # the same stiffness in every part
+    return found[0].result(sums, team.max(*np.max([each.largest for each in found], axis=0)), lengths)
 
 
 def _largest(values: np.ndarray) -> float:

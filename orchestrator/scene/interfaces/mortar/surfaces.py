@@ -83,8 +83,9 @@ class Surfaces:
         for side, other in ((0, 1), (1, 0)):
             own, opposite = (getattr(self.segments, name) for name in ("slave", "master")[:: 1 - 2 * side])
             order = np.lexsort((opposite, -self.segments.area, own))
-            first = order[np.flatnonzero(np.r_[True, np.diff(own[order]) != 0])]
-            across = np.full(len(self.cells[side]), self.cells[other][opposite[first[0]]])  # some, where nothing is opposite
+            first = order[np.unique(own[order], return_index=True)[1]]
+            some = opposite[first[0]] if len(first) else 0  # where nothing is opposite
+            across = np.full(len(self.cells[side]), self.cells[other][some])
             across[own[first]] = self.cells[other][opposite[first]]
             found.append(np.stack((self.cells[side], across)[:: 1 - 2 * side], axis=1))
         return tuple(found)
