@@ -174,6 +174,23 @@ class Law:
         return 0.0
 
     @property
+    def given_jump(self) -> np.ndarray | None:
+        """(3,) the jump that the law prescribes at every node, whatever the force; None where it is a matter of forces."""
+        return None
+
+    def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+        """(P,) by how much a jump breaks the law whatever the force, a length ≥ 0.
+
+        Parameters
+        ----------
+        jump, normal : (P, 3); known : (P, 3) bool, components of the jump that are prescribed
+        chosen : (P,) int, among the interface's n nodes
+        """
+        if self.given_jump is None:
+            return np.zeros(len(chosen))
+        return np.where(known, np.abs(jump - self.given_jump), 0.0).max(axis=1)
+
+    @property
     def caution(self) -> str:
         """What a reader of the results must know of these parameters, to follow the interfaces' names; or nothing."""
         return ""

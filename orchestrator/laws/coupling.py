@@ -54,7 +54,18 @@ class Coupling(Law):
         moved = np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
         return float(np.abs(moved).max(initial=0.0))
 
-    def within(self, free: np.ndarray) -> Coupling | None:
+    @property
+    def holds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3, 3, n) directions x, y and z, and (3, n) bool, which of them are held: all of a rigid surface whose point is prescribed."""
+        count = self.motions.shape[2]
+        return np.repeat(np.eye(3)[:, :, None], count, axis=2), np.full((3, count), self.rigid and bool(self.prescribed.all()))
+
+    @property
+    def held_at(self) -> np.ndarray:
+        """(3, n) displacements where they are held."""
+        return np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))
+
+    def within(self, free: np.ndarray, moved: np.ndarray) -> Coupling | None:
         """Itself where all components (n, 3) are free; there is none elsewhere."""
         return self if free.all() else None
 

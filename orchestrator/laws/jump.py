@@ -67,6 +67,10 @@ class Jump(Law):
     def imposed(self) -> float:
         return float(np.linalg.norm(self.jump))
 
+    @property
+    def given_jump(self) -> np.ndarray:
+        return self.jump
+
     @classmethod
     def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Jump:
         return cls(direction * np.asarray(entry.jump, dtype=float))

@@ -19,6 +19,10 @@ class Perfect(Law):
     perfect = as_one = True
     joins, has_history, homogeneous = True, False, True
 
+    @property
+    def given_jump(self) -> np.ndarray:
+        return np.zeros(3)
+
     @classmethod
     def of(cls, entry: Entry, count: int, direction: float, distance: np.ndarray | None = None) -> Perfect:
         return cls()

@@ -20,6 +20,7 @@ from orchestrator.laws.status import BONDED, Hold, Status
 SUPPORTED = Status(9, "supported", "#CC79A7", Hold.ALWAYS, Hold.ALWAYS)
 GUIDED = Status(10, "guided", "#56B4E9", Hold.ALWAYS, Hold.NEVER)
 CARRIED = Status(11, "carried along", "#F0E442", Hold.NEVER, Hold.ALWAYS)
+NOTHING_LEFT = 1e-6  # of a direction, where the components that are not prescribed have no more of it: coordinates have six digits
 UPRIGHT = 0.99  # cosine between a direction and the normal, from which it is what keeps bodies from moving along the normal
 
 
@@ -50,9 +51,24 @@ class Support(Law):
     def imposed(self) -> float:
         return float(np.abs(self.given).max(initial=0.0))
 
-    def within(self, free: np.ndarray) -> Support:
-        """The same within the components (n, 3) that are free."""
-        return replace(self, frame=np.where(free.T, self.frame, 0.0))
+    @property
+    def holds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3, 3, n) directions, and (3, n) bool, which of them are held."""
+        return self.frame, np.isinf(self.stiffness)
+
+    @property
+    def held_at(self) -> np.ndarray:
+        """(3, n) displacements along the directions that are held."""
+        return self.given
+
+    def within(self, free: np.ndarray, moved: np.ndarray) -> Support:
+        """The same within the components (n, 3) that are free, where the others are ``moved`` (n, 3), which is zero where they are free.
+
+        Of a direction that lies in the others but for rounding nothing is left.
+        """
+        frame = np.where(free.T, self.frame, 0.0)
+        frame = np.where(np.linalg.norm(frame, axis=1, keepdims=True) > NOTHING_LEFT, frame, 0.0)
+        return replace(self, frame=frame, given=self.given - np.einsum("icn,nc->in", self.frame, moved))
 
     def keeps(self, moved: np.ndarray) -> np.ndarray:
         """(q, m) what of motions (n, 3, m) of the nodes is kept from happening."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from orchestrator.config import Config, factors, steps, vectors_per_step
 from orchestrator.errors import InputError, Problems
+from orchestrator.scene.conditions.agreement import check_agreement
 from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.covered import loads_on_pairs
@@ -13,6 +14,7 @@ from orchestrator.scene.conditions.heat import eigenstrain, thermal_loads
 from orchestrator.scene.conditions.loads import body_loads, surface_loads
 from orchestrator.scene.conditions.materials import assign_materials
 from orchestrator.scene.conditions.rigid import check_held
+from orchestrator.scene.conditions.sides import check_sides
 from orchestrator.scene.interfaces.axial import join_bolts, straighten
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.mortar.sides import Matter
@@ -124,8 +126,13 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     if thermal is not None:
         thermal = np.pad(thermal, ((0, 0), (0, len(mesh.cells) - len(plain.cells)), (0, 0)))
         thermal_loads(mesh, thermal, materials, cell_material, numbering, split)
-    held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering,
-                                          moving_as_one(numbering, interfaces), count, problems)
+    label = moving_as_one(numbering, interfaces)
+    held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering, label, count, problems)
+    if not problems.found:
+        of_entries = [(entry, i) for i in grounds for entry, at in stands.items() if numbering.nodes[numbering.offsets[i.subdomains[1]]] in
+                      range(at.start, at.stop)]
+        check_agreement(mesh, boundary, interfaces, of_entries, numbering, label, held_by, split_prescribed, problems)
+        check_sides(mesh, boundary, interfaces[:len(interfaces) - len(grounds)], numbering, held_by, split_prescribed, problems)
     for entry, nodes in stands.items():  # what a ground carries is the reaction of its entry
         held_by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
     fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
@@ -139,7 +146,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     if grounds:
         from orchestrator.scene.conditions.ground import held_rows, within_free
 
-        within_free(grounds, mesh, problems)
+        within_free(grounds, mesh, numbering, split_prescribed, problems)
         keeps = held_rows(grounds, mesh)
     if not unresolved and (grounds or not standing):
         # A selection that failed holds nothing: a second complaint would only distract.

@@ -13,7 +13,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.affine import KINDS, field_of, normal_of
 from orchestrator.scene.conditions.frames import Cylindrical
-from orchestrator.scene.conditions.selection import select
+from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
@@ -119,7 +119,8 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
     count = int(label.max()) + 1
     setter = np.full((count, 3), -1)
     values = np.zeros((steps, count, 3))
-    for entry in boundary:
+    slack = TOLERANCE * np.array([reach(entry, mesh) for entry in boundary]).reshape(len(boundary), steps)
+    for number, entry in enumerate(boundary):
         if not entry.fixed.any():
             continue
         at = _labels(entry, cell_subdomain, numbering, label)
@@ -136,7 +137,7 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
             wanted = entry.values[:, c, None]
             if varies is not None:
                 wanted = wanted + varies[:, :, c]
-            differs = np.abs(there - wanted) > SAME * np.maximum(np.abs(there), np.abs(wanted))
+            differs = np.abs(there - wanted) > SAME * np.maximum(np.abs(there), np.abs(wanted)) + slack[number][:, None] + slack[earlier].T
             clash = (earlier >= 0) & differs.any(axis=0)
             if clash.any():
                 first = int(np.flatnonzero(clash)[0])
@@ -152,6 +153,15 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
             values[:, at, c] = wanted
             setter[at, c] = entry.index
     return setter[label], values[:, label]
+
+
+def reach(entry: BoundaryEntry, mesh: Mesh) -> np.ndarray:
+    """(steps,) how much what an entry prescribes changes over the mesh: coordinates are rounded, so that it is so at every node."""
+    if entry.frame is not None:
+        return np.abs(entry.values).max(axis=1)
+    if entry.slope is None:
+        return np.zeros(len(entry.values))
+    return np.linalg.norm(entry.slope, axis=(1, 2)) * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
 
 
 def _labels(entry: BoundaryEntry, cell_subdomain: np.ndarray, numbering: SplitNumbering,

@@ -101,9 +101,14 @@ def _interfaces(mesh: Mesh, partition: Partition, numbering: SplitNumbering, fac
     for interface in found:
         laws = _coupling(mesh, interface, entry.coupling, factors) if entry.coupling is not None else \
             _support(mesh, interface, entry, rows, factors, resolved.index, problems)
-        interface.law = max(laws, key=lambda law: law.imposed)
-        interface.law_at_steps = laws if len({tuple(np.ravel(law.given)) for law in laws}) > 1 else []
+        _govern(interface, laws)
     return found
+
+
+def _govern(interface: Interface, laws: list) -> None:
+    """Give a ground's interface its law at every load step."""
+    interface.law = max(laws, key=lambda law: law.imposed)
+    interface.law_at_steps = laws if len({tuple(np.ravel(law.given)) for law in laws}) > 1 else []
 
 
 def _support(mesh: Mesh, interface: Interface, entry: Any, rows: Any, factors: Sequence[float], index: int, problems: Problems) -> list:
@@ -141,17 +146,19 @@ def _coupling(mesh: Mesh, interface: Interface, coupling: Any, factors: Sequence
     return [GROUND["coupling"](np.ascontiguousarray(motions), prescribed, factor * given, coupling.kind == "rigid") for factor in factors]
 
 
-def within_free(interfaces: Sequence[Interface], mesh: Mesh, problems: Problems) -> None:
+def within_free(interfaces: Sequence[Interface], mesh: Mesh, numbering: SplitNumbering, prescribed: np.ndarray, problems: Problems) -> None:
     """Take components that boundary conditions prescribe out of what the laws of grounds ask for, which must let them.
 
     Parameters
     ----------
     interfaces : those of grounds, with what is ``free``
+    prescribed : (steps, N, 3) on split nodes
     """
     for i in interfaces:
-        laws = [law.within(i.free) for law in (i.law, *i.law_at_steps)]
+        moved = np.where(i.free, 0.0, prescribed[:, numbering.offsets[i.subdomains[0]] + i.nodes[0]])
+        laws = [law.within(i.free, held) for law, held in zip(i.law_at_steps or [i.law] * len(moved), moved)]
         if laws[0] is not None:
-            i.law, i.law_at_steps = laws[0], laws[1:]
+            _govern(i, laws)
             continue
         where = format_point(mesh.nodes[i.global_nodes[np.flatnonzero(~i.free.all(axis=1))[0]]])
         problems.add(("boundary",), f"{i.name}: a node of a coupled surface is prescribed by another entry, at {where}",
