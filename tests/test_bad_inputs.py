@@ -68,6 +68,8 @@ BAD = {
     "density": ({"materials": "materials: [{young: 200e3, poisson: 0.3, rho: 7.8e-9}]"}, "gravity"),
     "fixed": ({"held": "boundary: [{on: {plane: x, at: 0}, fixed: true},"}, "displacement: [0, 0, 0]"),
     "force": ({"loaded": "  {on: {plane: x, at: 4}, force: [1, 0, 0]}]"}, "force per area"),
+    "nothing prescribed": ({"held": "boundary: [{on: {plane: x, at: 0}, displacement: null},"}, "displacement: null"),
+    "no load named": ({"extra": "loads: [{on: box, gravity: null}]"}, "gravity: null"),
     "rotation of a face": ({"held": "boundary: [{on: {plane: x, at: 0}, rotation: [0, 0, 0]},"}, "motion: {rotate"),
     # mesh
     "no source": ({"mesh": "mesh: {}"}, "exactly one of them"),

@@ -190,6 +190,8 @@ WRONG = {
     "a frame of nothing": ([HELD, {"on": "zmax", "pressure": 1.0, "frame": {"axis": "z"}}], ("boundary", 1, "frame"), "nothing to turn"),
     "a frame without direction": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": [0, 0, 0]}}], ("boundary", 1, "frame", "axis"), "direction"),
     "on the axis": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.5, 0.5, 0]}}], ("boundary", 1, "frame"), "radial"),
+    "through a face": ([HELD, {"on": "zmax", "traction": [1.0, 0, 0], "frame": {"axis": "z", "at": [0.4, 0.3, 0]}}], ("boundary", 1, "frame"), "runs through"),
+    "held through a face": ([HELD, {"on": "zmax", "displacement": [0, None, None], "frame": {"axis": "z", "at": [0.4, 0.3, 0]}}], ("boundary", 1, "frame"), "runs through"),
     "loaded and prescribed": ([HELD, {"on": "zmax", "coupling": {"displacement": [0, None, None], "force": [1.0, 0, 0]}}],
                               ("boundary", 1, "coupling", "force"), "component x"),
     "nothing": ([HELD, {"on": "zmax", "coupling": {"kind": "distributed"}}], ("boundary", 1, "coupling"), "nothing prescribed"),
@@ -206,6 +208,11 @@ def test_what_is_wrong_with_a_ground_is_told_with_its_place(what):
         build_scene(config_from(bar(boundary)))
     problem = next((p for p in caught.value.problems if p.path == path), caught.value.problems[0])
     assert problem.path == path and words in str(problem) and problem.expected and problem.cure
+
+
+def test_what_is_zero_or_axial_is_so_on_the_axis_too():
+    for what in ({"displacement": [None, None, 0]}, {"displacement": [0, 0, 0.1]}, {"traction": [0, 0, 1.0]}):
+        build_scene(config_from(bar([HELD, {"on": "zmax", **what, "frame": {"axis": "z", "at": [0.5, 0.5, 0]}}])))
 
 
 def test_a_surface_that_several_subdomains_share_is_no_coupling():

@@ -37,8 +37,10 @@ def exactly_one(data: Any) -> Iterator[Problem]:
             if len(given) > 1:
                 yield Problem((*path, given[1]), " and ".join(given) + " together", "exactly one of " + ", ".join(keys),
                               f"keep {given[0]} or {given[1]}, remove the other")
-            elif not given and not any(key in keys for key in value):
-                yield Problem(path, "none of " + ", ".join(keys), "exactly one of them", f"add one, such as {keys[0]}")
+            elif not given:
+                empty = [f"{key}: null" for key in value if key in keys]
+                yield Problem(path, " and ".join(empty) or "none of " + ", ".join(keys), "exactly one of " + ", ".join(keys) if empty else
+                              "exactly one of them", "say what it is, or remove the entry" if empty else f"add one, such as {keys[0]}")
 
 
 def belongs_to(data: Any) -> Iterator[Problem]:

@@ -56,8 +56,8 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list
                                           np.zeros((len(factors[i]), 3))))
             continue
         frame = Cylindrical.of(entry.frame)
-        if frame is not None:
-            frame.check(mesh.nodes[np.unique(triangles)], ("boundary", i, "frame"), problems)
+        if frame is not None and any(x for row in rows for x in row[:2]):  # what is zero is so in any direction
+            frame.check(mesh.nodes, triangles, ("boundary", i, "frame"), problems)
         if kind == "symmetry":
             axis = normal_of(mesh.nodes, triangles)
             if axis is None:

@@ -40,11 +40,26 @@ class Cylindrical:
         result = np.einsum("ti,kij->tkj", values, self.directions(points))
         return np.where(np.abs(result) > ROUNDING * np.abs(values).max(initial=0.0), result, 0.0)
 
-    def check(self, points: np.ndarray, path: KeyPath, problems: Problems) -> None:
-        """Points (k, 3) must not be on the axis."""
-        if not len(points):
+    def check(self, nodes: np.ndarray, triangles: np.ndarray, path: KeyPath, problems: Problems) -> None:
+        """Neither nodes nor faces may meet the axis: nothing is radial there.
+
+        Parameters
+        ----------
+        nodes : (n, 3); triangles : (k, 3 or 6), the corners first
+        """
+        if not len(triangles):
             return
-        r = np.linalg.norm(np.cross(points - self.at, self.axis), axis=1)
+        used = np.unique(triangles)
+        arm = nodes[used] - self.at
+        r = np.linalg.norm(np.cross(arm, self.axis), axis=1)
         if r.min() <= NEAR * (r.max() or 1.0):
-            problems.add(path, f"a node on the frame's axis, at {format_point(points[int(r.argmin())])}, where nothing is radial",
+            problems.add(path, f"a node on the frame's axis, at {format_point(nodes[used[int(r.argmin())]])}, where nothing is radial",
                          "nodes off the axis", "move the frame's axis, or select faces that do not meet it")
+            return
+        corners = nodes[triangles[:, :3]] - self.at
+        turns = np.cross(corners, corners[:, [1, 2, 0]]) @ self.axis  # of each edge about the axis
+        pierced = (turns > 0).all(axis=1) | (turns < 0).all(axis=1)
+        if pierced.any():
+            centre = nodes[triangles[np.flatnonzero(pierced)[0], :3]].mean(axis=0)
+            problems.add(path, f"a face that the frame's axis runs through, at {format_point(centre)}: nothing is radial there", "faces beside the axis",
+                         "move the frame's axis, or select faces that do not meet it")

@@ -116,8 +116,8 @@ def _support(mesh: Mesh, interface: Interface, entry: Any, rows: Any, factors: S
     points, count = mesh.nodes[interface.global_nodes], len(interface.global_nodes)
     normal, frame = node_normals(points, interface.triangles), Cylindrical.of(entry.frame)
     bed = entry.foundation
-    if frame is not None:
-        frame.check(points, ("boundary", index, "frame"), problems)
+    if frame is not None and (bed is not None or any(x is not None for x in rows[0][:2])):
+        frame.check(points, interface.triangles, ("boundary", index, "frame"), problems)
     directions = np.broadcast_to(np.eye(3), (count, 3, 3)) if frame is None else frame.directions(points)
     if bed is None:
         held = np.array([x is not None for x in rows[0]])
