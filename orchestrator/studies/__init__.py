@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from importlib.util import find_spec
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.registry import Registry
@@ -67,8 +68,14 @@ _LISTED = {
                   "one reply of FreeFEM falsified by a thousandth at 100 random places: refused, stopped or right"),
     "bound": ("convergence.bound:run", "the error bound beside the true error, tolerances 1e-2 to 1e-10"),
 }
-STUDIES = {name: title for name, (_, title) in _LISTED.items()}
-FUNCTIONS = Registry({name: f"{__name__}.{place}" for name, (place, _) in _LISTED.items()})
+# The same in a clone's folder beside this package, ``benchmarks``, which no wheel has.
+_BESIDE = {
+    "metamorphic": ("metamorphic.study:run",
+                    "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
+}
+STUDIES = {name: title for name, (_, title) in (_LISTED | _BESIDE).items()}
+FUNCTIONS = Registry({name: f"{__name__}.{place}" for name, (place, _) in _LISTED.items()}
+                     | {name: f"benchmarks.{place}" for name, (place, _) in _BESIDE.items()})
 
 
 def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides: Sequence[str] = (),
@@ -89,6 +96,8 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides
     """
     if name not in STUDIES:
         raise InputError(Problem((), f"study '{name}'", "one of " + ", ".join(STUDIES), "take one of these"))
+    if name in _BESIDE:
+        _check_beside(name)
     from orchestrator.studies.kit.framework import Study
     from orchestrator.studies.kit.settings import arguments
 
@@ -96,3 +105,13 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides
     study = Study(name, STUDIES[name], folder)
     FUNCTIONS[name](study, **asked)
     study.close()
+
+
+def _check_beside(name: str) -> None:
+    """Raises InputError where a study is not in this installation, or what it draws its scenes with is not."""
+    if find_spec("benchmarks") is None:
+        raise InputError(Problem((), f"study '{name}' without the folder benchmarks", "a clone of the project: wheels do not have it",
+                                 "run it in a clone, after `make setup`"))
+    if find_spec("hypothesis") is None:
+        raise InputError(Problem((), f"study '{name}' without hypothesis, which draws its scenes", "the packages of the tests",
+                                 "pip install hypothesis, or make test once"))

@@ -1,0 +1,107 @@
+"""What a scene answers, in a form that can be turned, scaled, renamed and compared."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from orchestrator import BlackBoxError, InputError, Solution, load_config, solve
+
+REFUSED, CONVERGED, STOPPED, CODE_FAILED, BROKEN = "refused", "converged", "stopped", "code failed", "traceback"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Of one run; T load steps.
+
+    Parameters
+    ----------
+    outcome : one of the words above
+    said : why it was refused, stopped or broke
+    bound : guaranteed relative error in the energy norm, nan where there is none
+    parts : per name of a part (T, n, 3) displacements of its nodes, in the order of its own mesh
+    reactions, moments : (entries of boundary, T, 3); moments about the origin
+    energy : (T,)
+    places : per name of a part (n, 3), where its nodes are
+    solution : what was solved; None unless it converged
+    seconds : wall time
+    """
+
+    outcome: str
+    said: str = ""
+    bound: float = float("nan")
+    parts: dict[str, np.ndarray] = field(default_factory=dict)
+    reactions: np.ndarray | None = None
+    moments: np.ndarray | None = None
+    energy: np.ndarray | None = None
+    places: dict[str, np.ndarray] = field(default_factory=dict)
+    solution: Solution | None = None
+    seconds: float = 0.0
+
+    def seen(self, turn: np.ndarray, length: float, force: float, factor: float, names: Mapping[str, str]) -> Answer:
+        """The same in other axes, units and names: x → length · turn x, forces → force · factor · turn f.
+
+        Parameters
+        ----------
+        turn : (3, 3) orthogonal; its determinant is −1 for a mirror, in which moments go the other way round
+        factor : of displacements and forces, not of places
+        names : of parts, old → new
+        """
+        about = turn * np.linalg.det(turn)
+        return replace(
+            self, parts={names.get(k, k): length * factor * u @ turn.T for k, u in self.parts.items()},
+            places={names.get(k, k): length * x @ turn.T for k, x in self.places.items()},
+            reactions=force * factor * self.reactions @ turn.T, moments=force * length * factor * self.moments @ about.T,
+            energy=force * length * factor**2 * self.energy)
+
+
+def answer(data: Mapping[str, Any]) -> Answer:
+    """Solves a scene, by the file that holds it, and says how that went."""
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="trial-") as folder:
+        path = Path(folder) / "scene.yaml"
+        write(data, path)
+        try:
+            solution = solve(load_config(path).config)
+        except InputError as error:
+            found = Answer(REFUSED, "; ".join(p.found for p in error.problems))
+        except BlackBoxError as error:
+            found = Answer(CODE_FAILED, str(error))
+        except Exception as error:  # noqa: BLE001 - what nobody has foreseen is a finding
+            import traceback
+
+            found = Answer(BROKEN, f"{type(error).__name__}: {error}\n{''.join(traceback.format_tb(error.__traceback__)[-3:])}")
+        else:
+            found = _answered(solution) if solution.converged else Answer(STOPPED, solution.stop_reason)
+    return replace(found, seconds=time.perf_counter() - begin)
+
+
+def write(data: Mapping[str, Any], path: Path, comment: str = "") -> None:
+    """Writes a scene as YAML."""
+    yaml = YAML()
+    yaml.default_flow_style, yaml.width = None, 120
+    with open(path, "w", encoding="utf-8") as file:
+        file.writelines(f"# {line}\n" for line in comment.splitlines())
+        yaml.dump(dict(data), file)
+
+
+def bodies(solution: Solution) -> list[tuple[int, str]]:
+    """Index and name of the volumes that are not a ground's."""
+    return [(number, name) for number, name in enumerate(solution.scene.mesh.volumes) if not name.startswith("ground of ")]
+
+
+def _answered(solution: Solution) -> Answer:
+    mesh, u = solution.scene.mesh, solution.displacement
+    nodes = {name: np.unique(mesh.cells[mesh.volume == number]) for number, name in bodies(solution)}
+    return Answer(
+        CONVERGED, "; ".join(solution.summary["warnings"]), solution.error_bound,
+        {name: u[:, n] for name, n in nodes.items()}, solution.reactions,
+        np.array(solution.summary["reaction_moments"]["moments"], float).reshape(solution.reactions.shape), solution.energy,
+        {name: mesh.nodes[n] for name, n in nodes.items()}, solution)

@@ -1,0 +1,48 @@
+"""Scenes by the number of their seed: the same on every machine, and found again alone."""
+
+from __future__ import annotations
+
+import random
+from typing import Any, NamedTuple
+
+from hypothesis import HealthCheck, Phase, given, seed, settings
+
+from benchmarks.metamorphic.relations import RELATIONS
+from benchmarks.metamorphic.scenes import scenes
+
+EXAMPLES = 25  # drawn per seed; of those that hypothesis makes of each other, one is kept
+CODES = ["in-process"] * 7 + ["freefem"] * 2 + ["scikit-fem"]
+
+
+class Trial(NamedTuple):
+    """A scene, its features and the relations to try on it."""
+
+    number: tuple[int, int]
+    data: dict[str, Any]
+    words: list[str]
+    relations: list[str]
+
+
+def chunk(number: int, relations: int = 3) -> list[Trial]:
+    """The scenes of one seed."""
+    drawn: list[tuple[dict, list[str]]] = []
+
+    @seed(number)
+    @settings(max_examples=EXAMPLES, database=None, phases=[Phase.generate], deadline=None, suppress_health_check=list(HealthCheck))
+    @given(scenes())
+    def draw(scene):
+        drawn.append(scene)
+
+    draw()
+    kept: dict[tuple, tuple[dict, list[str]]] = {}
+    for data, words in drawn:
+        kept.setdefault(tuple(p["name"] for p in data["parts"]), (data, words))
+    return [_trial((number, index), *scene, relations) for index, scene in enumerate(kept.values())]
+
+
+def _trial(number: tuple[int, int], data: dict, words: list[str], count: int) -> Trial:
+    chosen = random.Random(number[0] * 1000 + number[1])
+    code = chosen.choice(CODES)
+    if "blackbox" not in data or "form" not in data["blackbox"]:
+        data = {**data, "blackbox": {"code": code, "workers": 1, **({"element": "P2"} if "P2" in words else {})}}
+    return Trial(number, data, [*words, f"code {data['blackbox']['code']}"], chosen.sample(list(RELATIONS), count))

@@ -1,0 +1,72 @@
+"""How far two answers of one scene are from each other, and how far they may be.
+
+Displacements are compared in the energy norm of the first scene's bodies: rigid motions of bodies that nothing holds have
+no part in it, and where all is bonded each run's guaranteed bound is a bound in that norm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.metamorphic.answers import Answer, bodies
+from benchmarks.metamorphic.elasticity import stiffness
+
+ROUNDING = 1e-7  # beside what the runs claim: the moves of a scene round its places, and its matrices
+TINY = 1e-100    # of what is nothing at all
+LAWFUL = 1e-4    # where laws open or slide there is no guarantee; runs end at residuals of 1e-8
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Relative distances of two answers: displacements in the energy norm, energies, reactions; and what is allowed."""
+
+    displacement: float
+    energy: float
+    reaction: float
+    moment: float
+    allowed: float
+
+    @property
+    def largest(self) -> float:
+        return max(self.displacement, self.energy, self.reaction, self.moment)
+
+    @property
+    def within(self) -> bool:
+        return self.largest <= self.allowed
+
+    def __str__(self) -> str:
+        return (f"displacements {self.displacement:.1e}, energies {self.energy:.1e}, reactions {self.reaction:.1e}, "
+                f"moments {self.moment:.1e}, allowed {self.allowed:.1e}")
+
+
+def distance(a: Answer, b: Answer) -> Distance:
+    """Of two answers in the same axes, units and names; the first one's scene gives the norm."""
+    mesh, scene = a.solution.scene.mesh, a.solution.scene
+    moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material]
+    apart = own = noise = stiff = 0.0
+    for number, name in bodies(a.solution):
+        cells = mesh.volume == number
+        nodes, local = np.unique(mesh.cells[cells], return_inverse=True)
+        K = stiffness(mesh.nodes[nodes], local.reshape(cells.sum(), -1), *moduli[cells].T)
+        u, v = (x.parts[name].reshape(len(a.energy), -1) for x in (a, b))
+        apart, own = apart + _squares(K, v - u), own + np.maximum(_squares(K, u), _squares(K, v))
+        stiff = max(stiff, K.diagonal().max())
+        noise += K.diagonal().max() * np.square(np.abs(u).max(initial=0.0)) * len(nodes)
+    size = np.sqrt(own.max()) + 1e-13 * np.sqrt(noise) + TINY
+    extent = np.ptp(mesh.nodes, axis=0).max()
+    force = max(np.abs(a.reactions).max(initial=0.0), np.abs(b.reactions).max(initial=0.0),
+                np.abs(a.moments).max(initial=0.0) / max(extent, np.abs(mesh.nodes).max()), 0.01 * np.sqrt(stiff) * size) + TINY
+    claims = [x.bound for x in (a, b)]
+    bonded = bool(np.isfinite(claims).all())
+    return Distance(
+        float(np.sqrt(apart.max()) / size), float(np.abs(a.energy - b.energy).max() / (2 * size**2 + np.abs(a.energy).max())),
+        float(np.abs(a.reactions - b.reactions).max(initial=0.0) / force),
+        float(np.abs(a.moments - b.moments).max(initial=0.0) / (force * max(extent, np.abs(mesh.nodes).max()))),
+        20 * sum(claims) + ROUNDING if bonded else LAWFUL)
+
+
+def _squares(K, u: np.ndarray) -> np.ndarray:
+    """(T,) of ‖u‖² in the energy norm, u being (T, 3n)."""
+    return np.maximum(np.einsum("ti,ti->t", u, (K @ u.T).T), 0.0)

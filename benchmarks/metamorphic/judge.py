@@ -1,0 +1,74 @@
+"""Run a scene and one of its relations; say how they agree."""
+
+from __future__ import annotations
+
+import copy
+import json
+import zlib
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from benchmarks.metamorphic.answers import BROKEN, CODE_FAILED, CONVERGED, REFUSED, STOPPED, Answer, answer
+from benchmarks.metamorphic.compare import distance
+from benchmarks.metamorphic.relations import RELATIONS
+
+FINDINGS = ("disagree", "refused otherwise", "traceback", "code failed", "hang")
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Of one scene under some relations.
+
+    Parameters
+    ----------
+    outcome : of the scene itself
+    said : what it said
+    tried : relation → agree, disagree, refused otherwise, stopped, traceback, code failed, not sayable
+    details : relation → a sentence
+    variants : relation → the other scene, of what is a finding
+    """
+
+    outcome: str
+    said: str
+    seconds: float
+    tried: dict[str, str] = field(default_factory=dict)
+    details: dict[str, str] = field(default_factory=dict)
+    variants: dict[str, dict[str, Any]] = field(default_factory=dict)
+    warnings: str = ""
+
+    @property
+    def findings(self) -> dict[str, str]:
+        """Relation → what is wrong; the scene's own under the name 'itself'."""
+        found = {k: v for k, v in self.tried.items() if v in FINDINGS}
+        return ({"itself": self.outcome} if self.outcome in (BROKEN, CODE_FAILED) else {}) | found
+
+
+def judge(data: dict[str, Any], relations: list[str]) -> Verdict:
+    """Solves the scene and its variants."""
+    first = answer(data)
+    if first.outcome != CONVERGED:
+        return Verdict(first.outcome, first.said, first.seconds)
+    tried: dict[str, str] = {}
+    details: dict[str, str] = {}
+    variants: dict[str, dict] = {}
+    seconds = first.seconds
+    for name in relations:
+        variant = RELATIONS[name](copy.deepcopy(data), np.random.default_rng(zlib.crc32(json.dumps([data, name]).encode())))
+        if variant is None:
+            tried[name] = "not sayable"
+            continue
+        second = answer(variant.data)
+        seconds += second.seconds
+        tried[name], details[name] = _verdict(first, second, variant)
+        if tried[name] != "agree":
+            variants[name] = variant.data
+    return Verdict(first.outcome, "", seconds, tried, details, variants, first.said)
+
+
+def _verdict(first: Answer, second: Answer, variant) -> tuple[str, str]:
+    if second.outcome == CONVERGED:
+        apart = distance(first, variant.seen(second))
+        return "agree" if apart.within else "disagree", str(apart)
+    return {REFUSED: "refused otherwise", STOPPED: "stopped", BROKEN: "traceback", CODE_FAILED: "code failed"}[second.outcome], second.said

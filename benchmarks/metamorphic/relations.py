@@ -1,0 +1,182 @@
+"""What must not change an answer, or must change it in a known way.
+
+A relation makes of a scene its ``Variant``: another scene, and how the other's answer is seen as the first one's. None
+where it has nothing to say of that scene.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from benchmarks.metamorphic.answers import Answer
+from benchmarks.metamorphic.units import in_units, loaded, turned
+
+ODD = ["Käse [1]", "a b", "x*", "q?", "ß-1_2.3", "Ω", "1", "groups", "auto", "null", "part.1.2", "9.5", "true", "a a  a", "-"]
+SOUND_NAMES = ["Käse 1", "a b", "q.q", "ß-1_2.3", "1", "groups", "auto", "null", "part.1.2", "9.5", "true", "a a  a", "block 0-0-0"]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Another scene, and ``seen``, which gives its answer in the first one's terms; ``repeat`` load steps of it count."""
+
+    data: dict[str, Any]
+    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
+    length: float = 1.0
+    force: float = 1.0
+    factor: float = 1.0
+    names: dict[str, str] = field(default_factory=dict)
+    order: list[int] | None = None
+    steps: slice = field(default_factory=lambda: slice(None))
+
+    def seen(self, answer: Answer) -> Answer:
+        """Of the variant's, in the axes, units and names of the first scene."""
+        seen = answer.seen(self.turn.T, 1 / self.length, 1 / self.force, 1 / self.factor, self.names)
+        order = slice(None) if self.order is None else self.order
+        return Answer(**{**vars(seen), "reactions": seen.reactions[order][:, self.steps], "moments": seen.moments[order][:, self.steps],
+                         "energy": seen.energy[self.steps], "parts": {k: u[self.steps] for k, u in seen.parts.items()}})
+
+
+Relation = Callable[[dict[str, Any], np.random.Generator], "Variant | None"]
+
+
+def turned_round(data: dict, rng: np.random.Generator) -> Variant | None:
+    """By a quarter turn or two about an axis."""
+    axis, times = int(rng.integers(3)), int(rng.integers(1, 4))
+    from benchmarks.metamorphic.layout import quarter_turn
+
+    turn = quarter_turn(axis, times)
+    made = turned(data, turn, 90.0 * times, "xyz"[axis])
+    return made and Variant(made, turn=turn)
+
+
+def turned_askew(data: dict, rng: np.random.Generator) -> Variant | None:
+    """By any angle about any axis."""
+    axis, degrees = rng.normal(size=3), float(rng.uniform(5, 355))
+    n, angle = axis / np.linalg.norm(axis), np.radians(degrees)
+    cross = np.array([[0, -n[2], n[1]], [n[2], 0, -n[0]], [-n[1], n[0], 0]])
+    turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    made = turned(data, turn, degrees, [float(x) for x in axis])
+    return made and Variant(made, turn=turn)
+
+
+def other_units(data: dict, rng: np.random.Generator) -> Variant:
+    """Lengths and forces in other units, up to nine powers of ten."""
+    length, force = (float(rng.choice([1e-3, 1e3, 25.4, 1e-6, 7.0])) for _ in range(2))
+    return Variant(in_units(data, length, force), length=length, force=force)
+
+
+def loaded_more(data: dict, rng: np.random.Generator) -> Variant:
+    """Everything that acts, and all gaps that are numbers, times a factor: all laws are homogeneous in that."""
+    if any(e.get("gap") == "geometry" or e.get("between") == "auto" and e.get("law") == "contact" and "gap" not in e
+           for e in data.get("interfaces", [])) or any(e.get("pairing") for e in data.get("interfaces", [])):
+        return None
+    opens = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", []))
+    spins = any("spin" in e for e in data.get("loads", []))
+    factor = float(rng.choice([0.01, 3.0, 50.0] if opens or spins else [0.01, 3.0, -1.0]))
+    return Variant(loaded(data, factor), factor=factor, force=1.0)
+
+
+def renamed(data: dict, rng: np.random.Generator) -> Variant:
+    """Parts and histories under other names."""
+    names = [p["name"] for p in data["parts"]]
+    new = dict(zip(names, rng.permutation(SOUND_NAMES)[: len(names)].tolist()))
+
+    def changed(value: Any, key: str) -> Any:
+        if isinstance(value, dict):
+            return {("H 1" if key == "histories" else k): changed(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [changed(v, key) for v in value]
+        if key == "history":
+            return "H 1"
+        if key in ("name", "on", "between", "slave", "exclude", "part") and isinstance(value, str):
+            head, slash, tail = value.partition("/")
+            return new.get(head, head) + slash + tail
+        return value
+
+    made = {k: v if k == "name" else changed(v, k) for k, v in data.items()}
+    return Variant(made, names={b: a for a, b in new.items()})
+
+
+def reordered(data: dict, rng: np.random.Generator) -> Variant | None:
+    """Parts, entries of boundary and loads in another order; laws too, where no two speak of one pair."""
+    made = copy.deepcopy(data)
+    order = rng.permutation(len(data["boundary"]))
+    made["boundary"] = [made["boundary"][i] for i in order]
+    made["parts"] = [made["parts"][i] for i in rng.permutation(len(made["parts"]))]
+    if "loads" in made:
+        made["loads"] = [made["loads"][i] for i in rng.permutation(len(made["loads"]))]
+    return Variant(made, order=[int(i) for i in np.argsort(order)])
+
+
+def sides_swapped(data: dict, rng: np.random.Generator) -> Variant | None:
+    """between: [b, a] for [a, b]; jumps go the other way."""
+    named = [e for e in data.get("interfaces", []) if isinstance(e.get("between"), list) and e["between"] != ["*", "*"]]
+    if not named:
+        return None
+    made = copy.deepcopy(data)
+    for entry in made["interfaces"]:
+        if isinstance(entry.get("between"), list):
+            entry["between"].reverse()
+            if "jump" in entry:
+                entry["jump"] = [0.0 - x for x in entry["jump"]]
+    return Variant(made)
+
+
+def cut_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
+    """Cut in more, fewer or other subdomains; laws between blocks of one part go with the cut, so they stay."""
+    if len(data["parts"]) == 1 and data.get("interfaces"):
+        return None
+    joined = any(e["law"] != "perfect" for e in data.get("interfaces", []))
+    choices: list[Any] = ["groups", {"groups": True, "split_above": int(rng.integers(40, 300))}]
+    if len(data["parts"]) == 1:
+        choices += [{"metis": int(rng.integers(2, 6))}, {"slices": {"axis": str(rng.choice(list("xyz"))), "count": 2}},
+                    {"grid": [int(x) for x in rng.integers(1, 3, 3)]}]
+    elif not joined:
+        choices += [{"metis": int(rng.integers(2, 6))}]
+    choices = [c for c in choices if c != data["subdomains"]]
+    return Variant({**data, "subdomains": choices[int(rng.integers(len(choices)))]})
+
+
+def solved_otherwise(data: dict, rng: np.random.Generator) -> Variant:
+    """Other settings of the method, which shape the way and not the answer."""
+    method: dict[str, Any] = copy.deepcopy(data["method"])
+    skips = ["congruent", "repeated", "superposition", "proportional", "frozen", "bound", "compliance"]
+    bonded = all(e["law"] == "perfect" for e in data.get("interfaces", [])) and not any(
+        "foundation" in e or "coupling" in e for e in data["boundary"])
+    choices: list[dict] = [
+        {"skip": {str(k): False for k in rng.permutation(skips)[: int(rng.integers(1, 8))]}},
+        {"sole": {"kind": str(rng.choice(["layer", "symmetric", "springs"]))}},
+        {"sole": {"modulus_ratio": float(rng.choice([0.2, 1.0, 2.0]))}},
+        {"macro": {"strategy": str(rng.choice(["equilibrium", "continuity"])), "basis": str(rng.choice(["rigid", "affine"]))}},
+        {"increment": int(rng.integers(1, 3))}]
+    if bonded:
+        choices += [{"acceleration": "gmres"}]
+    else:
+        choices += [{"sole": {"fit": False}}, {"sole": {"contact_ratio": 0.6}}, {"memory": 10}]
+    method |= choices[int(rng.integers(len(choices)))]
+    return Variant({**data, "method": method})
+
+
+def batched(data: dict, rng: np.random.Generator) -> Variant | None:
+    """Load steps solved one after the other, or in twos."""
+    steps = len(data.get("histories", {}).get("h", [1]))
+    return Variant({**data, "method": {**data["method"], "increment": int(rng.integers(1, steps))}}) if steps > 1 else None
+
+
+def step_repeated(data: dict, rng: np.random.Generator) -> Variant | None:
+    """The last load step once more: nothing changes any more."""
+    if "histories" not in data:
+        return None
+    made = {**data, "histories": {k: [*v, v[-1]] for k, v in data["histories"].items()}}
+    return Variant(made, steps=slice(None, -1))
+
+
+RELATIONS: dict[str, Relation] = {
+    "turned by quarters": turned_round, "turned askew": turned_askew, "other units": other_units, "loaded more": loaded_more,
+    "renamed": renamed, "reordered": reordered, "sides swapped": sides_swapped, "cut otherwise": cut_otherwise,
+    "solved otherwise": solved_otherwise, "batched": batched, "step repeated": step_repeated}
