@@ -14,6 +14,7 @@ from benchmarks.metamorphic.answers import Answer, bodies
 from benchmarks.metamorphic.elasticity import stiffness
 
 ROUNDING = 1e-7  # beside what the runs claim: the moves of a scene round its places, and its matrices
+FLOOR = 1e-3     # where nothing is deformed but by what iterations leave: of what the prescribed displacements could do
 TINY = 1e-100    # of what is nothing at all
 LAWFUL = 1e-4    # where laws open or slide there is no guarantee; runs end at residuals of 1e-8
 
@@ -41,8 +42,13 @@ class Distance:
                 f"moments {self.moment:.1e}, allowed {self.allowed:.1e}")
 
 
-def distance(a: Answer, b: Answer) -> Distance:
-    """Of two answers in the same axes, units and names; the first one's scene gives the norm."""
+def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
+    """Of two answers in the same axes, units and names; the first one's scene gives the norm.
+
+    Parameters
+    ----------
+    joint : of reactions and moments the sum counts
+    """
     mesh, scene = a.solution.scene.mesh, a.solution.scene
     moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material]
     apart = own = noise = stiff = 0.0
@@ -54,17 +60,25 @@ def distance(a: Answer, b: Answer) -> Distance:
         apart, own = apart + _squares(K, v - u), own + np.maximum(_squares(K, u), _squares(K, v))
         stiff = max(stiff, K.diagonal().max())
         noise += K.diagonal().max() * np.square(np.abs(u).max(initial=0.0)) * len(nodes)
-    size = np.sqrt(own.max()) + 1e-13 * np.sqrt(noise) + TINY
     extent = np.ptp(mesh.nodes, axis=0).max()
+    size = np.sqrt(own.max()) + 1e-13 * np.sqrt(noise) + FLOOR * _natural(scene, moduli[:, 0], extent) + TINY
     force = max(np.abs(a.reactions).max(initial=0.0), np.abs(b.reactions).max(initial=0.0),
                 np.abs(a.moments).max(initial=0.0) / max(extent, np.abs(mesh.nodes).max()), 0.01 * np.sqrt(stiff) * size) + TINY
     claims = [x.bound for x in (a, b)]
     bonded = bool(np.isfinite(claims).all())
+    total = (lambda x: x.sum(axis=0)) if joint else (lambda x: x)
     return Distance(
         float(np.sqrt(apart.max()) / size), float(np.abs(a.energy - b.energy).max() / (2 * size**2 + np.abs(a.energy).max())),
-        float(np.abs(a.reactions - b.reactions).max(initial=0.0) / force),
-        float(np.abs(a.moments - b.moments).max(initial=0.0) / (force * max(extent, np.abs(mesh.nodes).max()))),
+        float(np.abs(total(a.reactions - b.reactions)).max(initial=0.0) / force),
+        float(np.abs(total(a.moments - b.moments)).max(initial=0.0) / (force * max(extent, np.abs(mesh.nodes).max()))),
         20 * sum(claims) + ROUNDING if bonded else LAWFUL)
+
+
+def _natural(scene, young: np.ndarray, extent: float) -> float:
+    """Energy norm of all bodies strained by the prescribed displacements over the extent of the scene."""
+    x = scene.mesh.nodes[scene.mesh.cells[:, :4]]
+    volume = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6
+    return float(np.sqrt(young @ volume) * np.abs(scene.prescribed).max(initial=0.0) / extent)
 
 
 def _squares(K, u: np.ndarray) -> np.ndarray:

@@ -22,7 +22,16 @@ SOUND_NAMES = ["Käse 1", "a b", "q.q", "ß-1_2.3", "1", "groups", "auto", "null
 
 @dataclass(frozen=True)
 class Variant:
-    """Another scene, and ``seen``, which gives its answer in the first one's terms; ``repeat`` load steps of it count."""
+    """Another scene, and ``seen``, which gives its answer in the first one's terms.
+
+    Parameters
+    ----------
+    turn, length, force, factor, names : as of ``Answer.seen``
+    order : places of the first scene's entries of boundary among the variant's
+    steps : which of its load steps the first scene has
+    joint : supports that share nodes may have shared their reaction otherwise; their sum counts
+    cuts : cut otherwise, so that some cuts may be refused, and operators between meshes that do not match are others
+    """
 
     data: dict[str, Any]
     turn: np.ndarray = field(default_factory=lambda: np.eye(3))
@@ -32,6 +41,8 @@ class Variant:
     names: dict[str, str] = field(default_factory=dict)
     order: list[int] | None = None
     steps: slice = field(default_factory=lambda: slice(None))
+    joint: bool = False
+    cuts: bool = False
 
     def seen(self, answer: Answer) -> Answer:
         """Of the variant's, in the axes, units and names of the first scene."""
@@ -64,13 +75,13 @@ def turned_askew(data: dict, rng: np.random.Generator) -> Variant | None:
     return made and Variant(made, turn=turn)
 
 
-def other_units(data: dict, rng: np.random.Generator) -> Variant:
+def other_units(data: dict, rng: np.random.Generator) -> Variant | None:
     """Lengths and forces in other units, up to nine powers of ten."""
     length, force = (float(rng.choice([1e-3, 1e3, 25.4, 1e-6, 7.0])) for _ in range(2))
     return Variant(in_units(data, length, force), length=length, force=force)
 
 
-def loaded_more(data: dict, rng: np.random.Generator) -> Variant:
+def loaded_more(data: dict, rng: np.random.Generator) -> Variant | None:
     """Everything that acts, and all gaps that are numbers, times a factor: all laws are homogeneous in that."""
     if any(e.get("gap") == "geometry" or e.get("between") == "auto" and e.get("law") == "contact" and "gap" not in e
            for e in data.get("interfaces", [])) or any(e.get("pairing") for e in data.get("interfaces", [])):
@@ -81,7 +92,7 @@ def loaded_more(data: dict, rng: np.random.Generator) -> Variant:
     return Variant(loaded(data, factor), factor=factor, force=1.0)
 
 
-def renamed(data: dict, rng: np.random.Generator) -> Variant:
+def renamed(data: dict, rng: np.random.Generator) -> Variant | None:
     """Parts and histories under other names."""
     names = [p["name"] for p in data["parts"]]
     new = dict(zip(names, rng.permutation(SOUND_NAMES)[: len(names)].tolist()))
@@ -110,7 +121,7 @@ def reordered(data: dict, rng: np.random.Generator) -> Variant | None:
     made["parts"] = [made["parts"][i] for i in rng.permutation(len(made["parts"]))]
     if "loads" in made:
         made["loads"] = [made["loads"][i] for i in rng.permutation(len(made["loads"]))]
-    return Variant(made, order=[int(i) for i in np.argsort(order)])
+    return Variant(made, order=[int(i) for i in np.argsort(order)], joint=True)
 
 
 def sides_swapped(data: dict, rng: np.random.Generator) -> Variant | None:
@@ -139,10 +150,10 @@ def cut_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
     elif not joined:
         choices += [{"metis": int(rng.integers(2, 6))}]
     choices = [c for c in choices if c != data["subdomains"]]
-    return Variant({**data, "subdomains": choices[int(rng.integers(len(choices)))]})
+    return Variant({**data, "subdomains": choices[int(rng.integers(len(choices)))]}, cuts=True)
 
 
-def solved_otherwise(data: dict, rng: np.random.Generator) -> Variant:
+def solved_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
     """Other settings of the method, which shape the way and not the answer."""
     method: dict[str, Any] = copy.deepcopy(data["method"])
     skips = ["congruent", "repeated", "superposition", "proportional", "frozen", "bound", "compliance"]

@@ -43,7 +43,7 @@ def scaled(value: Any, factor: float) -> Any:
 def in_units(data: dict, length: float, force: float) -> dict:
     """The scene where a length that was 1 is ``length``, and likewise with forces."""
     def change(key: str, parent: str, value: Any) -> Any:
-        if (key, parent) in {("stiffness", "matrix"), ("on", "boundary")}:
+        if (key, parent) == ("stiffness", "matrix") or parent == "histories":
             return value
         a, b = DIMENSIONS.get(f"{key} {parent}", DIMENSIONS.get(key, (0, 0)))
         return scaled(value, length**a * force**b) if a or b else value
@@ -59,7 +59,7 @@ def loaded(data: dict, factor: float) -> dict:
     result = mapped({k: v for k, v in data.items() if k not in ("parts", "method", "output")}, change)
     for entry in result.get("loads", []):
         if "spin" in entry:
-            entry["spin"]["rate"] *= np.sqrt(factor)
+            entry["spin"]["rate"] *= float(np.sqrt(factor))
     for entry, old in zip(result["boundary"], data["boundary"]):
         if "motion" in old:
             motion = entry["motion"] = {k: dict(v) if isinstance(v, dict) else v for k, v in old["motion"].items()}
