@@ -7,7 +7,7 @@ import gmsh
 import meshio
 import numpy as np
 from in_process import IN_PROCESS
-from monolithic import OPEN, Monolithic, free_normals
+from benchmarks.monolithic import OPEN, Monolithic, free_normals
 
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
 from orchestrator.blackbox.start import make_blackbox

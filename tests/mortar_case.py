@@ -2,7 +2,7 @@
 
 import numpy as np
 from in_process import IN_PROCESS
-from monolithic import Monolithic
+from benchmarks.monolithic import Monolithic
 
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config

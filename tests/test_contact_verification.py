@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from contact_case import BOTTOM, CASES, PATH, TOP, contact, contacts, converged, monolithic, start_from, two_boxes, written
-from monolithic import SLIP, STICK
+from benchmarks.monolithic import SLIP, STICK
 
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

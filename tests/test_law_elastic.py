@@ -10,7 +10,7 @@ import scipy.sparse.linalg as sla
 from contact_case import BOTTOM, TOP, contact
 from in_process import FREEFEM, IN_PROCESS
 from matplotlib import image
-from monolithic import Monolithic
+from benchmarks.monolithic import Monolithic
 from test_laws import assert_consistent
 
 from orchestrator.blackbox.start import make_blackbox

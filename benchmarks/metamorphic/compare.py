@@ -6,12 +6,15 @@ no part in it, and where all is bonded each run's guaranteed bound is a bound in
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from benchmarks.metamorphic.answers import Answer, bodies
 from benchmarks.metamorphic.elasticity import stiffness
+from orchestrator import Scene
 
 ROUNDING = 1e-7  # beside what the runs claim: the moves of a scene round its places, and its matrices
 FLOOR = 1e-3     # where nothing is deformed but by what iterations leave: of what the prescribed displacements could do
@@ -49,36 +52,52 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
     ----------
     joint : of reactions and moments the sum counts
     """
-    mesh, scene = a.solution.scene.mesh, a.solution.scene
-    moduli = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material]
-    apart = own = noise = stiff = 0.0
-    for number, name in bodies(a.solution):
-        cells = mesh.volume == number
-        nodes, local = np.unique(mesh.cells[cells], return_inverse=True)
-        K = stiffness(mesh.nodes[nodes], local.reshape(cells.sum(), -1), *moduli[cells].T)
-        u, v = (x.parts[name].reshape(len(a.energy), -1) for x in (a, b))
-        apart, own = apart + _squares(K, v - u), own + np.maximum(_squares(K, u), _squares(K, v))
-        stiff = max(stiff, K.diagonal().max())
-        noise += K.diagonal().max() * np.square(np.abs(u).max(initial=0.0)) * len(nodes)
+    scene = a.solution.scene
+    mesh, apart, stiff = scene.mesh, np.zeros(scene.steps), 0.0
+    for name, K in _stiffnesses(a):
+        stiff, d = max(stiff, K.diagonal().max()), (b.parts[name] - a.parts[name]).reshape(scene.steps, -1)
+        apart += _squares(K, d)
+    size = size_of(a)
     extent = np.ptp(mesh.nodes, axis=0).max()
-    size = np.sqrt(own.max()) + 1e-13 * np.sqrt(noise) + FLOOR * _natural(scene, moduli[:, 0], extent) + TINY
-    force = max(np.abs(a.reactions).max(initial=0.0), np.abs(b.reactions).max(initial=0.0),
-                np.abs(a.moments).max(initial=0.0) / max(extent, np.abs(mesh.nodes).max()), 0.01 * np.sqrt(stiff) * size) + TINY
+    arm = max(extent, np.abs(mesh.nodes).max())
+    force = max(np.abs(a.reactions).max(initial=0.0), np.abs(b.reactions).max(initial=0.0), np.abs(a.moments).max(initial=0.0) / arm,
+                0.01 * np.sqrt(stiff) * size) + TINY
     claims = [x.bound for x in (a, b)]
     bonded = bool(np.isfinite(claims).all())
     total = (lambda x: x.sum(axis=0)) if joint else (lambda x: x)
     return Distance(
         float(np.sqrt(apart.max()) / size), float(np.abs(a.energy - b.energy).max() / (2 * size**2 + np.abs(a.energy).max())),
         float(np.abs(total(a.reactions - b.reactions)).max(initial=0.0) / force),
-        float(np.abs(total(a.moments - b.moments)).max(initial=0.0) / (force * max(extent, np.abs(mesh.nodes).max()))),
+        float(np.abs(total(a.moments - b.moments)).max(initial=0.0) / (force * arm)),
         20 * sum(claims) + ROUNDING if bonded else LAWFUL)
 
 
-def _natural(scene, young: np.ndarray, extent: float) -> float:
+def size_of(a: Answer) -> float:
+    """The energy norm of an answer at the load step where it is largest, and what it is at least."""
+    scene, own, noise = a.solution.scene, 0.0, 0.0
+    for name, K in _stiffnesses(a):
+        u = a.parts[name].reshape(scene.steps, -1)
+        own = own + _squares(K, u)
+        noise += K.diagonal().max() * np.square(np.abs(u).max(initial=0.0)) * u.shape[1] / 3
+    return float(np.sqrt(np.max(own)) + 1e-13 * np.sqrt(noise) + FLOOR * _natural(scene) + TINY)
+
+
+def _stiffnesses(a: Answer) -> Iterator[tuple[str, sp.csr_array]]:
+    """Name and stiffness of every body."""
+    scene = a.solution.scene
+    mesh, moduli = scene.mesh, np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material]
+    for number, name in bodies(a.solution):
+        cells = mesh.volume == number
+        nodes, local = np.unique(mesh.cells[cells], return_inverse=True)
+        yield name, stiffness(mesh.nodes[nodes], local.reshape(cells.sum(), -1), *moduli[cells].T)
+
+
+def _natural(scene: Scene) -> float:
     """Energy norm of all bodies strained by the prescribed displacements over the extent of the scene."""
     x = scene.mesh.nodes[scene.mesh.cells[:, :4]]
     volume = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6
-    return float(np.sqrt(young @ volume) * np.abs(scene.prescribed).max(initial=0.0) / extent)
+    young = np.array([m.young for m in scene.materials])[scene.cell_material]
+    return float(np.sqrt(young @ volume) * np.abs(scene.prescribed).max(initial=0.0) / np.ptp(scene.mesh.nodes, axis=0).max())
 
 
 def _squares(K, u: np.ndarray) -> np.ndarray:

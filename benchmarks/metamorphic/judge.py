@@ -12,6 +12,7 @@ import numpy as np
 
 from benchmarks.metamorphic.answers import BROKEN, CODE_FAILED, CONVERGED, REFUSED, STOPPED, Answer, answer
 from benchmarks.metamorphic.compare import distance
+from benchmarks.metamorphic.oracle import in_one_piece
 from benchmarks.metamorphic.relations import RELATIONS, Variant
 
 FINDINGS = ("disagree", "refused otherwise", "traceback", "code failed", "hang")
@@ -55,6 +56,7 @@ def judge(data: dict[str, Any], relations: list[str]) -> Verdict:
     details: dict[str, str] = {}
     variants: dict[str, dict] = {}
     seconds = first.seconds
+    tried["in one piece"], details["in one piece"] = in_one_piece(first)
     for name in relations:
         variant = RELATIONS[name](copy.deepcopy(data), np.random.default_rng(zlib.crc32(json.dumps([data, name]).encode())))
         if variant is None:

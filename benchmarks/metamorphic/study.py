@@ -57,10 +57,10 @@ def run(study, settings: Settings = Settings(), resume: bool = False) -> None:
 
 
 def _row(trial: Trial, verdict: dict[str, Any]) -> dict[str, Any]:
-    told = "; ".join(f"{k}: {v}" for k, v in verdict["details"].items() if verdict["tried"][k] != "agree")
+    told = "; ".join(f"{k}: {v}" for k, v in verdict["details"].items())
     return {"seed": trial.number[0], "index": trial.number[1], "outcome": verdict["outcome"], "said": verdict["said"][:300],
             "seconds": round(verdict["seconds"], 2), "features": "|".join(trial.words),
-            "relations": "|".join(f"{k}={v}" for k, v in verdict["tried"].items()), "details": told[:600]}
+            "relations": "|".join(f"{k}={v}" for k, v in verdict["tried"].items()), "details": told[:1200]}
 
 
 def keep(trial: Trial, verdict: dict[str, Any], folder: Path) -> str:

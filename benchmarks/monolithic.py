@@ -5,7 +5,7 @@ subdomains, no soles. Unknown are the displacements u and, per node pair of ever
 that the second side exerts on the first, with jump d = u₂ − u₁ = D u and n from side 1 to side 2:
 
     K u + Dᵀλ = f,      contact:  0 ≥ λ_n ⟂ g + d_n ≥ 0,   |λ_t| ≤ μ|λ_n|, slip d_t − d_t(previous step) along λ_t
-                        perfect:  d = 0,          jump:  d = d₀
+                        perfect:  d = 0,          jump:  d = d₀,          elastic:  λ = k A d, with tension_only 0 for k_n d_n < 0
 
 The laws are written as λ = P(λ + c (d − shift)), which holds for one and hence every c > 0 (Alart & Curnier
 1991), and both equations are solved together, step after step, by a semismooth Newton with sparse LU. Pairs that
@@ -28,6 +28,7 @@ from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.scene.model import Interface, Scene
 
 OPEN, STICK, SLIP, BONDED = 0, 1, 2, 3
+KNOWN = ("perfect", "jump", "contact", "elastic")
 TOLERANCE = 1e-11
 MAX_NEWTON = 60
 SOFT = 1e-7  # compliance of a pair over 1/c, in the Newton direction alone
@@ -46,7 +47,9 @@ class Pairs:
     D : (3P, N) jump operator on all displacement components; zero rows where prescribed
     free : (P, 3) bool, components that are not prescribed
     normal : (P, 3); gap, friction, stiffness : (P,); jump : (P, 3) imposed
-    bonded, contact : (P,) bool; neither holds where everything is prescribed
+    bonded, contact, elastic : (P,) bool; none holds where everything is prescribed
+    springs : (P, 3) of elastic pairs k A along the normal where they are stretched, where they are not, and across it
+    at : per load step, gap and jump where they differ
     bounds : per interface, its pairs
     """
 
@@ -59,6 +62,9 @@ class Pairs:
     jump: np.ndarray
     bonded: np.ndarray
     contact: np.ndarray
+    elastic: np.ndarray
+    springs: np.ndarray
+    at: list[tuple[np.ndarray, np.ndarray]]
     bounds: list[slice]
 
 
@@ -137,6 +143,7 @@ class Monolithic:
 
     def _step(self, t: int, previous: np.ndarray, start) -> tuple[float, Step]:
         """One load step; several attempts with different c when Newton does not get there."""
+        self.pairs.gap, self.pairs.jump = self.pairs.at[t]
         prescribed = np.concatenate([s.prescribed[t].ravel() for s in self.scene.subdomains])
         loads, given, count, first, best = self._loads(t), start, 0, None, None
         for scale in SCALES:
@@ -222,20 +229,37 @@ class Monolithic:
         status = np.where(closed & p.contact, np.where(slips, SLIP, STICK), OPEN)
         closed &= p.contact
         answer, slope = answer * closed[:, None], slope * closed[:, None, None]
+        self._springs(force + c[:, None] * jump, c, answer, slope)
         # bonded: whatever force makes the jump what it must be
         tied = force + c[:, None] * (jump - p.jump)
         answer = np.where(p.bonded[:, None], tied, answer) * p.free
         slope = np.where(p.bonded[:, None, None], np.eye(3), slope) * (p.free[:, :, None] & p.free[:, None, :])
         return answer, np.where(p.bonded, BONDED, status), slope
 
+    def _springs(self, trial: np.ndarray, c: np.ndarray, answer: np.ndarray, slope: np.ndarray) -> None:
+        """Enters P(λ + c d) = k/(k + c) (λ + c d) and its derivative of the elastic pairs."""
+        p = self.pairs
+        at = np.flatnonzero(p.elastic)
+        n, x, c = p.normal[at], trial[at], c[at]
+        along = np.einsum("pi,pi->p", x, n)
+        taut, slack, across = p.springs[at].T
+        normal = np.where(along < 0, slack, taut)
+        N = n[:, :, None] * n[:, None, :]
+        free = p.free[at][:, :, None] & p.free[at][:, None, :]
+        slope[at] = ((normal / (normal + c))[:, None, None] * N + (across / (across + c))[:, None, None] * (np.eye(3) - N)) * free
+        answer[at] = np.einsum("pij,pj->pi", slope[at], x)
+
     def _pairs(self) -> Pairs:
         scene, diagonal = self.scene, self.K.diagonal()
         rows, columns, values, bounds = [], [], [], []
-        found = {k: [] for k in ("free", "normal", "gap", "friction", "stiffness", "jump", "bonded", "contact")}
+        found = {k: [] for k in ("free", "normal", "gap", "friction", "stiffness", "jump", "bonded", "contact", "elastic", "springs")}
+        gaps: list[list[np.ndarray]] = []
+        jumps: list[list[np.ndarray]] = []
         count = 0
         for i in scene.interfaces:
             if i.mortar is not None:
                 self._operators(i, count, rows, columns, values, found, diagonal)
+                self._at_steps(i, i.mortar.points, 1.0, np.ones((len(i.mortar), 3), bool), gaps, jumps)
                 bounds.append(slice(count, count + len(i.mortar)))
                 count += len(i.mortar)
                 continue
@@ -255,13 +279,20 @@ class Monolithic:
             found["friction"].append(getattr(i.law, "friction", 0.0) / length)
             found["stiffness"].append(np.minimum(diagonal[dofs[0]].mean(1), diagonal[dofs[1]].mean(1)))
             found["jump"].append(np.broadcast_to(getattr(i.law, "jump", np.zeros(3)), (n, 3)) * free)
-            found["bonded"].append(mobile & (i.law.name != "contact"))
-            found["contact"].append(mobile & presses & (i.law.name == "contact"))
+            _say_law(i, mobile, presses, length, _areas(scene.points(i), i.triangles[:, :3]), found)
+            self._at_steps(i, slice(None), length, free, gaps, jumps)
             bounds.append(slice(count, count + n))
             count += n
         D = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
                          shape=(3 * count, self.offsets[-1]))
-        return Pairs(D, bounds=bounds, **{k: np.concatenate(v) for k, v in found.items()})
+        at = [(np.concatenate([g[t] for g in gaps]), np.concatenate([j[t] for j in jumps])) for t in range(scene.steps)]
+        return Pairs(D, bounds=bounds, at=at, **{k: np.concatenate(v) for k, v in found.items()})
+
+    def _at_steps(self, i: Interface, points, length, free: np.ndarray, gaps: list, jumps: list) -> None:
+        """Gap and jump of an interface's pairs at every load step."""
+        n, laws = len(i.global_nodes), i.law_at_steps or [i.law] * self.scene.steps
+        gaps.append([getattr(law, "gap", np.zeros(n))[points] / length for law in laws])
+        jumps.append([np.broadcast_to(getattr(law, "jump", np.zeros(3)), (n, 3))[points] * free for law in laws])
 
     def _operators(self, i: Interface, count: int, rows: list, columns: list, values: list, found: dict, diagonal) -> None:
         """The same where nodes do not match: points in the place of pairs, d = G₂ u₂ − G₁ u₁."""
@@ -282,8 +313,7 @@ class Monolithic:
         found["stiffness"].append(np.minimum(*stiffness))
         jump = np.broadcast_to(getattr(law, "jump", np.zeros(3)), (len(i.global_nodes), 3))
         found["jump"].append(jump[m.points])
-        found["bonded"].append(np.full(n, not contact))
-        found["contact"].append(np.full(n, contact))
+        _say_law(i, np.ones(n, bool), np.ones(n, bool), np.ones(n), m.area, found)
 
     def _loads(self, t: int) -> np.ndarray:
         return self.R.T @ np.concatenate([s.loads[t].ravel() for s in self.scene.subdomains])
@@ -311,6 +341,29 @@ class Monolithic:
     def _parts(self, u: np.ndarray) -> list[np.ndarray]:
         u = self.R @ u
         return [u[a:b].reshape(-1, 3) for a, b in zip(self.offsets[:-1], self.offsets[1:])]
+
+
+def _say_law(i: Interface, mobile, presses, length, area, found: dict) -> None:
+    """Enters which law holds at the pairs of an interface, and the springs of elastic ones."""
+    name = i.law.name
+    if name not in KNOWN:
+        raise NotImplementedError(f"law {name} in one piece")
+    found["bonded"].append(mobile & (name in ("perfect", "jump")))
+    found["contact"].append(mobile & presses & (name == "contact"))
+    found["elastic"].append(mobile & (name == "elastic"))
+    springs = np.zeros((len(mobile), 3))
+    if name == "elastic":  # what prescribed components leave of the normal is shorter than one
+        across = (1 - length**2 * presses) * i.law.stiffness_t
+        taut = length**2 * presses * i.law.stiffness_n + across
+        springs[:] = area[:, None] * np.stack([taut, across if i.law.tension_only else taut, np.full(len(mobile), i.law.stiffness_t)], axis=1)
+    found["springs"].append(springs)
+
+
+def _areas(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n,) a third of the area of the triangles around each node."""
+    x = points[corners]
+    third = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 6
+    return np.bincount(corners.ravel(), weights=np.repeat(third, 3), minlength=len(points))
 
 
 def _plain(scene: Scene, s) -> Model:
