@@ -13,7 +13,7 @@ meet in a cross point share forces in more than one way, so that the Jacobian is
 regularisation of the direction, not of the equations, picks one. Displacements and resultants are unique.
 
 With ten-node tets the pairs of a face in contact are those of the corners, and every node in the middle of an edge of it
-has the mean displacement of its ends: u = R u, in the place of K and f stand RᵀKR and Rᵀf.
+has the mean displacement of its ends: u = R u, in the place of K, f and D stand RᵀKR, Rᵀf and D R.
 """
 
 from __future__ import annotations
@@ -284,7 +284,7 @@ class Monolithic:
             bounds.append(slice(count, count + n))
             count += n
         D = sp.csr_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-                         shape=(3 * count, self.offsets[-1]))
+                         shape=(3 * count, self.offsets[-1])) @ self.R
         at = [(np.concatenate([g[t] for g in gaps]), np.concatenate([j[t] for j in jumps])) for t in range(scene.steps)]
         return Pairs(D, bounds=bounds, at=at, **{k: np.concatenate(v) for k, v in found.items()})
 
@@ -322,7 +322,7 @@ class Monolithic:
         """R, and the dofs that follow others."""
         size, middle, ends = int(self.offsets[-1]), [], []
         for i in self.scene.interfaces:
-            if i.law.as_one or i.triangles.shape[1] == 3:
+            if not i.tied:
                 continue
             for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes)):
                 triangles = i.triangles_on(side)

@@ -15,6 +15,7 @@ from ruamel.yaml import YAML
 from orchestrator import BlackBoxError, InputError, Solution, load_config, solve
 
 REFUSED, CONVERGED, STOPPED, CODE_FAILED, BROKEN = "refused", "converged", "stopped", "code failed", "traceback"
+SINGULAR = "too close to singular"  # of slender bodies and extreme moduli, said by name: exit code 3
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def answer(data: Mapping[str, Any]) -> Answer:
         except InputError as error:
             found = Answer(REFUSED, "; ".join(p.found for p in error.problems))
         except BlackBoxError as error:
-            found = Answer(CODE_FAILED, str(error))
+            found = Answer(SINGULAR if "too close to singular" in str(error) else CODE_FAILED, str(error))
         except Exception as error:  # noqa: BLE001 - what nobody has foreseen is a finding
             import traceback
 

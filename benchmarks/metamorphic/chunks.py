@@ -15,12 +15,17 @@ CODES = ["in-process"] * 7 + ["freefem"] * 2 + ["scikit-fem"]
 
 
 class Trial(NamedTuple):
-    """A scene, its features and the relations to try on it."""
+    """A scene, its features and the relations to try on it; number: of the seed, and which of its scenes."""
 
     number: tuple[int, int]
     data: dict[str, Any]
     words: list[str]
     relations: list[str]
+
+    @property
+    def drawn(self) -> int:
+        """What relations draw with."""
+        return 1000 * self.number[0] + self.number[1]
 
 
 def chunk(number: int, relations: int = 3) -> list[Trial]:

@@ -32,7 +32,7 @@ class Judge:
             self.process = subprocess.Popen([sys.executable, "-m", "benchmarks.metamorphic.worker"], stdin=subprocess.PIPE,
                                             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=Path(__file__).parents[2])
         self.trial, self.until = trial, time.monotonic() + limit
-        self.process.stdin.write(json.dumps({"data": trial.data, "relations": trial.relations}) + "\n")
+        self.process.stdin.write(json.dumps({"data": trial.data, "relations": trial.relations, "number": trial.drawn}) + "\n")
         self.process.stdin.flush()
 
     def end(self) -> None:

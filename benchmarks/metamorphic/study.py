@@ -66,16 +66,22 @@ def _row(trial: Trial, verdict: dict[str, Any]) -> dict[str, Any]:
 def keep(trial: Trial, verdict: dict[str, Any], folder: Path) -> str:
     """Leaves what is wrong in a folder of its own, with both scenes; says what it is."""
     wrong = {k: v for k, v in verdict["tried"].items() if v in WRONG}
-    if verdict["outcome"] in WRONG:
+    if verdict["outcome"] in WRONG or unsound(trial.data, verdict):
         wrong["itself"] = verdict["outcome"]
     for relation, what in wrong.items():
         place = folder / f"{trial.number[0]}-{trial.number[1]} {relation}"
         os.makedirs(place, exist_ok=True)
-        said = f"{relation}: {what}\n{verdict['details'].get(relation, verdict['said'])}"
+        said = f"{relation} {trial.drawn}: {what}\n{verdict['details'].get(relation, verdict['said'])}"
         write(trial.data, place / "scene.yaml", said)
         if relation in verdict["variants"]:
             write(verdict["variants"][relation], place / "other.yaml", f"the same, {relation}")
     return ", ".join(f"{k} {v}" for k, v in wrong.items())
+
+
+def unsound(data: dict[str, Any], verdict: dict[str, Any]) -> bool:
+    """Whether a run stopped that should have gone on: a guard spoke, or all is bonded."""
+    bonded = all(e["law"] == "perfect" for e in data.get("interfaces", []))
+    return verdict["outcome"] == "stopped" and (bonded or verdict["said"].startswith("guard"))
 
 
 def read(table: Path) -> list[dict[str, str]]:

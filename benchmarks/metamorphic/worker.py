@@ -21,7 +21,7 @@ def main() -> None:
 
     for line in sys.stdin:
         asked = json.loads(line)
-        answers.write(json.dumps(asdict(judge(asked["data"], asked["relations"]))) + "\n")
+        answers.write(json.dumps(asdict(judge(asked["data"], asked["relations"], asked["number"]))) + "\n")
         answers.flush()
 
 
