@@ -56,10 +56,10 @@ def _started(whole: Monolithic, parts: list[np.ndarray]) -> list[tuple[list[np.n
     Friction leaves several, and bodies that nothing holds have many places: those found elsewhere prove nothing wrong.
     """
     result = []
-    scale = 1 / np.sqrt(whole.pairs.stiffness.repeat(3))
+    scale = np.sqrt(np.maximum(whole.pairs.stiffness, whole.pairs.stiffness.max() * 1e-12)).repeat(3)
     for t in range(whole.scene.steps):
         u = np.concatenate([p[t].ravel() for p in parts])
         left = (whole._loads(t) - whole.K @ u)[whole.free]
-        found = sla.lsqr(whole.D.T @ sp.diags_array(1 / scale), left, atol=1e-14, btol=1e-14, iter_lim=4 * len(left))[0] / scale
+        found = sla.lsqr(whole.D.T @ sp.diags_array(scale), left, atol=1e-14, btol=1e-14, iter_lim=4 * len(left))[0] * scale
         result.append(([p[t] for p in parts], found.reshape(-1, 3)))
     return result

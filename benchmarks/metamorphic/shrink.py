@@ -14,10 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-
 from benchmarks.metamorphic.answers import write
 from benchmarks.metamorphic.chunks import Trial
+from benchmarks.metamorphic.kept import read
 from benchmarks.metamorphic.pool import judged
 
 LIMIT = 120.0  # seconds for one attempt
@@ -26,7 +25,7 @@ LISTS = ("boundary", "loads", "interfaces", "materials")
 
 def failure(data: dict, relation: str, number: int) -> str:
     """What is wrong with a scene under a relation, in words that do not name numbers; empty where nothing is."""
-    trial = Trial(divmod(number, 1000), data, [], [] if relation == "itself" else [relation])
+    trial = Trial(divmod(number, 1000), data, [], [] if relation in ("itself", "in one piece") else [relation])
     found = next(judged(iter([trial]), 1, LIMIT))[1]
     if relation == "itself":
         kind = found["outcome"]
@@ -137,9 +136,8 @@ def shrunk(data: dict, relation: str, number: int, tell=lambda text: None) -> tu
 
 def main() -> None:
     source, target = map(Path, sys.argv[1:3])
-    text = source.read_text(encoding="utf-8")
-    relation, number = re.match(r"# (.+?) (\d+): ", text).groups()
-    data, wrong = shrunk(YAML(typ="safe").load(text), relation, int(number), print)
+    data, relation, number = read(source)
+    data, wrong = shrunk(data, relation, number, print)
     if not wrong:
         raise SystemExit("nothing is wrong with it")
     write(data, target, f"{relation} {number}: {wrong}")

@@ -33,7 +33,7 @@ class Settings(Part):
 
 def run(study, settings: Settings = Settings(), resume: bool = False) -> None:
     """Draws, solves and compares; ends with tables of what was tried."""
-    table = Path(study.folder.path) / "table.csv"
+    table = Path(study.folder.path) / "scenes.csv"  # a study begins without its table
     rows = read(table) if resume else []
     first = settings.seed * 1_000_000
     done = {(int(r["seed"]), int(r["index"])) for r in rows}

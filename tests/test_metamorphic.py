@@ -1,0 +1,98 @@
+"""Random scenes and what must not change their answers; every scene that failed once; what the trials themselves can see."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import in_process  # noqa: F401 - the code that the scenes are solved by
+import pytest
+
+pytest.importorskip("hypothesis")
+from benchmarks.metamorphic import judge as judges  # noqa: E402
+from benchmarks.metamorphic.answers import REFUSED, answer  # noqa: E402
+from benchmarks.metamorphic.chunks import chunk  # noqa: E402
+from benchmarks.metamorphic.judge import FINDINGS, judge  # noqa: E402
+from benchmarks.metamorphic.kept import judged_again, read  # noqa: E402
+from benchmarks.metamorphic.relations import RELATIONS, Variant  # noqa: E402
+
+from orchestrator import InputError, studies  # noqa: E402
+from orchestrator.studies import run_study  # noqa: E402
+
+KEPT = sorted((Path(__file__).parent / "scenes").glob("*.yaml"))
+TWO = {"name": "two", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}], "histories": {"h": [0.5, 1.0]},
+       "parts": [{"name": "a", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}},
+                 {"name": "b", "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, 1]}}],
+       "boundary": [{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [5, 0, -200], "history": "h"}],
+       "interfaces": [{"between": ["a", "b"], "law": "contact", "friction": 0.2, "gap": -1e-4}],
+       "method": {"tolerance": {"error": 1e-8}}, "blackbox": {"code": "in-process", "workers": 1}}
+
+
+def test_all_relations_hold_for_contact():
+    """Two blocks pressed and sheared, with an interference: every relation has something to say of them, and holds."""
+    verdict = judge(TWO, list(RELATIONS), 1)
+    assert not verdict.findings, verdict.details
+    assert {k for k, v in verdict.tried.items() if v != "agree"} <= {"turned askew", "cut otherwise"}, verdict.tried
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_random_scenes(seed):
+    """The first scenes of two seeds, each under one relation and in one piece: never wrong, never a traceback."""
+    names = list(RELATIONS)
+    for at, trial in enumerate(chunk(seed)[:6]):
+        data = {**trial.data, "blackbox": {**trial.data["blackbox"], "code": "in-process"},
+                "method": {**trial.data["method"], "max_iterations": 60}}
+        verdict = judge(data, [names[(at + seed) % len(names)]], trial.drawn)
+        assert not verdict.findings, (data, verdict.details)
+
+
+@pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
+def test_scenes_that_failed(path):
+    verdict = judged_again(path)
+    assert not verdict.findings and verdict.outcome != "stopped", (verdict.said, verdict.details)
+
+
+def test_kept_scenes_say_what_they_broke():
+    for path in KEPT:
+        assert read(path).relation in {*RELATIONS, "itself", "in one piece"}, path
+
+
+def test_wrong_answers_are_seen(monkeypatch):
+    """A gap forgotten in other units, half the load, a displacement off by a thousandth: none passes for the same answer."""
+    def forgetful(data, rng):
+        made = RELATIONS["other units"](data, rng)
+        made.data["interfaces"][0]["gap"] = -1e-4 * made.length * 1.01
+        return made
+
+    def halved(data, rng):
+        return Variant({**data, "histories": {"h": [0.5, 0.999]}})
+
+    monkeypatch.setattr(judges, "RELATIONS", {"forgetful": forgetful, "halved": halved})
+    assert set(judge(TWO, ["forgetful", "halved"]).findings.values()) == {"disagree"}
+    first = answer(TWO)
+    first.solution.parts[0][:] *= 1.001
+    assert judges.in_one_piece(replace(first, parts={k: 1.001 * u for k, u in first.parts.items()}))[0] == "disagree"
+
+
+@pytest.mark.long
+def test_the_study_in_small(tmp_path, capsys):
+    """Rows as they come, tables at the end; a second run goes on where the first one ended."""
+    run_study("metamorphic", tmp_path, ["scenes=2", "workers=1", "relations=1", "seed=3"])
+    assert "pairs of them, never together" in capsys.readouterr().out
+    rows = (tmp_path / "scenes.csv").read_text(encoding="utf-8").splitlines()
+    run_study("metamorphic", tmp_path, ["scenes=3", "workers=1", "relations=1", "seed=3"], resume=True)
+    assert (tmp_path / "scenes.csv").read_text(encoding="utf-8").splitlines()[: len(rows)] == rows
+    assert (tmp_path / "pairs.csv").exists() and not (tmp_path / "findings").exists()
+
+
+@pytest.mark.parametrize("missing, told", [("benchmarks", "a clone of the project"), ("hypothesis", "pip install hypothesis")])
+def test_what_the_study_needs_is_told(tmp_path, monkeypatch, missing, told):
+    monkeypatch.setattr(studies, "find_spec", lambda name: None if name == missing else True)
+    with pytest.raises(InputError, match=told):
+        run_study("metamorphic", tmp_path)
+
+
+def test_refusals_are_no_findings_unless_the_first_scene_was_sound(monkeypatch):
+    unsound = {**TWO, "boundary": TWO["boundary"][1:]}
+    assert judge(unsound, ["renamed"]).outcome == REFUSED
+    monkeypatch.setattr(judges, "RELATIONS", {"unheld": lambda data, rng: Variant(unsound)})
+    assert judge(TWO, ["unheld"]).findings == {"unheld": "refused otherwise"}
+    assert "refused otherwise" in FINDINGS
