@@ -5,6 +5,7 @@ import subprocess
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from foreign_case import elements, restart_displacements, tets, write_deck
 from in_process import EXAMPLE, IN_PROCESS, IN_PROCESS_PLASTIC, Plastic
 from method_case import CLAMP, config
@@ -17,6 +18,7 @@ from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.registry import FOREIGN
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.structured import bricks
 
 OPTIONS = IN_PROCESS_PLASTIC["options"]
 AS_PROCESS = {"code": str(EXAMPLE), "options": OPTIONS, "nonlinear": True, "workers": 1}
@@ -106,6 +108,60 @@ def test_what_does_not_go_with_nonlinear_matter_is_told(change, words):
         solve(config_from({**data, "blackbox": IN_PROCESS_PLASTIC, **change}))
 
 
+class Damaged(Plastic):
+    """Elastic, down to ``rest`` of its stiffness where strained beyond ``limit``: σ = (1 − d) C ε."""
+
+    def __init__(self, limit, rest, slope, spoilt=0.0):
+        self.limit, self.rest, self.slope, self.spoilt = limit, rest, slope, spoilt
+
+    def response(self, model, u, history):
+        mesh, young = self._mesh(model), model.materials[0, 0]
+        strain = np.einsum("mij,mj->mi", mesh.B, u[mesh.dofs])
+        lam, mu = young * 0.3 / (1.3 * 0.4), young / 2.6
+        C = lam * np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0]) + mu * np.diag([2.0, 2, 2, 1, 1, 1])
+        stress = strain @ C
+        size, before = np.sqrt(np.sum(stress * strain, axis=1) / young), self.limit if history is None else history
+        most = np.maximum(size, before)
+        if self.spoilt:  # what a root of a negative number does to one tet
+            size = np.where((np.arange(len(size)) == 7) & (size > self.spoilt), np.nan, size)
+        lost = (1 - self.rest) * np.exp(-self.slope * (most / self.limit - 1))
+        kept, fall = self.rest + lost, self.slope / self.limit * lost * (size > before)
+        along = stress / np.sqrt(young * np.where(size > 0, size, 1.0))[:, None]
+        tangent = kept[:, None, None] * C - fall[:, None, None] * along[:, :, None] * along[:, None, :]
+        local = np.einsum("mia,mij,mjb->mab", mesh.B, tangent * mesh.volume[:, None, None], mesh.B)
+        forces = np.einsum("mij,mi->mj", mesh.B, (kept * mesh.volume * np.where(np.isnan(size), np.nan, 1.0))[:, None] * stress)
+        return (np.bincount(mesh.dofs.ravel(), forces.ravel(), len(u)), sp.csr_array((local.ravel(), mesh.places), shape=(len(u),) * 2),
+                most)
+
+
+def pulled(solver, forces):
+    """Displacements of a bar's end under load steps of forces on it."""
+    bar = bricks(np.array([2.0, 1.0, 1.0]), np.array([4, 2, 2]), "bar")
+    nodes, count = bar.nodes, len(bar.cells)
+    model = FullModel("bar", nodes, bar.cells, np.zeros(count, int), np.array([[200e3, 0.3]]), nodes[:, [0, 0, 0]] == 0, np.empty(0, int))
+    model.sole, model.volume = np.zeros(count, bool), np.zeros(count, int)
+    body, end = solver.prepare(model, solver.stiffness(model)), nodes[:, 0] == 2
+    for force in forces:
+        u, _ = solver.advance(body, np.where(end[:, None], np.array([force, 0.1 * force, 0.0]) / end.sum(), 0.0).ravel())
+        solver.commit(body)
+    return u
+
+
+@pytest.mark.parametrize("rest, slope, force", [(0.3, 3.0, 400.0), (0.2, 1.0, 400.0)])
+def test_matter_that_softens_needs_no_smaller_load_steps(rest, slope, force):
+    """One load step, two and four lead to the same place, where the tangent alone leads nowhere."""
+    one, two, four = (pulled(Damaged(1e-3, rest, slope), force * np.arange(1, n + 1) / n) for n in (1, 2, 4))
+    assert max(np.abs(two - one).max(), np.abs(four - one).max()) < 1e-8 * np.abs(one).max()
+
+
+def test_matter_that_answers_no_number_is_named_with_its_place_and_strain():
+    """It is no matter of load steps."""
+    bar = bricks(np.array([2.0, 1.0, 1.0]), np.array([4, 2, 2]), "bar")
+    place = ", ".join(f"{x:.6g}" for x in bar.nodes[bar.cells[7]].mean(axis=0))
+    with pytest.raises(ArithmeticError, match=f"forces that are no numbers .*: tet 7 of the body, at .{place}., mean strain xx 0.00"):
+        pulled(Damaged(1e-3, 0.5, 1.0, spoilt=1.5e-3), [400.0])
+
+
 UNSOUND = """
 from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.blackbox.codes.template import Solver as Template
@@ -124,8 +180,10 @@ class Solver(Adapter):
     ("def commit(self, p): pass\n    def advance(self, p, f): return 1.1 * self.solve(p, f[None])[0], f", None),
     ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], 0.999 * f",
      "advance\\(\\) returned forces that are not those it was given on free dofs"),
+    ("def commit(self, p): pass\n    def advance(self, p, f): return self.solve(p, f[None])[0], float('nan') * f",
+     "advance\\(\\) returned what is no number .nan or infinite. on [0-9]+ dofs, the first at "),
     ("def commit(self, p): pass\n    def advance(self, p, f): return f[:3], f", "returned 3 displacements"),
-], ids=["no advance", "no commit", "softer than elastic", "forces left over", "another size"])
+], ids=["no advance", "no commit", "softer than elastic", "forces left over", "no number", "another size"])
 def test_nonlinear_solvers_that_break_their_word(tmp_path, body, words):
     """Each by its own message; a response that differs from the elastic one is no fault."""
     (tmp_path / "mine.py").write_text(UNSOUND.format(body=body))

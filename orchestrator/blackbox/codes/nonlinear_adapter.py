@@ -27,6 +27,7 @@ from orchestrator.blackbox.codes.adapter import Adapter
 # is left must be far below the residual of the coupling.
 BALANCED, ENOUGH = 1e-13, 1e-10
 ITERATIONS, HALVINGS = 50, 8  # more do not help: the load step is too large
+STEADY, DESCENTS = 8, 40  # elastic steps at once, and how often, where Newton's method gets no further
 
 
 class NonlinearAdapter(Adapter):
@@ -98,17 +99,43 @@ class _Body:
         self.u, self.history = self.latest
 
     def advance(self, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton's method from the last committed step, see ``_moved``, so that answers do not depend on what has been asked
-        since. Raises ArithmeticError where it does not converge."""
+        """Newton's method from the last committed step, so that answers do not depend on what has been asked since; where it
+        gets no further, a few elastic steps, see ``_descended``.
+
+        Raises
+        ------
+        ArithmeticError : it does not converge, or the matter answers what is no number
+        """
         at = self._at(np.where(self.fixed, given, self.u), given)
-        for _ in range(ITERATIONS):
-            if at.left <= BALANCED or (further := self._moved(at, given)) is None:
+        newton, descents = 0, 0
+        while True:
+            if not at.finite:
+                raise ArithmeticError(_no_numbers(self.body, at))
+            if at.left <= BALANCED or newton == ITERATIONS:
                 break
+            further = self._moved(at, given)
+            newton += further is not None
+            if further is None:
+                if at.left <= ENOUGH or descents == DESCENTS:
+                    break
+                further, descents = self._descended(at, given), descents + 1
             at = further
         if not at.left <= ENOUGH:
-            raise ArithmeticError(f"Newton's method leaves {at.left:.1e} of the forces unbalanced: take smaller load steps")
+            raise ArithmeticError(f"Newton's method leaves {at.left:.1e} of the forces unbalanced after {newton} iterations and "
+                                  f"{STEADY * descents} elastic steps: take smaller load steps, or matter that softens less")
         self.latest = at.u, at.history
         return at.u, at.needed
+
+    def _descended(self, at: _At, given: np.ndarray) -> _At:
+        """Elastic steps, whatever they do to what is unbalanced: matter that is never stiffer than elastic comes down in energy
+        by each of them, also where it softens, and Newton's method has nothing to go by."""
+        for _ in range(STEADY):
+            u = at.u.copy()
+            u[self.free] += self.elastic[1].solve((given - at.needed)[self.free])
+            at = self._at(u, given)
+            if not at.finite:
+                break
+        return at
 
     def _moved(self, at: _At, given: np.ndarray) -> _At | None:
         """A step along the tangent, halved until what is unbalanced falls in the norm of the elastic compliance; where none
@@ -124,7 +151,7 @@ class _Body:
                 u[free] += 0.5**halved * change
                 found = self._at(u, given)
                 rest = (given - found.needed)[free]
-                if rest @ self.elastic[1].solve(rest) < size:
+                if found.finite and rest @ self.elastic[1].solve(rest) < size:
                     return found
         return None
 
@@ -132,18 +159,41 @@ class _Body:
         forces, tangent, history = self.solver.response(self.body, u, self.history)
         needed = forces + self.soles @ u
         size = max(np.linalg.norm(given[self.free]), np.linalg.norm(needed), np.finfo(float).tiny)
-        return _At(np.linalg.norm((given - needed)[self.free]) / size, u, needed, tangent + self.soles, history)
+        tangent = sp.csr_array(tangent) + self.soles
+        finite = bool(np.isfinite(needed).all() and np.isfinite(tangent.data).all())
+        return _At(np.linalg.norm((given - needed)[self.free]) / size, u, needed, tangent, history, finite)
 
 
 @dataclass(frozen=True)
 class _At:
-    """Displacements, what they need, and what is left of the forces on free dofs, relative."""
+    """Displacements, what they need, what is left of the forces on free dofs, relative; whether the matter answers with numbers."""
 
     left: float
     u: np.ndarray
     needed: np.ndarray
     tangent: sp.csr_array
     history: Any
+    finite: bool
+
+
+def _no_numbers(body: Any, at: _At) -> str:
+    """Where forces or tangent are no numbers, and at what strain, in words."""
+    dofs = ~np.isfinite(at.needed)
+    what = "forces" if dofs.any() else "a tangent with entries"
+    if not dofs.any():
+        tangent = sp.coo_array(at.tangent)
+        dofs[tangent.row[~np.isfinite(tangent.data)]] = True
+    struck = dofs.reshape(-1, 3).any(axis=1)[body.cells].sum(axis=1)
+    tet = int(np.argmax(struck))  # the matter of a tet strikes all of its nodes
+    corners = body.cells[tet, :4]
+    place = body.nodes[corners]
+    moved = np.linalg.solve(place[1:] - place[0], at.u.reshape(-1, 3)[corners[1:]] - at.u.reshape(-1, 3)[corners[0]])
+    strain = (moved + moved.T) / 2
+    rows = ", ".join(f"{name} {strain[i, j]:.3g}" for name, (i, j) in zip(
+        ("xx", "yy", "zz", "xy", "yz", "xz"), ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))))
+    return (f"response() returned {what} that are no numbers (nan or infinite): tet {tet} of the body, at "
+            f"({', '.join(f'{x:.6g}' for x in place.mean(axis=0))}), mean strain {rows}. Look for a division by zero or a root of a "
+            "negative number there")
 
 
 def _some(model: Any, chosen: np.ndarray) -> Any:

@@ -199,6 +199,11 @@ class Server:
         u, needed = (np.asarray(x, dtype=float).ravel() for x in self.solver.advance(self.prepared[index], given))
         if u.size != given.size or needed.size != given.size:
             raise ValueError(f"advance() returned {u.size} displacements and {needed.size} forces for {given.size} dofs")
+        lost = np.flatnonzero(~(np.isfinite(u) & np.isfinite(needed)))
+        if len(lost):
+            place = ", ".join(f"{x:.6g}" for x in model.nodes[lost[0] // 3])
+            raise ValueError(f"advance() returned what is no number (nan or infinite) on {len(lost)} dofs, the first at ({place}): look "
+                             "for a division by zero or a root of a negative number in the matter there")
         fixed = model.fixed.ravel()
         if (u[fixed] != reals[fixed]).any():
             raise ValueError("advance() returned displacements that are not those prescribed on clamped dofs")
