@@ -15,7 +15,7 @@ from orchestrator.blackbox.models.extended import extended_model, sides_by_subdo
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.following import Following
-from orchestrator.method.stopping.bound import ErrorBound
+from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
 from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
@@ -295,7 +295,7 @@ def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
     floor = max((blackbox.traits(code).floor for code in {s.code for s in own}), default=0.0)
     floor, = team.max(floor)
     wanted = method.tolerance.error
-    if isinstance(wanted, float) and floor >= wanted:
+    if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
         raise InputError(Problem(("method", "tolerance", "error"), f"{wanted:.1e} beside a matrix whose entries have too few digits for it",
                                  f"an error above {floor:.1e}, which its rounding alone may cause",
                                  f"write error: {2 * floor:.0e}, or the matrix with more digits (17 are all of a double's)"))

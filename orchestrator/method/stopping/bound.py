@@ -259,7 +259,8 @@ class ErrorBound:
         if least > useful:
             return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps, least=least)
         gap = self._largest(squares)
-        errors = self._each(squares, size - gap)
+        # with what ``relative`` has besides: a step that is left alone too early would keep the run from its end
+        errors = np.hypot(self._each(squares, size - gap), ROUNDING) + self.floor
         return Bound(_relative(gap, size) + self.floor, _relative(a, size), energy, moved, delta, sweeps, errors)
 
     def _balancing_forces(self, fields: Admissible, u: np.ndarray) -> np.ndarray:
