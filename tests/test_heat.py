@@ -95,6 +95,12 @@ def test_a_body_that_is_carried_away_as_a_whole_is_sound():
     solution = solve(config_from(bar(loads=[], boundary=[{"on": "*", "motion": {"translate": [0.1, 0.2, 0.3], "rotate": {"axis": "z", "degrees": 1}}}], histories={})))
     assert solution.converged and np.abs(solution.fields.stress(0)).max() < 1e-6 * STEEL["young"]
     assert solution.summary["discretisation_error"] < 1e-5
+    cubes = [{"name": n, "mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 2]}}, "move": {"translate": [0, 0, z]}} for n, z in (("a", 0), ("b", 1))]
+    apart = {**bar(loads=[], boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}], histories={}), "parts": cubes, "subdomains": {"groups": True},
+             "interfaces": [{"law": "jump", "between": ["a", "b"], "jump": [0.01, 0, 0.01]}]}
+    del apart["mesh"]
+    solution = solve(config_from(apart))
+    assert solution.converged and solution.summary["discretisation_error"] < 1e-5 and not solution.summary["warnings"]
 
 
 def test_temperatures_come_from_a_file_in_any_order(tmp_path):

@@ -130,12 +130,11 @@ class Estimator:
         alone = np.zeros(len(displacement))
         for t, (u, number) in enumerate(zip(displacement, numbers)):
             squares[t, self.order], energies[t] = self._squares(self._stress(u, number))
-            alone[t] = energies[t].sum() + self._of_nodes(u)
+            alone[t] = energies[t].sum() + moved_alone(u, self.cells, self.volumes, self.lame)
             if self.thermal is not None:  # errors of stresses, relative to the size of displacements like all others
                 energies[t] = self._squares(self._stress(u))[1]
         errors, energy, alone = self.team.sum(squares.sum(axis=1), energies.sum(axis=1), alone)
-        size, alone = np.sqrt((energy + errors).max(initial=0.0)), np.sqrt(alone.max(initial=0.0))
-        size = max(size, NOTHING * alone) or 1.0  # what rounding leaves of zero has no error of its own
+        size = size_of(energy + errors, alone)
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
     def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
@@ -163,11 +162,6 @@ class Estimator:
 
         corners = np.stack([stress(elastic(at), self.lame).T for at in (np.eye(4) if ten else [CENTRE])], axis=1)
         return np.concatenate([corners, corners[:, TET_EDGES].mean(axis=2)], axis=1) if ten else corners
-
-    def _of_nodes(self, u: np.ndarray) -> float:
-        """The energy that the displacements (n, 3) of the corners would have, each moved alone: its digits are no strain."""
-        slopes = (self.gradients**2).sum(axis=2) * (u[self.cells[:, :4]] ** 2).sum(axis=2)
-        return float(slopes.sum(axis=1) @ (self.volumes * (self.lame[:, 0] + 2 * self.lame[:, 1])))
 
     def _squares(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(m,) η² and (m,) energy ∫ σ : C⁻¹σ of the cells, from their stress (6, p or 1, m).
@@ -204,6 +198,23 @@ class Estimator:
     def _mean_square(self, values: np.ndarray) -> np.ndarray:
         """(m,) mean over each cell of the square of the function with these nodal values (p or 1, m)."""
         return values[0] ** 2 if len(values) == 1 else np.einsum("pm,pm->m", self.product @ values, values)
+
+
+def moved_alone(u: np.ndarray, cells: np.ndarray, volumes: np.ndarray, lame: np.ndarray) -> float:
+    """Energy that the displacements u (n, 3) of cells' corners would have about, each moved alone: rounding of a motion is no strain."""
+    square = np.einsum("nc,nc->n", u, u)[cells[:, :4]].sum(axis=1)
+    return float(square @ (np.cbrt(np.abs(volumes)) * (lame[:, 0] + 2 * lame[:, 1])))
+
+
+def size_of(squares: np.ndarray, alone: np.ndarray) -> float:
+    """What estimated errors are relative to, from ‖u‖² (T,): what rounding leaves of zero has no error of its own.
+
+    Parameters
+    ----------
+    alone : (T,) energies of which ``squares`` would be rounding
+    """
+    own, most = (float(np.sqrt(max(x.max(initial=0.0), 0.0))) for x in (squares, alone))
+    return max(own, NOTHING * most) or 1.0
 
 
 def _mean_products(count: int) -> np.ndarray:

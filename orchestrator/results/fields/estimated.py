@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.method.stopping.discretisation import SOFTEST, Estimate
+from orchestrator.method.stopping.discretisation import SOFTEST, Estimate, moved_alone, size_of
 from orchestrator.method.stopping.stress_loops import squares
 from orchestrator.results.fields.fields import Fields
 
@@ -23,11 +23,12 @@ def estimated(fields: Fields) -> Estimate | None:
         meets[drawn.joined[corner] * kinds + drawn.material] = True
     if np.count_nonzero(meets) != len(nodal):
         return None
-    errors, energies = np.empty((fields.steps, len(drawn.cells))), np.empty(fields.steps)
+    errors, energies, alone = np.empty((fields.steps, len(drawn.cells))), np.empty(fields.steps), np.empty(fields.steps)
     for step in range(fields.steps):
         errors[step], energy = squares(nodal.corner, drawn.stress(step).T, nodal.stress(step).T, drawn.lame, drawn.volumes,
                                        1 / 3 - 2 / (9 * SOFTEST))
         energies[step] = energy.sum()
+        alone[step] = moved_alone(drawn.displacement[step], drawn.cells, drawn.volumes, drawn.lame)
     total = errors.sum(axis=1)
-    size = np.sqrt((energies + total).max(initial=0.0)) or 1.0
+    size = size_of(energies + total, alone)
     return Estimate(float(np.sqrt(total.max(initial=0.0)) / size), np.sqrt(errors) / size)
