@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 
+import meshio
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -13,6 +14,11 @@ from in_process import IN_PROCESS
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
 from orchestrator.registry import FOREIGN
+from orchestrator.results.fields.files import write_fields
+from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.figures.interactive import result_page
+from orchestrator.results.figures.look import Look
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.foreign.flat import of_plane
@@ -262,7 +268,7 @@ def in_one_run(folder, solution, block, count) -> tuple[np.ndarray, np.ndarray]:
 
 @CALCULIX
 def test_two_decks_and_nothing_else(tmp_path):
-    """Bonded across faces that do not match; the floating one hangs on the other."""
+    """Bonded across faces that do not match; the floating one hangs on the other. Of our own there is nothing to draw."""
     for name, kind, cells, at in (("hull", "C3D20R", (1, 1, 1), (0, 0, 0)), ("tail", "C3D10", (2, 2, 1), (2, 0, 0))):
         (tmp_path / name).mkdir()
         write_deck(tmp_path / name, kind, cells, at=at, clamp="ROOT,1,3\n" * (name == "hull"), loads="*CLOAD\nFLANGE,3,-1.\n")
@@ -271,6 +277,12 @@ def test_two_decks_and_nothing_else(tmp_path):
     forces = [own_fields(solution, name).force[0].sum(axis=0) for name in ("tail", "hull")]
     count = 15  # nodes of the loaded end
     assert solution.converged and np.abs(forces[0] - [0, 0, count]).max() <= 1e-7 and np.abs(forces[0] + forces[1]).max() <= 1e-7
+    write_fields(ResultsFolder(tmp_path), solution.fields, beside=[own_fields(solution, name) for name in ("hull", "tail")])
+    assert len(meshio.read(tmp_path / "fields" / "hull_0001.vtu").points) == 20
+    drawn = write_figures(ResultsFolder(tmp_path), solution.summary, {}, solution.fields)
+    assert "deformed.png" not in [path.name for path in drawn]
+    with pytest.raises(InputError, match="no part to draw"):
+        result_page(solution.fields, "two", Look())
 
 
 def two_decks(folder, kinds, turned) -> dict:

@@ -133,7 +133,7 @@ class Fields:
         """The same of some of the cells (k,) int, with their own nodes; without interfaces."""
         nodes, cells = np.unique(self.cells[chosen], return_inverse=True)
         error, part, believed = self.discretisation_error, self.part, self.believed
-        return Fields(self.nodes[nodes], cells.reshape(len(chosen), -1), self.subdomain[chosen], self.lame[chosen],
+        return Fields(self.nodes[nodes], cells.reshape(len(chosen), self.cells.shape[1]), self.subdomain[chosen], self.lame[chosen],
                       self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen],
                       part=None if part is None else part[chosen], parts=self.parts,
                       joined=None if self.joined is None else self.joined[nodes],

@@ -18,7 +18,7 @@ from orchestrator.results.figures.copied import Copied
 from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.plotting import png
 from orchestrator.results.figures.probes import probes_over_steps
-from orchestrator.results.figures.skin import Shape, shape
+from orchestrator.results.figures.skin import Shape, anything, shape
 from orchestrator.results.figures.stages import time_per_stage
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.units import units_of
@@ -78,7 +78,7 @@ class Solved:
 
 def prepare(fields: Fields, look: Look, title: str, canvas: Canvas | None = None) -> Prepared:
     """Of a structure whose displacements are not known yet."""
-    return Prepared(fields, look, title, shape(fields, look) if look.cut is None and len(fields.cells) else None)
+    return Prepared(fields, look, title, shape(fields, look) if look.cut is None and anything(fields, look) else None)
 
 
 def sketch(solved: Solved, canvas: Canvas | None = None, *, prepared: Prepared) -> Prepared:
@@ -93,11 +93,14 @@ def _drawn(prepared: Prepared, stress: Mapping[int, np.ndarray] | None, canvas: 
     figures = {}
     if not fields.steps or not len(fields.cells):
         return prepared
+    seen = anything(fields, look)
+    if fields.interfaces is None and not seen:
+        return prepared
     if fields.interfaces is None:
         view = deformed.view(fields, look, shape, stress)
         figures["deformed"] = deformed.compose(view, None if canvas is None else canvas.draw(view), title, look)
     else:
-        for name, grid in (("deformed", panels.opened(fields, look, shape, stress)), ("interfaces", panels.interfaces(fields, look)),
+        for name, grid in (("deformed", panels.opened(fields, look, shape, stress) if seen else None), ("interfaces", panels.interfaces(fields, look)),
                            ("jumps", panels.interfaces(fields, look, imposed=True))):
             if grid is not None:
                 figures[name] = panels.compose(grid, None if canvas is None else [canvas.draw(view) for view in grid.views], title)
@@ -145,7 +148,7 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     if prepared is None and fields is not None:
         prepared = _drawn(Prepared(fields, look or look_of(summary), str(summary.get("name") or "")), None, canvas)
     figures = dict(prepared.figures) if prepared is not None else {}
-    if figures and (view := codes.view(prepared.fields, summary)) is not None:
+    if "deformed" in figures and (view := codes.view(prepared.fields, summary)) is not None:
         figures["codes"] = png(codes.compose(view, None if canvas is None else canvas.draw(view), summary))
     for name, content in figures.items():
         _write(folder, name, content)

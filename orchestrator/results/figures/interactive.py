@@ -14,7 +14,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import deformed
 from orchestrator.results.figures.look import Look
-from orchestrator.results.figures.skin import Skin, skin
+from orchestrator.results.figures.skin import Skin, anything, skin
 from orchestrator.results.figures.view import colour_limits, toward_eye
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -31,9 +31,12 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
 
     Raises
     ------
-    InputError : Plotly is not installed, or the surface is too large for a browser
+    InputError : Plotly is not installed, the surface is too large for a browser, or there is none
     """
     step = deformed.most_deformed(fields)
+    if not anything(fields, look):
+        raise InputError(Problem((), "no part to draw that has a mesh of ours", "a part other than decks, matrices and programs",
+                                 "open fields/fields.pvd in ParaView: decks are there with their own mesh"))
     seen = skin(fields, [step], look, toward_eye(fields.nodes) if look.direction is None else look.direction)
     _check(len(seen.triangles))
     u, stress = seen.displacement[step], seen.stress[step]

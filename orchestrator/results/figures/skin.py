@@ -71,6 +71,11 @@ def shape(fields: Fields, look: Look) -> Shape:
                  np.empty((0, 2, 3)) if look.parts else _outline(fields))
 
 
+def anything(fields: Fields, look: Look) -> bool:
+    """Whether there is a tet to be drawn: of parts whose mesh is another program's there is none."""
+    return len(_kept(fields, look)) > 0
+
+
 def _kept(fields: Fields, look: Look) -> np.ndarray:
     """(k,) int, tets that are drawn."""
     kept = look.chosen(fields.parts, fields.part, len(fields.cells))
