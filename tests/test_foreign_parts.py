@@ -419,6 +419,29 @@ def test_loads_of_a_later_step(tmp_path, kind):
         FOREIGN[config.codes[-1].code](config.codes[-1]).condensed()
 
 
+@CALCULIX
+@pytest.mark.parametrize("kind", ["normals", "zeros left out", "a surface of shells"])
+def test_decks_as_calculix_reads_them(tmp_path, kind):
+    """Nodes with normals, nodes without their last coordinates, a surface that no joint asks for: the same part."""
+    write_deck(tmp_path)
+    codes = [config_from(data(deck(tmp_path))).codes[-1]]
+    head, *lines = (tmp_path / "part.inp").read_text().split("*ELEMENT", 1)[0].splitlines()
+    rest = "*ELEMENT" + (tmp_path / "part.inp").read_text().split("*ELEMENT", 1)[1]
+    plain = FOREIGN[codes[0].code](codes[0]).condensed()
+    if kind == "normals":
+        lines = [line + ",0.,0.,1." for line in lines]
+    elif kind == "zeros left out":
+        lines = [line.replace(",0.0", ",").rstrip(",") for line in lines]
+    else:
+        rest += "*ELEMENT,TYPE=S4,ELSET=SKIN\n77,1,2,4,3\n*SURFACE,NAME=OUT\nSKIN,SPOS\n*SHELL SECTION,ELSET=SKIN,MATERIAL=STEEL\n1e-6\n"
+    (tmp_path / "other.inp").write_text("\n".join([head, *lines]) + "\n" + rest)
+    own = config_from(data(deck(tmp_path, calculix=str(tmp_path / "other.inp")))).codes[-1]
+    other = FOREIGN[own.code](own).condensed()
+    np.testing.assert_array_equal(other.joints.points, plain.joints.points)
+    apart = np.abs(other.stiffness - plain.stiffness).max() / np.abs(plain.stiffness).max()
+    assert apart <= (1e-3 if "shells" in kind else 1e-12)  # a skin of a millionth
+
+
 WRONG_DECKS = {
     "dependent": (dict(more="*EQUATION\n2\n12,1,1.,9,1,-1.\n", kind="C3D8"), {"joints": "FLANGE"}, "depend on others"),
     "transform": (dict(more="*TRANSFORM,NSET=FLANGE,TYPE=R\n0.,1.,0.,-1.,0.,0.\n"), {}, r"\*TRANSFORM"),

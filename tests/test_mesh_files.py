@@ -110,7 +110,20 @@ def test_a_deck_with_node_sets_surfaces_and_files_included(tmp_path):
     assert len(faces["ALL"]) == 3  # of the one tet that has them all
 
 
+@pytest.mark.parametrize("old, new", [("3, 0, 1.D0, 0", "3, 0, 1.D0, 0, 0., 0., 1."), ("3, 0, 1.D0, 0", "3,, 1.D0"), ("3, 0, 1.D0, 0", "3, , 1.D0, ,"),
+                                      ("*MATERIAL", "*SURFACE, NAME=skin, TYPE=ELEMENT\nlower, S1\nlower, SPOS\n*MATERIAL"),
+                                      ("*MATERIAL", "*SURFACE, NAME=rim\n99, EDGE2\n99, E1\n98, SNEG\n*MATERIAL")])
+def test_lines_that_say_more_or_less_than_is_asked(tmp_path, old, new):
+    """Normals of nodes, coordinates left out, faces of shells: such a surface is passed over as a whole, and told."""
+    plain, other = read(deck(tmp_path)), read(deck(tmp_path, DECK.replace(old, new, 1)))
+    np.testing.assert_array_equal(other.nodes, plain.nodes)
+    assert set(other.surfaces) == set(plain.surfaces) and len(other.remarks) == len(plain.remarks) + ("SURFACE" in new)
+    assert "SURFACE" not in new or "is passed over" in other.remarks[0]
+
+
 @pytest.mark.parametrize("old, new, words", [
+    ("*NODE", "*NODE, SYSTEM=C", "nodes in SYSTEM=C"), ("*MATERIAL", "*SYSTEM\n0., 0., 1.\n*MATERIAL", "*SYSTEM, which moves nodes"),
+    ("3, 0, 1.D0, 0", "3.5, 0, 1., 0", "part.inp:7: '3.5' as the number of a node"),
     ("3, 0, 1.D0, 0", "3, 0, one, 0", "part.inp:7: 'one'"), ("lower, S2", "lower, P2", "part.inp:19: a face P2"),
     ("11, 2, 3, 4, 5", "11, 2, 3, 4", "numbers for elements of 4 nodes"), ("10, 1, 2, 3, 4", "10, 1, 2, 3, 9", "node 9"),
     ("TYPE=C3D4, ELSET", "TYPE=C3D99, ELSET", "elements of type C3D99"), ("more.inc", "less.inc", "less.inc: No such file")])

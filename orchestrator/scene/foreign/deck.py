@@ -15,7 +15,7 @@ from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
-from orchestrator.scene.mesh.inp_cards import Row, cards, numbers
+from orchestrator.scene.mesh.inp_cards import Row, cards, node_table, numbers
 from orchestrator.scene.mesh.splitting import FACES
 from orchestrator.scene.mesh.straightened import CORNERS, EDGES
 
@@ -85,11 +85,11 @@ class Deck:
             self.cards = list(cards(file))
         except InputError as error:
             raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
-        tables = [numbers(rows) for card, _, rows in self.cards if card == "NODE"]
-        if any(len(table) % 4 for table in tables) or not tables:
-            raise InputError(Problem(path, f"{file}: nodes without three coordinates, or none", "*NODE with number, x, y, z",
+        tables = [node_table(options, rows) for card, options, rows in self.cards if card == "NODE"]
+        if not tables:
+            raise InputError(Problem(path, f"{file}: no nodes", "*NODE with number, x, y, z",
                                      "name the file that has the nodes, or that includes it"))
-        table = np.vstack([table.reshape(-1, 4) for table in tables])
+        table = np.vstack(tables)
         ids = table[:, 0].astype(int)
         last = np.unique(ids[::-1], return_index=True)  # CalculiX takes the last
         self.ids, self.points = last[0], table[::-1][last[1], 1:]
@@ -100,7 +100,7 @@ class Deck:
         found: dict[str, list[np.ndarray]] = {}
         for card, options, rows in self.cards:
             if card == "NODE" and "NSET" in options:
-                found.setdefault(options["NSET"].upper(), []).append(numbers(rows).reshape(-1, 4)[:, 0].astype(int))
+                found.setdefault(options["NSET"].upper(), []).append(node_table(options, rows)[:, 0].astype(int))
             elif card == kind:
                 own = found.setdefault(options.get(kind, "").upper(), [])
                 for row in rows:

@@ -47,7 +47,8 @@ def read(path: Path) -> Mesh:
     ------
     InputError : no such file, too large, unreadable, no solid cells, of higher order, too distorted to be split
     """
-    raw, remarks = straightened(_load(path))
+    loaded = _load(path)
+    raw, remarks = straightened(loaded)
     raw, split = in_tets(raw, str(path))
     solid = sorted({block.type for block in raw.cells} - FLAT_CELLS - {"line3"})
     problem = None
@@ -82,7 +83,8 @@ def read(path: Path) -> Mesh:
         if dimension == 2:
             named.setdefault(name, np.empty((0, 3), dtype=np.int64))
     points = np.asarray(raw.points, dtype=float)[used]
-    return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=[*remarks, *split, *unclear, *not_saved(raw, path)])
+    return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=[
+        *(loaded.info or {}).get("remarks", []), *remarks, *split, *unclear, *not_saved(raw, path)])
 
 
 def _load(path: Path) -> meshio.Mesh:

@@ -6,12 +6,13 @@ those that have all their corners in it. Everything else of a deck (matter, step
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.inp_cards import Row, cards, numbers, problem
+from orchestrator.scene.mesh.inp_cards import Row, cards, node_table, numbers, problem
 
 # type of element → meshio's word, nodes
 _SHAPES = {4: ("tetra", 4), 10: ("tetra10", 10), 5: ("pyramid", 5), 6: ("wedge", 6), 15: ("wedge15", 15), 8: ("hexahedron", 8), 20: ("hexahedron20", 20)}
@@ -22,6 +23,7 @@ _FACES = {"tetra": [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]],
           "hexahedron": [[0, 1, 2, 3], [4, 7, 6, 5], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6, 7, 3], [3, 7, 4, 0]],
           "wedge": [[0, 1, 2], [3, 5, 4], [0, 3, 4, 1], [1, 4, 5, 2], [2, 5, 3, 0]],
           "pyramid": [[0, 1, 2, 3], [0, 4, 1], [1, 4, 2], [2, 4, 3], [3, 4, 0]]}
+_OF_SHELLS = re.compile("SPOS|SNEG|(E|EDGE|END|ENDS)[1-4]?|N")  # names of faces that solids have not
 _NONE = np.empty(0, dtype=int)
 _NO_NODE = -1  # fourth node of a triangle
 
@@ -48,15 +50,13 @@ class _Deck:
         self.numbers: dict[str, list[np.ndarray]] = {}
         self.elements: dict[str, list[np.ndarray]] = {}  # sets, by name
         self.points: dict[str, list[np.ndarray]] = {}
+        self.passed: dict[str, str] = {}  # surfaces with faces of shells, and where the first of them is
         self.surfaces: dict[str, list[tuple[str, int, Row]]] = {}  # (element or set, face, where it says so)
 
     def take(self, card: str, options: dict[str, str], rows: list[Row]) -> None:
         """One card with its lines."""
         if card == "NODE":
-            table = numbers(rows)
-            if len(table) % 4:
-                rows[0].fail(f"{len(table)} numbers for nodes", "a number and three coordinates for each")
-            table = table.reshape(-1, 4)
+            table = node_table(options, rows)
             self.nodes.append(table)
             if "NSET" in options:
                 self.points.setdefault(options["NSET"], []).append(table[:, 0].astype(int))
@@ -65,10 +65,15 @@ class _Deck:
         elif card in ("ELSET", "NSET"):
             sets = self.elements if card == "ELSET" else self.points
             sets.setdefault(options.get(card, ""), []).append(self._members(sets, options, rows))
+        elif card in ("SYSTEM", "INSTANCE"):
+            rows[0].fail(f"*{card}, which moves nodes", "nodes in one system of coordinates, where they are")
         elif card == "SURFACE" and options.get("TYPE", "ELEMENT").upper() == "ELEMENT":
             faces = self.surfaces.setdefault(options.get("NAME", ""), [])
             for row in rows:
                 side = row.words[1].upper() if len(row.words) > 1 else ""
+                if _OF_SHELLS.fullmatch(side):
+                    self.passed.setdefault(options.get("NAME", ""), f"{row.file}:{row.line}: a face {side}")
+                    continue
                 if side not in ("S1", "S2", "S3", "S4", "S5", "S6"):
                     row.fail(f"a face {side or 'that is not named'}", "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
                 faces.append((row.words[0], int(side[1]) - 1, row))
@@ -123,7 +128,8 @@ class _Deck:
                     named[name].append(np.arange(len(of_kind)))
         for members in named.values():
             members += [_NONE] * (len(cells) - len(members))
-        return meshio.Mesh(nodes[:, 1:], cells, cell_sets=named)
+        return meshio.Mesh(nodes[:, 1:], cells, cell_sets=named, info={"remarks": [
+            f"surface '{name}' is passed over: {where}, of shells or beams" for name, where in self.passed.items()]})
 
     def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray], sets: dict[str, np.ndarray],
                place: np.ndarray) -> dict[str, np.ndarray]:
@@ -141,6 +147,8 @@ class _Deck:
         order = np.argsort(ids)
         upper, found = {name.upper(): members for name, members in sets.items()}, {}
         for name, entries in self.surfaces.items():
+            if name in self.passed:
+                continue
             chosen = [np.empty((0, 4), dtype=int)]
             for word, side, row in entries:
                 members = upper.get(word.upper(), np.array([int(word)]) if word.isdigit() else np.empty(0, dtype=int))

@@ -56,6 +56,27 @@ def numbers(rows: list[Row]) -> np.ndarray:
         raise
 
 
+def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
+    """(n, 4) float, numbers and coordinates of nodes, a line each: what follows the third coordinate (a normal) is passed over,
+    coordinates that are left out are 0.
+
+    Raises
+    ------
+    InputError : what is no number; coordinates that are not Cartesian
+    """
+    if options.get("SYSTEM", "R").upper() != "R":
+        rows[0].fail(f"nodes in SYSTEM={options['SYSTEM']}", "Cartesian coordinates")
+    if all(row.text.count(",") == 3 for row in rows) and not any(",," in row.text.replace(" ", "") for row in rows):
+        table = numbers(rows).reshape(-1, 4)
+    else:
+        full = [Row(",".join([word or "0" for word in row.words[:4]] + ["0"] * (4 - len(row.words))), row.file, row.line) for row in rows]
+        table = numbers(full).reshape(-1, 4)
+    bad = np.flatnonzero(~((table[:, 0] >= 1) & (table[:, 0] == np.floor(table[:, 0]))))
+    if len(bad):
+        rows[bad[0]].fail(f"'{rows[bad[0]].words[0]}' as the number of a node", "a whole number from 1")
+    return table
+
+
 def cards(path: Path, depth: int = 0) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
     """Keyword, its options, its lines; of files that are included too."""
     try:
