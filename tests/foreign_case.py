@@ -37,15 +37,15 @@ def stiffness(nodes, cells, young=200e3):
 
 
 def write_matrix(folder, digits=17, change=lambda K, nodes: (K, nodes), clamp=True, loads=(1.0, 2.0, -3.0), turned=False,
-                 cells=(2, 1, 1), without=()):
-    """K.mtx, nodes.csv, facets.csv (but for the faces ``without``), f.mtx of the block, its end x = 0 clamped, its joint at x = 2;
-    returns K, nodes and forces."""
-    x, t = tets(cells)
+                 cells=(2, 1, 1), without=(), size=SIZE):
+    """K.mtx, nodes.csv, facets.csv (but for the faces ``without``), f.mtx of the block, its end x = 0 clamped, its joint at the
+    other; returns K, nodes and forces."""
+    x, t = tets(cells, size=size)
     kept = np.flatnonzero(x[:, 0] > 0) if clamp else np.arange(len(x))
     dofs = (3 * kept[:, None] + np.arange(3)).ravel()
     K, f = sp.csr_array(stiffness(x, t)[dofs][:, dofs]), np.tile(loads, len(kept))
     outer = faces_of(t, len(x)).triangles[faces_of(t, len(x)).outer]
-    joint = np.delete(outer[(x[outer][:, :, 0] == 2).all(axis=1)], list(without), axis=0)
+    joint = np.delete(outer[(x[outer][:, :, 0] == size[0]).all(axis=1)], list(without), axis=0)
     table = np.column_stack([1 + kept, x[kept]])
     changed, table = change(K, table)
     scipy.io.mmwrite(folder / "K.mtx", sp.coo_matrix(changed), precision=digits, symmetry="general")

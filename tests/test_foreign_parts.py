@@ -285,11 +285,12 @@ def test_two_decks_and_nothing_else(tmp_path):
         result_page(solution.fields, "two", Look())
 
 
-def two_decks(folder, kinds, turned) -> dict:
-    """One clamped and one pulled, of the same cells."""
-    for name, kind, at, clamp in zip(("hull", "tail"), kinds, (0, 2), ("ROOT,1,3\n", "")):
+def two_decks(folder, kinds, turned, length=2) -> dict:
+    """One clamped, as long as that, and one of 2 pulled, of cells of one size."""
+    for name, kind, at, own, clamp in zip(("hull", "tail"), kinds, (0, length), (length, 2), ("ROOT,1,3\n", "")):
         (folder / name).mkdir()
-        write_deck(folder / name, kind, (2, 2, 2), at=(at, 0, 0), clamp=clamp, loads="*CLOAD\nFLANGE,3,-1.\n", turned=turned and name == "tail")
+        write_deck(folder / name, kind, (own, 2, 2), at=(at, 0, 0), size=(float(own), 1.0, 1.0), clamp=clamp,
+                   loads="*CLOAD\nFLANGE,3,-1.\n", turned=turned and name == "tail")
     two = [{**deck(folder / "hull", loads=None)}, {**deck(folder / "tail", joints="ROOT"), "name": "tail"}]
     return data(two[0], parts=two, boundary=[], interfaces=[{"between": ["hull", "tail"], "law": "perfect"}])
 
@@ -303,15 +304,34 @@ def test_nodes_that_coincide_are_paired(tmp_path, kinds):
         assert [i.matching for i in scene.interfaces] == [True] and not scene.warnings
 
 
+@pytest.mark.parametrize("length, cells", [(6, (6, 1, 1)), (20, (20, 2, 2)), (200, (100, 1, 1))])
+def test_slender_parts_are_held_or_not(tmp_path, length, cells):
+    """What is said to be held is believed where rigid motions cost anything, and where they cost nothing it is not."""
+    for clamp in (True, False):
+        write_matrix(tmp_path, cells=cells, size=(length, 1.0, 1.0), clamp=clamp)
+        for held in (True, False):
+            entry = config_from(data(matrix(tmp_path, held=held, loads=None))).codes[-1]
+            if held == clamp:
+                FOREIGN[entry.code](entry).condensed()
+                continue
+            with pytest.raises(InputError, match="supports that hold it are inside" if clamp else "rigid motions cost nothing"):
+                FOREIGN[entry.code](entry).condensed()
+    write_matrix(tmp_path, cells=cells, size=(length, 1.0, 1.0), digits=4)
+    with pytest.raises(InputError, match="digits tell|still move"):
+        entry = config_from(data(matrix(tmp_path, loads=None))).codes[-1]
+        FOREIGN[entry.code](entry).condensed()
+
+
 @CALCULIX
-def test_two_decks_of_quadratic_bricks_are_one(tmp_path):
-    """Their faces cut along different diagonals, against the deck of both with its nodes shared."""
-    solution = solve(config_from(two_decks(tmp_path, ("C3D20R", "C3D20R"), True)))
-    tail = own_fields(solution, "tail")
-    write_deck(tmp_path, "C3D20R", (4, 2, 2), size=(4.0, 1.0, 1.0), loads="*CLOAD\nFLANGE,3,-1.\n")
+@pytest.mark.parametrize("kind, length", [("C3D20R", 2), ("C3D8", 12)])
+def test_two_decks_are_one(tmp_path, kind, length):
+    """Their faces cut along different diagonals, one of them slender, against the deck of both with its nodes shared."""
+    solution = solve(config_from(two_decks(tmp_path, (kind, kind), True, length)))
+    tail, size, cells = own_fields(solution, "tail"), (length + 2.0, 1.0, 1.0), (length + 2, 2, 2)
+    write_deck(tmp_path, kind, cells, size=size, loads="*CLOAD\nFLANGE,3,-1.\n")
     (tmp_path / "whole.inp").write_text("*INCLUDE,INPUT=part.inp\n*STEP\n*RESTART,WRITE\n*STATIC\n*INCLUDE,INPUT=loads.inp\n*END STEP\n")
     subprocess.run(["ccx", "-i", "whole"], cwd=tmp_path, capture_output=True, check=True)
-    x = elements("C3D20R", (4, 2, 2), size=(4.0, 1.0, 1.0))[0]
+    x = elements(kind, cells, size=size)[0]
     place = [int(np.argmin(np.linalg.norm(x - p, axis=1))) for p in tail.points]
     exact = restart_displacements(tmp_path / "whole.rout", "STEEL")[place]
     assert np.abs(tail.displacement[0] - exact).max() <= 1e-8 * np.abs(exact).max()

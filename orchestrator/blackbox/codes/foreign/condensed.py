@@ -28,6 +28,9 @@ DIGITS, WRONG = 1e-13, 3e-4
 # Of parts whose elements are no slabs or needles, diagonal entries are .1 to 20 times the modulus times the size of the faces
 # there (measured, .02 to 300 where they are): units that are mixed up make a thousand of it.
 OTHER_UNIT = 100.0
+# A stiffness against a rigid motion below this share of the largest entry is none: that of the end of a slender part is 2e-4 of
+# it at a length of six sides, 6e-8 at two hundred.
+FREE = 1e-9
 # An eigenvalue this far below zero, in units of the largest, is no rounding either; times the share above where that is more.
 NEGATIVE = 1e-9
 
@@ -129,12 +132,17 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
         raise _wrong(path, f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a symmetric one",
                      "write both halves, or the lower one with 'symmetric' in the file's head")
     S = (S + S.T) / 2
-    share, motions, free_motions = _rigid(joints, S, free)
+    share, motions, energies = _rigid(joints, S, free)
     if joints.left.shape[1] and share > WRONG:
         raise _not_rigid(joints, S, free, path, name, share, motions)
-    if joints.left.shape[1] < 6 and free_motions > joints.left.shape[1]:
+    if joints.left.shape[1] < 6 and motions.max(initial=0.0) <= WRONG:
         raise _wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing", "supports in the matrix or deck, "
                      "or none said", "write held: false, or put the supports in")
+    lost = max(FREE, 0.0 if error is None else 10 * float(np.abs(error).max(initial=0.0) / (size or 1.0)))
+    if joints.left.shape[1] < 6 and (energies <= lost * size).sum() > joints.left.shape[1]:
+        raise _wrong(path, f"'{name}' is said to be held inside, and some rigid motion costs {max(energies[0] / (size or 1.0), 0.0):.0e} of its "
+                     f"stiffness, no more than its digits tell ({lost:.0e})", "supports that hold all of it, or of slender parts a matrix "
+                     "with all digits", "put the supports in that are missing; write the matrix with 17 digits")
     rounding = share if share > DIGITS else 0.0
     if error is None and rounding:
         error = _sample(sp.csr_array(S), rounding).toarray()
@@ -160,9 +168,9 @@ def check_modulus(part: Condensed, young: float | None, path: KeyPath, name: str
                      f"same, write material: {{young: {found:.1g}, poisson: 0.3}}, which sets no more than how fast iterations are")
 
 
-def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, int]:
+def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """What rigid motions cost that should be free: the relative error of S's entries that would explain it; the cost of each of
-    the six motions; and how many independent motions cost nothing.
+    the six motions; and the stiffness against independent ones, ascending.
 
     Where entries have relative errors r of random signs, (S R)_i is about r/√3 · √Σ_j S_ij² R_j².
     """
@@ -177,7 +185,7 @@ def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.n
     share = float(cost(left).max(initial=0.0))
     Q = la.orth(R[free])
     values = np.linalg.eigvalsh(Q.T @ own @ Q) if Q.shape[1] else np.ones(0)
-    return share, cost(R), int((values <= WRONG * np.abs(own).max(initial=0.0)).sum())
+    return share, cost(R), values
 
 
 def _not_rigid(joints: Joints, S: np.ndarray, free: np.ndarray, path: KeyPath, name: str, share: float,
