@@ -84,6 +84,15 @@ def test_a_matrix_is_a_part(tmp_path):
     assert near.converged and near.iterations <= rough.iterations + 5 and 7e-8 <= near.error_bound <= 1e-7
 
 
+def test_a_held_part_bonded_to_one_that_is_moved(tmp_path):
+    """Rigid motions cost energy where supports are inside: the energy is the work of what is prescribed, and the bound holds."""
+    write_matrix(tmp_path, loads=(0.0, 0.0, 0.0))
+    moved = np.array([[0.003, -0.002, 0.0], [0.0, 0.0, 0.01]])
+    found = solve(config_from(data(matrix(tmp_path), 1e-9, boundary=[{"on": "block/xmax", "displacement": moved.tolist()}])))
+    assert found.converged and found.error_bound <= 1e-9
+    np.testing.assert_allclose(found.summary["energy"], np.sum(moved * found.reactions[0], axis=1) / 2, rtol=1e-6)
+
+
 def test_condensed_by_whoever_made_it(tmp_path):
     """The Schur complement with the joint's nodes alone, flat and without faces, is the same part."""
     K, x, f = write_matrix(tmp_path)

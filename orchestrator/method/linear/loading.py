@@ -207,13 +207,14 @@ class Carried:
 
     def split(self, s: Subdomain, points: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """The motion (T, 3n) of a subdomain, zero on prescribed dofs, and what it leaves there of the lift (T, 3n); None
-        where nothing moves.
+        where nothing moves: neither do parts whose mesh is not ours and that are held inside. Rigid motions cost energy
+        there, on joints too, and nothing is prescribed but rest.
 
         Parameters
         ----------
         points : (n, 3) where its nodes are
         """
-        if self.body[s.index] not in self.frames:
+        if self.body[s.index] not in self.frames or s.foreign and s.fixed.any():
             return None
         centre, size, coefficients = self.frames[self.body[s.index]]
         rigid = (motions_about(points, centre, size).reshape(-1, 6) @ coefficients).T
