@@ -39,6 +39,7 @@ def every_command(version: Annotated[bool, typer.Option("--version", callback=_v
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
     "--set", metavar="KEY=VALUE", help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
+RunPrograms = Annotated[bool, typer.Option("--run-programs", help="start the programs and interpreters that CONFIG names, as run does")]
 
 
 @app.command()
@@ -95,7 +96,8 @@ def run(config: ConfigFile, overrides: Overrides = None,
 
 @app.command()
 def check(config: ConfigFile, overrides: Overrides = None,
-          syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False) -> None:
+          syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False,
+          run_programs: RunPrograms = False) -> None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
     def action() -> int:
         from orchestrator.config import load_config, located
@@ -107,7 +109,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
         from orchestrator.check import checked
 
         try:
-            print("\n".join(checked(loaded.config)))
+            print("\n".join(checked(loaded.config, run_programs)))
         except InputError as error:
             raise located(error, loaded) from error
         return CONVERGED
@@ -120,7 +122,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
             overrides: Overrides = None,
             h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
             html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
-            ) -> None:
+            run_programs: RunPrograms = False) -> None:
     """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
     def action() -> int:
         from orchestrator.config import load_config, located
@@ -131,7 +133,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
         else:
             loaded = load_config(source, overrides or [])
             try:
-                lines, mesh = listed(loaded.config)
+                lines, mesh = listed(loaded.config, run_programs)
             except InputError as error:
                 raise located(error, loaded) from error
         print("\n".join(lines))

@@ -11,6 +11,7 @@ from orchestrator.config import Config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.foreign.asked import not_asked
 from orchestrator.scene.inspection.content import surfaces_of, units_remark, volumes_of
 from orchestrator.scene.inspection.pairs import pairs_of_mesh, pairs_of_scene
 from orchestrator.scene.inspection.tables import pair_table, surface_table, volume_table
@@ -39,18 +40,25 @@ def section_of(path: Path, h: float | None = None) -> Section:
     return Section(file=str(path))
 
 
-def listed(config: Config) -> tuple[list[str], Mesh]:
+def listed(config: Config, run_programs: bool = False) -> tuple[list[str], Mesh]:
     """Lines on a configuration, and its mesh: of its scene where it makes one, else of its meshes, and what is wrong.
+
+    Parameters
+    ----------
+    run_programs : whether parts that are programs are started; else these are not there
 
     Raises
     ------
     InputError : there is no mesh
     """
     young = [matter.young for matter in config.matter]
+    if not run_programs and any(part.program for part in config.parts or []):
+        mesh, faces = make_parts(config.parts, run_programs=None)
+        return [*_lines(mesh, faces, young), "", *not_asked(config)], mesh
     try:
-        scene = build_scene(config)
+        scene = build_scene(config, run_programs=run_programs)
     except InputError as error:
-        mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts)
+        mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs=run_programs)
         return [*_lines(mesh, faces, young), "", f"no scene yet, {len(error.problems)} problem"
                 f"{'s' if len(error.problems) > 1 else ''} in the input: orchestrator check tells"], mesh
     mesh, first = scene.mesh, np.unique(scene.mesh.volume, return_index=True)[1]

@@ -117,7 +117,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
         if scene is None and team.rank == 0:
             told.stage("meshing")
             with watch("mesh"):
-                scene = build_scene(config)
+                scene = build_scene(config, run_programs=True)
         return _solve(config, scene, told, reference, start, watch, team, ahead, speeds, may_stop)
     except Unbalanced:
         raise
@@ -308,7 +308,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             if team.size > 1:
                 give_back()
             with watch("mesh"):
-                scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]))
+                scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]), run_programs=True)
             with Record(folder, config, scene, watch, resume=resume) as record:
                 told = [*record.subscribers, progress]
                 if artist:

@@ -35,17 +35,18 @@ STEP_BYTES = 5 * 3 * 8
 QUADRATIC_BYTES = 5800.0
 
 
-def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
+def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs: bool = False) -> Scene:
     """Everything the method needs to know of the problem.
 
     Parameters
     ----------
     kept : may know the mesh from an earlier run
+    run_programs : whether parts that are programs are started; they alone know their joints
 
     Raises
     ------
     InputError : with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
-        a bad mesh is reported alone, since nothing else can be judged without it
+        a bad mesh is reported alone, since nothing else can be judged without it; programs that may not be started
 
     Examples
     --------
@@ -59,7 +60,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make()) -> Scene:
     >>> [interface.subdomains for interface in scene.interfaces]
     [(0, 1), (1, 2), (2, 3)]
     """
-    mesh, faces = make_mesh(config.mesh, kept) if config.mesh else make_parts(config.parts, kept)
+    mesh, faces = make_mesh(config.mesh, kept) if config.mesh else make_parts(config.parts, kept, run_programs)
     element, choice = config.codes[0].element, None
     if element == "auto":
         from orchestrator.scene.mesh.element import choose_element

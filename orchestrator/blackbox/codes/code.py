@@ -79,6 +79,9 @@ class Code(ABC):
     def check(self) -> None:
         """Raises InputError for what is wrong with files of its own, as far as it shows before anything is solved."""
 
+    def ask(self) -> None:
+        """Raises InputError where a program that the entry names, once started, turns out to lack what is needed."""
+
     def floor(self) -> float:
         """Relative error, in energy, that no iteration takes away, see ``protocol.Traits``."""
         return 0.0

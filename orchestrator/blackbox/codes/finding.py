@@ -1,4 +1,4 @@
-"""Are the codes there that a configuration asks for? Nothing is started."""
+"""Are the codes there that a configuration asks for? Nothing is started but an interpreter that an entry names, to be asked."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from orchestrator.registry import CODES, FOREIGN
 MOST_WORKERS, WORKERS_PER_CORE = 64, 8
 
 
-def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = None) -> dict[int, Code]:
+def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = None, run_programs: bool = True) -> dict[int, Code]:
     """The code of each entry that is used.
 
     Parameters
     ----------
     settings : the entries of ``blackbox``
     used : which of them have a model; default all
+    run_programs : whether interpreters that entries name may be started, to be asked whether they have what is needed
 
     Raises
     ------
@@ -39,6 +40,8 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
         try:
             known = FOREIGN if settings[index].code in FOREIGN else CODES
             found[index] = known[settings[index].code](settings[index])
+            if run_programs:
+                found[index].ask()
         except InputError as error:  # a code knows nothing of lists
             problems += error.problems if settings[index].code in FOREIGN else [replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
     if problems:

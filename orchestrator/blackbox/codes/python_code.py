@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 from functools import cache
 from importlib import metadata
 from importlib.machinery import PathFinder
@@ -115,9 +116,7 @@ class PythonCode(MessageCode):
         if self.settings.nonlinear and self.settings.transport != "pipe":
             raise _absent(f"{self.settings.transport} for a nonlinear solver", "a process that remembers load steps",
                           "write transport: pipe, or leave it out", "transport")
-        if self.settings.python:
-            _ask(self.settings.python, self.package)
-        elif self.package and not _installed(self.package):
+        if self.package and not self.settings.python and not _installed(self.package):
             raise _absent(f"no Python package {self.package} in {sys.prefix}", f"the package {self.package}",
                           f"{sys.executable} -m pip install {self.package}")
         if where.endswith(".py"):
@@ -130,6 +129,11 @@ class PythonCode(MessageCode):
                           "install it in this environment, or add its folder to PYTHONPATH")
         self._code = code
 
+    def ask(self) -> None:
+        """The interpreter that the entry names, whether it has what the server needs."""
+        if self.settings.python:
+            _ask(self.settings.python, self.package)
+
     @property
     def name(self) -> str:
         """As in the YAML; of a solver of the user's own the file or the module, without its folder and class."""
@@ -140,15 +144,17 @@ class PythonCode(MessageCode):
         """Command line of a server that reads and writes these paths."""
         own = self.settings.model_dump(mode="json", exclude={*CodeSettings.model_fields, "loads", "nonlinear", "options", "python"})
         server = [self._code, json.dumps({**own, **self.settings.options}), requests, replies]
+        if not self.solver:  # a module of the user's own may be in the current folder; nothing else is looked for there first
+            server.append(os.getcwd())
         if self.settings.python:
             return [self.settings.python, "-c", _HOSTED, str(_ROOT / "orchestrator"), *server]
-        return [sys.executable, "-m", "orchestrator.blackbox.codes.python_server", *server]
+        return [sys.executable, "-P", "-m", "orchestrator.blackbox.codes.python_server", *server]
 
     def environment(self) -> dict[str, str]:
-        """With this package and the current folder among the modules; of another interpreter the current folder alone."""
-        here = [] if self.settings.python else [str(_ROOT)]
-        path = os.pathsep.join([*here, os.getcwd(), *filter(None, [os.environ.get("PYTHONPATH")])])
-        return {**super().environment(), "PYTHONPATH": path}
+        """With this package among the modules; not of another interpreter, which is told where it is."""
+        if self.settings.python:
+            return super().environment()
+        return {**super().environment(), "PYTHONPATH": os.pathsep.join([str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}
 
     def mesh(self, model: Model) -> bytes:
         """The model as it is, in numpy's format."""
@@ -196,7 +202,9 @@ def _ask(python: str, package: str) -> str:
     lacks = f"an interpreter with numpy, SciPy{' and ' + package if package else ''}"
     code = _NEEDED + (f"; from importlib.metadata import version; print(version({package!r}))" if package else "")
     try:
-        done = subprocess.run([python, "-c", code], capture_output=True, text=True, timeout=_PATIENCE)
+        with tempfile.TemporaryDirectory(prefix="orchestrator-ask-") as empty:  # with -c modules of the current folder come first
+            done = subprocess.run([os.path.abspath(python) if os.sep in python else python, "-c", code], capture_output=True,
+                                  text=True, timeout=_PATIENCE, cwd=empty)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter",
                       "python") from None

@@ -1,9 +1,10 @@
 """Hosts a black box written in Python in a process of its own.
 
-    python -m orchestrator.blackbox.codes.python_server CODE OPTIONS REQUESTS REPLIES
+    python -m orchestrator.blackbox.codes.python_server CODE OPTIONS REQUESTS REPLIES [FOLDER]
 
 The other end is the orchestrator, which speaks the bytes of ``messages``; CODE names the class that answers, see
-``template`` for its three methods, and OPTIONS are its keyword arguments, as JSON. An exception ends the process: its traceback is in the log that the error quotes.
+``template`` for its three methods, and OPTIONS are its keyword arguments, as JSON. In FOLDER modules are looked for that are
+nowhere else: numpy.py there is not numpy. An exception ends the process: its traceback is in the log that the error quotes.
 """
 
 from __future__ import annotations
@@ -291,6 +292,7 @@ def read_model(path: str) -> FullModel:
 
 
 if __name__ == "__main__":
+    sys.path.extend(sys.argv[5:])
     try:
         solver = made(solver_class(sys.argv[1]), json.loads(sys.argv[2]))
     except NoSolver as absent:

@@ -39,7 +39,7 @@ class Artist:
         self._answer = b""
         with suppress(OSError):
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "orchestrator.results.figures.studio"], env=without_launcher(os.environ),
+                [sys.executable, "-P", "-m", "orchestrator.results.figures.studio"], env=without_launcher(os.environ),
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                 process_group=0)  # Ctrl-C is for the run, which then ends it
 

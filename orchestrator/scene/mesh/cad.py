@@ -13,6 +13,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
+from orchestrator.scene.mesh.recognised import check_content
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
@@ -120,6 +121,7 @@ def read_model(path: Path, source: str, shells: bool = True) -> tuple[list[tuple
     ------
     InputError : unreadable, no solids
     """
+    check_content(path, ("mesh", "step"), source)
     try:
         found = gmsh.model.occ.importShapes(str(path), highestDimOnly=not shells)
     except Exception as error:

@@ -16,6 +16,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.gmsh_files import not_saved, once, physical, read_by_gmsh
 from orchestrator.scene.mesh.inp import read_inp
+from orchestrator.scene.mesh.recognised import check_content
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.splitting import in_tets
 from orchestrator.scene.mesh.straightened import straightened
@@ -101,6 +102,8 @@ def _load(path: Path) -> meshio.Mesh:
         return read_inp(path)
     if path.suffix.lower() in BY_GMSH:
         return read_by_gmsh(path)
+    if path.suffix.lower() != ".msh":  # that of ANSYS begins otherwise, and meshio knows it
+        check_content(path, ("mesh", "file"))
     if path.suffix.lower() in BY_VTK:
         return read_vtk(path)
     try:
@@ -108,11 +111,11 @@ def _load(path: Path) -> meshio.Mesh:
         with redirect_stderr(heard), redirect_stdout(heard):
             raw = meshio.read(path)
         return once(raw) if path.suffix.lower() == ".msh" else raw
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit):
         if path.suffix.lower() == ".msh":  # meshio knows no file with groups for some of its elements only
             return read_by_gmsh(path)
-        reason = str(error) if not isinstance(error, SystemExit) else " ".join(heard.getvalue().split())
-        raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: {reason or type(error).__name__}",
+        # what meshio says may quote the file, which may be another's behind a link
+        raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
                                  "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
                                  "check that the ending fits the content, or convert it with gmsh")) from None
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 import tempfile
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -11,49 +13,35 @@ import meshio
 import numpy as np
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.scene.mesh.recognised import HEAD, check_content
 
-HEAD = 1 << 16  # bytes at the start of a file that hold gmsh's format, names and counts
+CHILD = Path(__file__).with_name("gmsh_child.py")
+SHOWN = 200  # letters of a complaint of gmsh's
 
 
 def read_by_gmsh(path: Path) -> meshio.Mesh:
-    """What gmsh reads: its groups become physical names, as in its own files."""
-    import gmsh
+    """What gmsh reads: its groups become physical names, as in its own files.
 
-    from orchestrator.scene.mesh.gmsh_session import last_complaint, session
+    gmsh takes what it does not know for a script, and runs the options that it finds beside a file: the content is looked at
+    first, and gmsh sees the file in a folder where nothing else is, in a process that can start no other.
 
-    with session(), tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
-        try:
-            gmsh.open(str(path))
-        except Exception as error:
-            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: {last_complaint(error)}", "a mesh file that gmsh reads",
-                                     "check that the ending fits the content, or save it as .msh")) from None
-        for group in gmsh.model.getPhysicalGroups():
-            name = gmsh.model.getPhysicalName(*group)
-            if name != name.strip():  # MED's have 80 letters
-                gmsh.model.removePhysicalName(name)
-                gmsh.model.setPhysicalName(*group, name.strip())
-        gmsh.option.setNumber("Mesh.SaveAll", 0 if _all_in_groups() else 1)
-        gmsh.option.setNumber("Mesh.Binary", 1)
-        gmsh.write(str(Path(folder) / "mesh.msh"))
+    Raises
+    ------
+    InputError : the content is not what the ending says, or gmsh cannot read it
+    """
+    check_content(path, ("mesh", "file"))
+    with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
+        source, target = Path(folder) / f"source{path.suffix.lower()}", Path(folder) / "mesh.msh"
+        source.symlink_to(path.resolve())
+        done = subprocess.run([sys.executable, "-P", str(CHILD), source.name, target.name], cwd=folder, stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace", process_group=0)
+        if done.returncode or not target.is_file():
+            said = done.stdout.strip().splitlines()[-1:] if done.returncode == 1 else []
+            reason = said[0].replace(source.name, path.name)[:SHOWN] if said else f"it ended with {done.returncode}"
+            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read by gmsh: {reason}", "a mesh file that gmsh reads",
+                                     "check that the ending fits the content, or save it as .msh"))
         with redirect_stdout(io.StringIO()):
-            return meshio.read(Path(folder) / "mesh.msh")
-
-
-def _all_in_groups() -> bool:
-    """Puts gmsh's volumes that are in no physical group in groups, if anything is in one: without, meshio reads no such file."""
-    import gmsh
-
-    groups = gmsh.model.getPhysicalGroups()
-    if not groups:
-        return False
-    held = [tag for d, number in groups if d == 3 for tag in gmsh.model.getEntitiesForPhysicalGroup(3, number)]
-    free = [tag for _, tag in gmsh.model.getEntities(3) if tag not in held]
-    for tags, name in [(free, "volume_0")] if held and free else [([tag], f"volume_{tag}") for tag in free]:
-        number = gmsh.model.addPhysicalGroup(3, tags)
-        if old := gmsh.model.getPhysicalName(3, number):  # of a group that is no more
-            gmsh.model.removePhysicalName(old)
-        gmsh.model.setPhysicalName(3, number, name)
-    return True
+            return meshio.read(target)
 
 
 def once(raw: meshio.Mesh) -> meshio.Mesh:

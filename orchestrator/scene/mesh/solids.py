@@ -173,7 +173,7 @@ def _all(path: Path, solids: list[Solid]) -> list[Meshed]:
         try:
             for number, share in enumerate(shares):
                 answer = Path(temporary) / str(number)
-                process = subprocess.Popen([sys.executable, "-c", PROCESS, str(answer)], stdin=subprocess.PIPE,
+                process = subprocess.Popen([sys.executable, "-P", "-c", PROCESS, str(answer)], stdin=subprocess.PIPE,
                                            stdout=subprocess.DEVNULL, env=environment)
                 started.append((process, share, answer))
                 with suppress(BrokenPipeError), process.stdin as requests:  # who is gone is noticed below

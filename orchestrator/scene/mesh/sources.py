@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
+from orchestrator.scene.foreign.asked import check_asked
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.placing import joined, placed
 from orchestrator.scene.mesh.quality import checked
@@ -45,7 +46,7 @@ def make_mesh(mesh: Any, kept: Keeper = lambda make: make()) -> tuple[Mesh, Face
     return checked(made)
 
 
-def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make()) -> tuple[Mesh, Faces]:
+def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make(), run_programs: bool | None = False) -> tuple[Mesh, Faces]:
     """Makes the mesh of each part, as ``make_mesh`` does, moves it, and puts all together.
 
     A part's one volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
@@ -54,12 +55,17 @@ def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make()) -> tupl
     ----------
     parts : of the configuration
     kept : may know the whole from an earlier run
+    run_programs : whether programs are started that are parts; None: these are left out
 
     Raises
     ------
-    InputError : as ``make_mesh``; all parts' problems, each with its place in the YAML
+    InputError : as ``make_mesh``; all parts' problems, each with its place in the YAML; programs that may not be started
     """
     meshed, foreign = [p for p in parts if p.mesh is not None], [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
+    if run_programs is None and any(part.program is None for part in parts):
+        foreign = [(i, part) for i, part in foreign if part.program is None]
+    elif not run_programs:
+        check_asked(parts)
     meshes = [kept(lambda: _together(parts))] if meshed else []
     mesh = joined([*meshes, *_standing_in(foreign, meshes)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))

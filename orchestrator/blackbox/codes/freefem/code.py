@@ -156,9 +156,8 @@ class FreeFem(MessageCode):
 
 @cache
 def _version(executable: str) -> str:
-    with tempfile.NamedTemporaryFile("w", suffix=".edp", prefix="orchestrator-version-") as question:
-        question.write("cout << version << endl;\n")
-        question.flush()
-        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", question.name], env=installation.environment(),
+    with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:  # not where freefem++.pref may lie
+        (Path(folder) / "version.edp").write_text("cout << version << endl;\n", encoding="utf-8")
+        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], env=installation.environment(), cwd=folder,
                                 stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
     return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")

@@ -1,0 +1,29 @@
+"""What a configuration would have started that is nobody's but the user's: told, and not started unless asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from orchestrator.config import Config
+from orchestrator.config.parts import OnePart
+from orchestrator.errors import InputError, Problem
+
+OPTION = "--run-programs"
+
+
+def not_asked(config: Config) -> list[str]:
+    """A sentence for each program and interpreter that is not started without ``OPTION``, and what is not checked therefore."""
+    programs = [f"'{part.name}': {Path(part.program.run).name} is not started, which alone knows its joints: its interfaces, its "
+                "stiffness and whether all is held" for part in config.parts or [] if part.program]
+    pythons = dict.fromkeys(f"whether {entry.python} has what {entry.code} needs: it is not started"
+                            for entry in config.codes if getattr(entry, "python", None))
+    return [f"not checked: {sentence} ({OPTION} does)" for sentence in [*programs, *pythons]]
+
+
+def check_asked(parts: list[OnePart]) -> None:
+    """Raises InputError for programs among the parts."""
+    if problems := [Problem(("parts", i, "program", "run"), f"'{part.name}': a program, and nobody has asked for it to be started",
+                            f"the user's word: {OPTION}, in Python build_scene(config, run_programs=True)",
+                            "look at the program first, if it is not yours; orchestrator run starts it")
+                    for i, part in enumerate(parts) if part.program is not None]:
+        raise InputError(problems)

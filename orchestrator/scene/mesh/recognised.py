@@ -1,0 +1,53 @@
+"""What a file is by its content: the ending says what it should be, and no reader gets anything else.
+
+gmsh takes whatever it does not know for a script, and runs it; other readers quote what they do not understand.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from orchestrator.errors import InputError, KeyPath, Problem
+
+HEAD = 1 << 16  # bytes that tell
+_VTK = rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*\btype\s*=\s*[\"']%s[\"']"
+_STEP, _MEDIT = rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", rb"(\s*#[^\n]*\n)*\s*MeshVersionFormatted"
+_CARD = rb"(?i)(.*\n)?[ \t]*(GRID|BEGIN BULK|CORD2R|CTETRA|CHEXA|CPENTA|CPYRAM)\b"
+# ending → how its content begins, and that in words
+_KNOWN = {
+    ".msh": (rb"\$(MeshFormat|NOD|Comments)\b", "gmsh's $MeshFormat"),
+    ".unv": (rb"\s*-1\s*\n", "-1, a universal file's delimiter"),
+    ".med": (rb"\x89HDF\r\n\x1a\n", "HDF5's signature"),
+    ".bdf": (_CARD, "Nastran's cards, BEGIN BULK or GRID"),
+    ".nas": (_CARD, "Nastran's cards, BEGIN BULK or GRID"),
+    ".vtu": (_VTK % b"UnstructuredGrid", "<VTKFile type=\"UnstructuredGrid\">"),
+    ".pvtu": (_VTK % b"PUnstructuredGrid", "<VTKFile type=\"PUnstructuredGrid\">"),
+    ".vtk": (rb"# vtk DataFile Version", "# vtk DataFile Version"),
+    ".mesh": (_MEDIT, "Medit's MeshVersionFormatted"),
+    ".step": (_STEP, "ISO-10303-21;"), ".stp": (_STEP, "ISO-10303-21;"),
+    ".brep": (rb"\s*(DBRep_DrawableShape|CASCADE Topology|Open CASCADE Topology)", "DBRep_DrawableShape or CASCADE Topology"),
+}
+
+
+def check_content(path: Path, key: KeyPath, source: str = "") -> None:
+    """Raises InputError for a file whose content is not what its ending says, as far as the ending is known here.
+
+    Parameters
+    ----------
+    key : of the YAML that names it
+    source : what the user calls the file, for the message; none: its path
+    """
+    if not recognised(path):
+        raise InputError(Problem(key, f"{source or path}: its content is not what {path.suffix} stands for",
+                                 f"a file that begins with {_KNOWN[path.suffix.lower()][1]}",
+                                 "check that the ending fits the content, and save it again from the program that made it"))
+
+
+def recognised(path: Path) -> bool:
+    """Whether the content is what the ending says; true of endings that are not known here."""
+    start = _KNOWN.get(path.suffix.lower())
+    if start is None:
+        return True
+    with path.open("rb") as file:
+        return re.match(start[0], file.read(HEAD), re.DOTALL) is not None
