@@ -4,9 +4,9 @@ from pathlib import Path
 
 import orchestrator  # noqa: F401 - before numpy, as in a run: it asks for one BLAS thread
 import pytest
-from processes import end_all, hear_interrupts
+from processes import end_all, hear_signals
 
-hear_interrupts()
+hear_signals()
 
 
 @pytest.fixture(autouse=True)

@@ -38,14 +38,15 @@ def end_all(patience=10.0) -> None:
             child.communicate()
 
 
-def hear_interrupts() -> None:
-    """Let children hear SIGINT even if this process was started without: they would inherit that.
+def hear_signals() -> None:
+    """Let children hear what ends a run, even if this process was started without: they would inherit that.
 
-    Scripts start what they put in the background so. This process goes on as it was: it hears the signal and
-    does nothing, and a handler, unlike an ignored signal, is not inherited.
+    Scripts start without SIGINT what they put in the background, nohup without SIGHUP. This process goes on as it was: it hears
+    the signal and does nothing, and a handler, unlike an ignored signal, is not inherited.
     """
-    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
-        signal.signal(signal.SIGINT, lambda number, frame: None)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR2):
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, lambda number, frame: None)
 
 
 def running(pid: int) -> bool:
