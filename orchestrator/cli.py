@@ -138,11 +138,9 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
                 raise located(error, loaded) from error
         print("\n".join(lines))
         if html is not None:
-            page = model_html(mesh)
-            try:
-                html.write_bytes(page)
-            except OSError as error:
-                raise InputError(Problem((), f"{html}: {error.strerror}", "a place that can be written to", "name another one")) from error
+            from orchestrator.results.sealed import write_sealed
+
+            write_sealed(html, model_html(mesh))
         return CONVERGED
 
     guarded(action)

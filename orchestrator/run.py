@@ -44,7 +44,7 @@ from orchestrator.results.figures.artist import Artist
 from orchestrator.results.fields.estimated import estimated
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.fields.piece import Piece
-from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.folder import ResultsFolder, of_parts
 from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
 from orchestrator.results.record import Record
@@ -301,6 +301,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     with locked(folder), unexpected(folder, team), drawing as artist:
         with Progress(quiet) as progress, Ahead(with_workers(config.codes, team)) as ahead:
             progress.stage("meshing")
+            folder.check_free()  # now, not when all has been computed
+            folder.check_free(of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
             if not all(LAWS[entry.law].perfect for entry in config.interfaces):
                 make_ready()
             if not resume:
@@ -308,7 +310,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             if team.size > 1:
                 give_back()
             with watch("mesh"):
-                scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh]), run_programs=True)
+                scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh], resume), run_programs=True)
             with Record(folder, config, scene, watch, resume=resume) as record:
                 told = [*record.subscribers, progress]
                 if artist:
@@ -329,7 +331,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 solution.summary["warnings"] += placed
                 if config.output.fields:
                     solution.summary["warnings"] += finish_parts(config.codes, solution.scene.subdomains, solution.parts,
-                                                                 solution.joints, folder.path)
+                                                                 solution.joints, folder.of_part)
                 record.finish(solution, config.output.fields, artist, _beside(config, solution) if config.output.fields else [])
     if not quiet:
         print_summary(solution.summary, folder.path)

@@ -1,5 +1,6 @@
 """Nothing computed is lost: a run that is stopped goes on as if nothing had happened, whatever stopped it."""
 
+import itertools
 import json
 import os
 import shutil
@@ -16,7 +17,7 @@ from in_process import IN_PROCESS, IN_PROCESS_PLASTIC
 from orchestrator.config import load_config
 from orchestrator.errors import InputError, InternalError
 from orchestrator.method.events import Subscriber
-from orchestrator.results.fingerprint import fingerprint
+from orchestrator.results.fingerprint import differences, fingerprint, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import NAME as MESH
 from orchestrator.results.kept_mesh import kept_mesh
@@ -24,6 +25,7 @@ from orchestrator.results.lock import locked
 from orchestrator.results.resume import load_checkpoint
 from orchestrator.results.subscribers.checkpoint import Checkpoint
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
+from orchestrator.results.subscribers.log import append, records
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.gmsh_session import session
@@ -158,16 +160,54 @@ def test_damaged_records_are_computed_again(tmp_path, interrupted, damage):
     assert np.abs(resumed.displacement - whole.displacement).max() <= 1e-12 * np.abs(whole.displacement).max()
 
 
-def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted):
-    folder, made, scene, _ = interrupted
-    for what, change in {
-            "another version": lambda text: text.replace(b'"version": 1', b'"version": 9'),
-            "another problem": lambda text: text.replace(b'"problem": "key"', b'"problem": "lock"')}.items():
+@pytest.mark.parametrize("seed", range(4))
+def test_bytes_that_a_disk_has_spoilt_change_no_answer(tmp_path, interrupted, seed):
+    """Bits flipped anywhere in a checkpoint's files, their beginnings more often: what is read all the same is what was written."""
+    folder, draw, sums = interrupted[0], np.random.default_rng(seed), set()
+    whole = load_checkpoint(folder, "key")
+    known = {m.iteration: m for m in memories_of(folder)}
+    files = sorted((folder / "checkpoint").glob("*.log"))
+    assert len(files) > 1 and whole.iteration == 11
+    for number in range(50):
         shutil.rmtree(tmp_path / "checkpoint", ignore_errors=True)
-        shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-        for file in (tmp_path / "checkpoint").iterdir():
-            file.write_bytes(change(file.read_bytes()))
-        with pytest.raises(InputError, match=what):
+        shutil.copytree(folder / "checkpoint", tmp_path / "checkpoint")
+        file = tmp_path / "checkpoint" / files[draw.integers(len(files))].name
+        content = bytearray(file.read_bytes())
+        content[draw.integers(60) if number % 2 else draw.integers(len(content))] ^= 1 << draw.integers(8)
+        file.write_bytes(content)
+        told = []
+        start = load_checkpoint(tmp_path, "key", warn=told.append)
+        assert start is None or start.iteration <= whole.iteration
+        assert len(told) == 1 and "damaged" in told[0]
+        for memory in start.latest if start else []:
+            true = known[memory.iteration]
+            assert memory.notes == true.notes and memory.arrays.keys() == true.arrays.keys()
+            assert all(np.array_equal(array, true.arrays[name]) for name, array in memory.arrays.items())
+        sums.add(None if start is None else start.iteration)
+    assert len(sums) > 2
+
+
+def memories_of(folder):
+    """All that a checkpoint's files tell of iterations."""
+    from orchestrator.results.resume import _memory
+
+    return [_memory(record) for file in sorted((folder / "checkpoint").glob("iterations-*.log")) for record in records(file)]
+
+
+def test_what_cannot_be_resumed_is_refused(tmp_path, interrupted, monkeypatch):
+    folder, made, scene, _ = interrupted
+    with pytest.raises(InputError, match="another problem"):
+        load_checkpoint(folder, "lock")
+    for what in ("version 1", "version 9"):
+        shutil.rmtree(tmp_path / "checkpoint", ignore_errors=True)
+        (tmp_path / "checkpoint").mkdir()
+        file = tmp_path / "checkpoint" / "iterations-000001.log"
+        with monkeypatch.context() as patch, open(file, "wb", buffering=0) as opened:
+            patch.setattr("orchestrator.results.subscribers.log.VERSION", 9)
+            append(opened, "key", {"iteration": 1}, {})
+        if what == "version 1":
+            file.write_bytes(b'{"format": "orchestrator checkpoint", "version": 1, "problem": "key"}\nREC\n')
+        with pytest.raises(InputError, match=f"another version .*{what}"):
             load_checkpoint(tmp_path, "key")
     with pytest.raises(InputError, match="no checkpoint"):
         load_checkpoint(tmp_path / "nowhere", "key")
@@ -194,6 +234,61 @@ def test_fingerprint_allows_for_what_changes_no_state():
     for key, value in {"timeout": 5.0, "workers": 3, "transport": "file"}.items():
         assert fingerprint({**made, "blackbox": {**made["blackbox"], key: value}}) == fingerprint(made)
     assert fingerprint({**made, "materials": []}) != fingerprint(made)
+
+
+# What a configuration names, files that are read with it, and which of them changes; names of files as they stand below a folder.
+FILES = {
+    "a mesh's surfaces": ({"mesh": {"file": "plate.msh"}}, {"plate.msh": ""}, "plate.msh"),
+    "a solid": ({"mesh": {"step": "plate.stp"}}, {"plate.stp": ""}, "plate.stp"),
+    "an included mesh": ({"mesh": {"file": "all.inp"}}, {"all.inp": "*NODE\n*INCLUDE, INPUT=sub/bolts.inp\n", "sub/bolts.inp": ""}, "sub/bolts.inp"),
+    "one included by that": ({"mesh": {"file": "all.inp"}}, {
+        "all.inp": "*Include,input = 'sub/bolts.inp'\r\n", "sub/bolts.inp": "*INCLUDE, INPUT=nut.inp", "sub/nut.inp": ""}, "sub/nut.inp"),
+    "a piece": ({"mesh": {"file": "all.pvtu"}}, {"all.pvtu": '<Piece Source="all_0.vtu"/> <Piece Source="all_1.vtu"/>',
+                                                 "all_0.vtu": "", "all_1.vtu": ""}, "all_1.vtu"),
+    "a part's mesh": ({"parts": [{"mesh": {"file": "a.msh"}}, {"mesh": {"file": "b.msh"}}]}, {"a.msh": "", "b.msh": ""}, "b.msh"),
+    "temperatures": ({"loads": [{"temperature": {"file": "warm.csv"}}]}, {"warm.csv": ""}, "warm.csv"),
+    "a matrix": ({"parts": [{"matrix": {"stiffness": "k.mtx", "nodes": "n.csv"}}]}, {"k.mtx": "", "n.csv": ""}, "k.mtx"),
+    "a matrix's nodes": ({"parts": [{"matrix": {"stiffness": "k.mtx", "nodes": "n.csv"}}]}, {"k.mtx": "", "n.csv": ""}, "n.csv"),
+    "a matrix's loads": ({"parts": [{"matrix": {"loads": ["f.mtx", "g.mtx"]}}]}, {"f.mtx": "", "g.mtx": ""}, "g.mtx"),
+    "facets": ({"parts": [{"program": {"run": "solve.sh", "facets": "faces.csv"}}]}, {"solve.sh": "", "faces.csv": ""}, "faces.csv"),
+    "a deck": ({"parts": [{"deck": {"calculix": "pump.inp"}}]}, {"pump.inp": ""}, "pump.inp"),
+    "a deck's matter": ({"parts": [{"deck": {"calculix": "pump.inp"}}]}, {
+        "pump.inp": "*MATERIAL, NAME=STEEL\n  *INCLUDE,INPUT=steel.mat\n", "steel.mat": ""}, "steel.mat"),
+    "a deck's loads": ({"parts": [{"deck": {"loads": ["step.txt"]}}]}, {"step.txt": "*INCLUDE, INPUT=forces.txt", "forces.txt": ""}, "forces.txt"),
+    "a program": ({"parts": [{"program": {"run": "solve.sh"}}]}, {"solve.sh": ""}, "solve.sh"),
+    "a program's module": ({"parts": [{"program": {"run": "solve.py"}}]}, {"solve.py": "from model import K", "model.py": ""}, "model.py"),
+    "an argument": ({"parts": [{"program": {"run": "solve.sh", "arguments": ["-n", "k.npy"]}}]}, {"solve.sh": "", "k.npy": ""}, "k.npy"),
+    "an argument's value": ({"parts": [{"program": {"arguments": ["--table=k.npy"]}}]}, {"k.npy": ""}, "k.npy"),
+    "a form": ({"blackbox": {"form": "matter.idp"}}, {"matter.idp": ""}, "matter.idp"),
+    "what a form includes": ({"blackbox": [{"form": "matter.txt"}]}, {
+        "matter.txt": '// matter\ninclude "sub/law.idp"\n', "sub/law.idp": 'include "constants.idp"', "constants.idp": ""}, "constants.idp"),
+    "a solver": ({"blackbox": {"code": "mine.py:Solver"}}, {"mine.py": ""}, "mine.py"),
+    "a solver's package": ({"blackbox": {"code": "mine.py"}}, {"mine.py": "import os, laws.creep as creep\n", "laws/creep.py": ""}, "laws/creep.py"),
+    "a module beside": ({"blackbox": {"code": "mine.py"}}, {"mine.py": "    from . import (law, other)\n", "law.py": ""}, "law.py"),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_a_changed_file_is_another_problem(tmp_path, monkeypatch, case):
+    """Whatever file a configuration names, and whatever is read with it: which one has changed is said."""
+    named, files, changed = FILES[case]
+    monkeypatch.chdir(tmp_path)
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    before = problem_of(named)
+    for name in files:
+        (tmp_path / name).touch()
+    assert problem_of(named) == before, "written anew as it was: the same problem"
+    with open(changed, "a") as file:
+        file.write("2")
+    told, = differences(before, problem_of(named))
+    assert changed in told and "another one" in told
+
+
+def test_a_solver_in_a_module_is_known_by_its_file():
+    known = problem_of({"blackbox": {"code": "orchestrator.blackbox.codes.template:Solver"}})["blackbox.code"]
+    assert known.startswith("content of template.py:Solver: ")
 
 
 # ---- whole runs ------------------------------------------------------------------------------------------
@@ -344,8 +439,8 @@ def test_one_run_in_a_folder(tmp_path):
         with pytest.raises(InputError, match=f"process {os.getpid()} on "):
             with locked(folder):
                 pass
-    assert not (tmp_path / ".lock").exists()
-    (tmp_path / ".lock").write_text(json.dumps({"pid": 1, "host": "elsewhere", "since": "long ago"}))
+    assert not (tmp_path / ".orchestrator" / "lock").exists()
+    (tmp_path / ".orchestrator" / "lock").write_text(json.dumps({"pid": 1, "host": "elsewhere", "since": "long ago"}))
     with locked(folder):
         pass
 
@@ -358,21 +453,65 @@ def test_a_mesh_is_made_once(tmp_path, monkeypatch):
     folder = ResultsFolder(tmp_path)
     section = config(mesh={"polycrystal": {"grains": 3, "size": 1, "h": 0.5}}, subdomains="groups").mesh
     other = section.model_copy(update={"polycrystal": section.polycrystal.model_copy(update={"seed": 8})})
-    made, _ = make_mesh(section, kept_mesh(folder, [section]))
+    made, _ = make_mesh(section, kept_mesh(folder, [section], True))
 
     def never():
         raise AssertionError("it is there")
 
-    known = kept_mesh(folder, [section])(never)
+    known = kept_mesh(folder, [section], True)(never)
     assert known.volumes == made.volumes and list(known.surfaces) == list(made.surfaces)
     assert all(np.array_equal(getattr(known, name), getattr(made, name)) for name in ("nodes", "cells", "volume"))
     with pytest.raises(AssertionError):
-        kept_mesh(folder, [other])(never)
+        kept_mesh(folder, [other], True)(never)
     content = bytearray((tmp_path / MESH).read_bytes())
     content[len(content) // 2] ^= 1
     (tmp_path / MESH).write_bytes(content)
     with pytest.raises(AssertionError):
-        kept_mesh(folder, [section])(never)
+        kept_mesh(folder, [section], True)(never)
+
+
+def test_a_mesh_is_made_anew_where_what_it_is_made_of_has_changed(tmp_path, monkeypatch):
+    """By a file that the mesh file includes too; and by a run that begins anew."""
+    from orchestrator.results import kept_mesh as module
+
+    monkeypatch.setattr(module, "DEAR", 0.0)
+    (tmp_path / "all.inp").write_text("*INCLUDE, INPUT=bolts.inp")
+    (tmp_path / "bolts.inp").write_text("")
+    section, folder = config(mesh={"file": str(tmp_path / "all.inp")}, subdomains="groups").mesh, ResultsFolder(tmp_path / "run")
+    mesh = make_mesh(config().mesh)[0]
+
+    def kept(resume):
+        made = []
+        kept_mesh(folder, [section], resume)(lambda: made.append(1) or mesh)
+        return not made
+
+    assert [kept(True), kept(True), kept(False), kept(True)] == [False, True, False, True]
+    (tmp_path / "bolts.inp").write_text("*NODE")
+    assert not kept(True)
+    monkeypatch.setattr("orchestrator.__version__", "next")
+    assert not kept(True)
+
+
+def test_resumed_with_another_file(tmp_path, monkeypatch):
+    """Refused, and the message says which file it was; with the old one it goes on."""
+    (tmp_path / "warm.csv").write_text("".join(f"{x}, {y}, {z}, 20.5\n" for x, y, z in itertools.product(
+        (0, 0.5, 1, 1.5, 2), (0, 0.5, 1), (0, 0.5, 1, 1.5, 2))))
+    case = loaded(tmp_path, materials=[{"young": 200e3, "poisson": 0.3, "expansion": 1e-5}], loads=[{"temperature": {"file": "warm.csv"}}])
+    note, out, before = Checkpoint.iteration, tmp_path / "out", (tmp_path / "warm.csv").read_text()
+
+    def interrupted(self, event):
+        note(self, event)
+        if event.iteration == 4:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Checkpoint, "iteration", interrupted)
+        run(case, output=out, quiet=True)
+    (tmp_path / "warm.csv").write_text(before.replace("20.5", "60.5"))
+    with pytest.raises(InputError, match=r"another problem: loads\[0\].temperature.file \(content of warm.csv\) is another one"):
+        run(case, output=out, resume=True, quiet=True)
+    (tmp_path / "warm.csv").write_text(before)
+    assert run(case, output=out, resume=True, quiet=True) == 0
 
 
 def test_killed_before_the_first_iteration(tmp_path):

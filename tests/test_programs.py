@@ -25,6 +25,7 @@ from orchestrator.cli import app
 from orchestrator.config import config_from
 from orchestrator.config.foreign_parts import DeckPart, ProgramPart
 from orchestrator.errors import InputError
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.mesh.structured import bricks
 
@@ -57,7 +58,7 @@ def test_a_script_in_freefem_with_its_own_mesh_matter_and_loads(tmp_path):
     assert np.abs(found.parts[1][:, :16] - ours.parts[1][:, joint]).max() <= 1e-9 * size
     assert np.abs(found.parts[0] - ours.parts[0]).max() <= 1e-9 * size
     assert np.abs(found.joints[1][:, :16].sum(axis=1) - np.outer([1, 2, 3], [-4, 0, 9])).max() < 1e-6
-    assert finish_parts(made.codes, found.scene.subdomains, found.parts, found.joints, tmp_path) == []
+    assert finish_parts(made.codes, found.scene.subdomains, found.parts, found.joints, ResultsFolder(tmp_path).of_part) == []
     top = np.loadtxt(tmp_path / "parts" / "post" / "top.txt")[:, 1:]
     np.testing.assert_allclose(top, ours.parts[1][:, np.argmax(nodes.sum(axis=1))], rtol=1e-5, atol=1e-5 * size)
 
@@ -351,7 +352,7 @@ def test_a_program_that_remembers_load_steps(tmp_path):
     exact = of_bars_and_block(x, stiffness(x, own.connectivity, 500.0, 0.25), own.loads, corners_of(x))
     assert found.converged and found.iterations <= 40 * 2
     assert np.abs(found.parts[0] - exact).max() <= 1e-5 * np.abs(exact).max()
-    assert finish_parts(made.codes, found.scene.subdomains, found.parts, found.joints, tmp_path) == []
+    assert finish_parts(made.codes, found.scene.subdomains, found.parts, found.joints, ResultsFolder(tmp_path).of_part) == []
     last = np.loadtxt(tmp_path / "parts" / "bars" / "displacements.txt")[-4:, 1:]
     assert np.abs(last - exact[1, corners_of(x)]).max() <= 1e-5 * np.abs(exact).max()
 

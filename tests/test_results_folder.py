@@ -1,6 +1,8 @@
 """Folder, history, checkpoint: what is on disk is whole, and what goes wrong is said."""
 
+import json
 import os
+import shutil
 import subprocess
 
 import numpy as np
@@ -13,6 +15,8 @@ from orchestrator.results.fingerprint import fingerprint
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.sealed import write_sealed
+from orchestrator.results.subscribers.checkpoint import begun
 from orchestrator.results.subscribers.history import HistoryWriter, read_history, write_history
 from orchestrator.results.summary.summary import write_summary
 
@@ -25,7 +29,7 @@ def the_problem(caught):
 
 
 def leftovers(path):
-    return [p for p in path.rglob("*") if p.name.endswith(".part")]
+    return [p for p in path.rglob("*") if p.name.endswith("-part")]
 
 
 @pytest.fixture
@@ -77,12 +81,128 @@ def test_failed_writing_keeps_the_old_file(tmp_path):
     assert not leftovers(tmp_path)
 
 
-def test_clear_removes_results_and_nothing_else(tmp_path):
-    folder = ResultsFolder(tmp_path)
-    for name in ("summary.json", "fields/step_0001.vtu", "figures/time.png", "notes.txt", "figures/mine.svg"):
-        folder.write(name, "x")
+RUN = ("summary.json", "fields.npz", "fields/step_0001.vtu", "figures/time.png", "report.md", "table.csv")
+THEIRS = ("notes.txt", "figures/holiday.png", "fields/measured.vtu", "report.html", "checkpoint/notes.log", "fields/step_a.vtu",
+          ".mine.part", "parts/pump/measured.csv")
+
+
+def left_in(folder):
+    """Names of all files but the list of them."""
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if not p.is_dir()} - {".orchestrator/manifest"}
+
+
+def a_run_in(path, names=RUN):
+    folder = ResultsFolder(path)
+    for name in names:
+        folder.write(name, f"{name} of a run")
+    return folder
+
+
+def put(path, names=THEIRS):
+    for name in names:
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        (path / name).write_text("mine")
+
+
+@pytest.mark.parametrize("copied", [False, True])
+def test_a_fresh_run_removes_what_runs_have_written_and_nothing_else(tmp_path, copied):
+    """Also in a folder that was copied since, where files have other times."""
+    place, folder = tmp_path / "run", a_run_in(tmp_path / "run")
+    put(place)
+    with folder.of_part("shaft") as own:
+        (own / "below").mkdir()
+        (own / "below" / "stress.csv").write_text("of the program")
+    if copied:
+        shutil.copytree(place, tmp_path / "copy", copy_function=shutil.copyfile)
+        place = tmp_path / "copy"
+    ResultsFolder(place).clear()
+    assert left_in(place) == set(THEIRS) and all((place / name).read_text() == "mine" for name in THEIRS)
+
+
+@pytest.mark.parametrize("name", ["summary.json", "history.csv", "fields.npz", "fields/step_0001.vtu", "fields/interface_0002.vtu",
+                                  "figures/time.png", "checkpoint/iterations-000001.log", "checkpoint/reserve", "extremes.csv"])
+@pytest.mark.parametrize("kind", ["before any run", "changed since", "a link", "a folder"])
+def test_files_that_stand_in_the_way_are_refused(tmp_path, name, kind):
+    """Told before anything is removed, and what writes there all the same is refused as well."""
+    folder, file = ResultsFolder(tmp_path / "run"), tmp_path / "run" / name
+    if kind == "changed since":
+        a_run_in(tmp_path / "run", {*RUN, name})
+    put(tmp_path, ["elsewhere"])
+    file.parent.mkdir(exist_ok=True)
+    if kind == "a link":
+        file.symlink_to(tmp_path / "elsewhere")
+    elif kind == "a folder":
+        file.mkdir()
+    else:
+        file.write_text("mine")
+    before = left_in(tmp_path)
+    for act in (folder.check_free, folder.clear, lambda: folder.write(name, "of a run")):
+        with pytest.raises(InputError) as caught:
+            act()
+        assert name in the_problem(caught).found and "rename" in the_problem(caught).cure
+    folder.remove("*")
+    assert os.path.lexists(file) and (tmp_path / "elsewhere").read_text() == "mine"
+    assert kind == "changed since" or left_in(tmp_path) == before
+
+
+def test_files_that_links_lead_to_stay(tmp_path):
+    """A folder of the run's may be a link; what is there is written, and not removed."""
+    put(tmp_path, ["elsewhere/fields/step_0009.vtu"])
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "fields").symlink_to(tmp_path / "elsewhere" / "fields")
+    with pytest.raises(InputError, match="step_0009"):
+        ResultsFolder(tmp_path / "run").check_free()
+    (tmp_path / "elsewhere" / "fields" / "step_0009.vtu").unlink()
+    for content in ("first", "second"):
+        folder = ResultsFolder(tmp_path / "run")
+        folder.clear()
+        folder.write("fields/step_0001.vtu", content)
+        assert (tmp_path / "elsewhere" / "fields" / "step_0001.vtu").read_text() == content
+
+
+@pytest.mark.parametrize("line", ["half", "above", "elsewhere", "rubbish"])
+def test_a_spoilt_manifest_gives_nothing_away(tmp_path, line):
+    """Half a line hides no other one; no line reaches out of the folder."""
+    folder = a_run_in(tmp_path / "run")
+    put(tmp_path, ["mine.txt"])
+    about = (tmp_path / "mine.txt").stat()
+    entry = {"size": about.st_size, "time": about.st_mtime_ns, "hash": None}
+    text = {"half": '\n{"file": "report', "above": json.dumps({"file": "../mine.txt", **entry}),
+            "elsewhere": json.dumps({"file": str(tmp_path / "mine.txt"), **entry}), "rubbish": '\n[1]\n7\n\x00'}[line]
+    with open(tmp_path / "run" / ".orchestrator" / "manifest", "a") as file:
+        file.write("\n" + text)
+    folder.write("fields.npz", "new")
     folder.clear()
-    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["mine.svg", "notes.txt"]
+    assert left_in(tmp_path) == {"mine.txt"} | ({"run/.orchestrator/manifest"})
+
+
+def test_killed_while_it_wrote(tmp_path):
+    """What a run was writing, and what grows, is known as its own."""
+    folder = a_run_in(tmp_path)
+    writer = HistoryWriter(folder)
+    writer.iteration(case.iteration(1))
+    begun(folder)
+    put(tmp_path, [*THEIRS, "checkpoint/iterations-000001.log"])
+    (tmp_path / "fields" / ".step_0002.vtu.orchestrator-part").write_text("half")
+    ResultsFolder(tmp_path).clear()
+    assert left_in(tmp_path) == set(THEIRS)
+
+
+def test_results_of_a_version_without_manifest(tmp_path):
+    """Names of results beside a summary that is a run's, and not younger, are that run's; others are in the way."""
+    put(tmp_path, THEIRS)
+    for name in RUN[1:4]:
+        (tmp_path / name).write_text("old")
+    (tmp_path / "summary.json").write_text(json.dumps(dict.fromkeys(("name", "converged", "stop_reason", "versions", "config"))))
+    (tmp_path / "history.csv").write_text("later")
+    later = (tmp_path / "summary.json").stat().st_mtime_ns + 10**9
+    os.utime(tmp_path / "history.csv", ns=(later, later))
+    with pytest.raises(InputError, match="a file in .*: history.csv"):
+        ResultsFolder(tmp_path).clear()
+    (tmp_path / "history.csv").unlink()
+    ResultsFolder(tmp_path).write("extremes.csv", "new")
+    ResultsFolder(tmp_path).clear()
+    assert left_in(tmp_path) == set(THEIRS)
 
 
 @pytest.mark.parametrize("what", ["fields", "figures", "summary", "history"])
@@ -154,6 +274,7 @@ def test_history_of_no_iteration(tmp_path):
 def test_history_resumes_after_the_checkpoint(tmp_path):
     folder = ResultsFolder(tmp_path)
     write_history(folder, case.history(5))
+    folder.manifest.claim(r"history\.csv")
     with open(tmp_path / "history.csv", "a") as file:
         file.write("6,11.0,0.")  # a killed run's last line
     with HistoryWriter(folder, resume_after=3) as writer:
@@ -200,3 +321,22 @@ def test_a_history_of_another_version_says_which_columns_it_lacks_and_what_can_b
 
     problem = the_problem(caught)
     assert HISTORY_COLUMNS[-1] in problem.found and "version that wrote it" in problem.cure
+
+
+@pytest.mark.parametrize("there", ["a solid", "a page that was changed", "a link"])
+def test_a_page_replaces_no_file_but_its_own(tmp_path, there):
+    path = tmp_path / "model.html"
+    for page in (b"<html>1</html>", b"<html>2</html>"):
+        write_sealed(path, page)
+        assert path.read_bytes().startswith(page)
+    if there == "a page that was changed":
+        path.write_bytes(path.read_bytes().replace(b"2", b"3"))
+    elif there == "a solid":
+        path.write_text("ISO-10303-21;")
+    else:
+        path.rename(tmp_path / "other.html")
+        path.symlink_to(tmp_path / "other.html")
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="there already"):
+        write_sealed(path, b"<html>4</html>")
+    assert path.read_bytes() == before

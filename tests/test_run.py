@@ -24,6 +24,7 @@ from orchestrator.cli import app
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.results.figures.convergence import convergence
 from orchestrator.results.figures.plotting import BLUE, png
+from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.scene.mesh.structured import bricks
 
@@ -266,14 +267,15 @@ def test_the_program_is_killed(tmp_path, temporary):
 def test_a_fresh_run_clears_the_old_results(tmp_path, temporary):
     """What an earlier run wrote is not mixed with the new; files of the user's stay."""
     out = tmp_path / "out"
-    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint/batch-000.log", "mine.txt"):
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
+    for name in ("fields/step_0007.vtu", "figures/deformed.png", "fields.npz", "checkpoint/batch-000.log", "report.md"):
+        ResultsFolder(out).write(name, "old")
+    for name in ("mine.txt", "fields/measured.vtu", "figures/holiday.png"):
         (out / name).write_text("old")
     code, *_ = called(temporary, "run", written(tmp_path, **BENT), "--output", out, *SHORTEN,
                             "--set", "output.fields=false")
     assert code == 0
     assert {p.name for p in out.rglob("*") if p.is_file()} == {"summary.json", "history.csv", "extremes.csv",
-                                                                     "interfaces.csv", "mine.txt"}
+                                                                     "interfaces.csv", "mine.txt", "measured.vtu", "holiday.png", "manifest"}
     assert (out / "mine.txt").read_text() == "old"
 
 

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from orchestrator.errors import InputError, Problem
+from orchestrator.results.manifest import FOLDERS, OWN, PARTS, RESULTS, Manifest
 
 DIRECTORY_KEY = ("output", "directory")
-_FOLDERS = ("fields", "figures", "checkpoint")
+SHOWN = 5  # names in a message
 _FULL = {errno.ENOSPC, errno.EDQUOT}
-# What a run writes; removed before a fresh one so that old and new results never mix.
-_PRODUCTS = ("summary.json", "history.csv", "checkpoint/*", "traceback.txt", "fields.npz", "report.md", "report.html",
-             "extremes.csv", "interfaces.csv", "probes.csv", "result.html",
-             "fields/*.vtu", "fields/*.pvtu", "fields/*.pvd", "figures/*.png", ".*.part", "*/.*.part")
+_UNFINISHED = ".orchestrator-part"  # the ending of files that are being written; nobody else's have it
 
 
 class ResultsFolder:
-    """A folder that takes the results of one run.
+    """A folder that takes the results of one run; files in it that are not this program's are neither removed nor replaced.
 
     Parameters
     ----------
@@ -34,16 +34,17 @@ class ResultsFolder:
 
     def __init__(self, directory: str | os.PathLike[str]):
         self.path = Path(directory)
+        self.manifest = Manifest(self.path)
         with self.guarded("the folder itself"):
             self.path.mkdir(parents=True, exist_ok=True)
             # Permission bits say nothing to root or on read-only mounts: only writing tells.
-            probe = self.path / ".probe.part"
+            probe = self.path / f".probe{_UNFINISHED}"
             try:
                 probe.write_bytes(b"")
             finally:
                 with suppress(OSError):
                     probe.unlink()
-        for name in _FOLDERS:  # now, not when all has been computed
+        for name in (OWN, *FOLDERS):  # now, not when all has been computed
             if os.path.lexists(self.path / name) and not (self.path / name).is_dir():
                 raise InputError(Problem(DIRECTORY_KEY, f"{self.path / name} is no folder, and a run needs one of that name",
                                          "a folder that can be created and written to",
@@ -69,13 +70,21 @@ class ResultsFolder:
 
         On any failure, an interrupt included, the temporary file is removed and what stood
         under ``name`` before stays.
+
+        Raises
+        ------
+        InputError : disk full or folder not writable; what stands there is not this program's
         """
         target = self.path / name
-        temporary = target.with_name(f".{target.name}.part")
+        temporary = target.with_name(f".{target.name}{_UNFINISHED}")
         with self.guarded(name):
             try:
                 target.parent.mkdir(parents=True, exist_ok=True)
+                temporary.unlink(missing_ok=True)
                 yield temporary
+                if os.path.lexists(target) and not self.manifest.owns(name):
+                    raise InputError(_in_the_way(self.path, [name]))
+                self.manifest.note(name, temporary)
                 os.replace(temporary, target)
             finally:
                 with suppress(OSError):
@@ -88,15 +97,90 @@ class ResultsFolder:
         return self.path / name
 
     def remove(self, *patterns: str) -> None:
-        """Removes the files that match the shell patterns; those that are missing are no error."""
-        for pattern in patterns:
-            for path in self.path.glob(pattern):
+        """Removes those of this program's files that match the shell patterns; those that are missing are no error."""
+        for name in self._mine():
+            if any(fnmatchcase(name, pattern) for pattern in patterns):
+                with self.guarded(name):
+                    (self.path / name).unlink(missing_ok=True)
+
+    def check_free(self, pattern: str = RESULTS) -> None:
+        """Whether names that match the regular expression can be written under.
+
+        Raises
+        ------
+        InputError : files that are not this program's, or were changed since, are in the way
+        """
+        with self.guarded("the list of its files"):
+            if foreign := self.manifest.foreign(pattern):
+                raise InputError(_in_the_way(self.path, foreign))
+
+    def check_known(self) -> None:
+        """Whether the folder is new, or all that is written to it is this program's: call it where not all names are known.
+
+        Raises
+        ------
+        InputError : it has files, and no list of those that this program has written
+        """
+        with self.guarded("the list of its files"):
+            if not self.manifest.begun() and (there := [name for name in os.listdir(self.path) if name != OWN]):
+                raise InputError(_in_the_way(self.path, there))
+            self.manifest.clean()
+
+    def clear(self, but: str = "") -> None:
+        """Removes what earlier runs left here but for files of this name, and nothing else: call it before a fresh run.
+
+        Raises
+        ------
+        InputError : files that are not this program's are in the way; nothing is removed then
+        """
+        self.check_free()
+        for name in self._mine():
+            if name != but:
+                with self.guarded(name):
+                    (self.path / name).unlink(missing_ok=True)
+        for place in ("", *FOLDERS):  # of a run that was killed while it wrote
+            for path in (self.path / place).glob(f".*{_UNFINISHED}"):
                 with self.guarded(path.name):
                     path.unlink(missing_ok=True)
+        with self.guarded("the list of its files"):
+            self.manifest.clean()
 
-    def clear(self) -> None:
-        """Removes what an earlier run left here, and nothing else: call it before a fresh run."""
-        self.remove(*_PRODUCTS)
+    @contextmanager
+    def of_part(self, name: str) -> Iterator[Path]:
+        """The empty folder parts/``name``, for a program of the user's: what it leaves there becomes this program's to remove.
+
+        Raises
+        ------
+        InputError : folder not writable; files that no such run has left there
+        """
+        path, pattern = self.path / PARTS / name, of_parts([name])
+        self.check_free(pattern)
+        self.remove(f"{PARTS}/{name}/*")
+        with self.guarded(f"{PARTS}/{name}"):
+            for below in sorted(path.glob("**/"), reverse=True):
+                below.rmdir()
+            path.mkdir(parents=True)
+            self.manifest.claim(pattern)
+            try:
+                yield path
+            finally:
+                self.manifest.settle(pattern)
+
+    def _mine(self) -> list[str]:
+        with self.guarded("the list of its files"):
+            return list(self.manifest.owned())
+
+
+def of_parts(names: Sequence[str]) -> str:
+    """Pattern of the files that programs which are parts leave, for ``check_free``."""
+    return f"{PARTS}/({'|'.join(map(re.escape, names))})/.*"
+
+
+def _in_the_way(directory: Path, names: Sequence[str]) -> Problem:
+    what = f"{len(names)} files" if len(names) > 1 else "a file"
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return Problem(DIRECTORY_KEY, f"{what} in {directory} not written by this program, or changed since: {', '.join(sorted(names)[:SHOWN])}{more}",
+                   "a folder in which the names of results are free", "rename or remove what is yours, or choose another folder with --output")
 
 
 def _problem(directory: Path, what: str, error: OSError) -> Problem:

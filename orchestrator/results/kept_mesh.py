@@ -1,42 +1,39 @@
 """The mesh of a run that lasts: meshing takes minutes, so that a run that goes on does it no second time.
 
-``checkpoint-mesh.npz`` holds what a source has made, under a hash of all that it depends on. It goes with the checkpoint.
+``checkpoint/mesh.log`` holds what a source has made, with a hash of all that it depends on. It goes with the checkpoint.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import time
-import zipfile
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+import orchestrator
 from orchestrator.errors import InputError
+from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.subscribers.log import Damaged, OtherVersion, append, records
 from orchestrator.scene.model import Mesh
 
-NAME = "checkpoint-mesh.npz"
+NAME = "checkpoint/mesh.log"
 DEAR = 1.0  # seconds of meshing from which it is worth keeping
 
 
-def kept_mesh(folder: ResultsFolder, sections: list[Any]) -> Callable[[Callable[[], Mesh]], Mesh]:
-    """What gives the mesh that an earlier run has left in the folder, or makes it and leaves it there if that was dear.
+def kept_mesh(folder: ResultsFolder, sections: list[Any], resume: bool) -> Callable[[Callable[[], Mesh]], Mesh]:
+    """What makes a mesh and leaves it in the folder if that was dear, or gives the one that the interrupted run has left there.
 
     Parameters
     ----------
     sections : ``mesh`` of the configuration, or its ``parts``
+    resume : whether there is an interrupted run to go on from; a run that begins anew meshes anew
     """
     key = _key(sections)
 
     def mesh(make: Callable[[], Mesh]) -> Mesh:
-        known = _read(folder, key)
-        if known is not None:
+        if resume and (known := _read(folder, key)) is not None:
             return known
         begin = time.monotonic()
         made = make()
@@ -48,63 +45,32 @@ def kept_mesh(folder: ResultsFolder, sections: list[Any]) -> Callable[[Callable[
     return mesh
 
 
-def forget_mesh(folder: ResultsFolder) -> None:
-    """The run is over: its mesh goes."""
-    folder.remove(NAME)
-
-
 def _key(sections: list[Any]) -> str:
-    """Hash of the sections, of the files that they name, and of the mesher's version."""
-    digest = hashlib.sha256()
-    for section in sections:
-        digest.update(section.model_dump_json().encode())
-        mesh = getattr(section, "mesh", section)
-        if mesh is None:  # of parts whose mesh is not ours nothing is kept
-            continue
-        for name in (mesh.file, mesh.step):
-            if name is not None:
-                with suppress(OSError):  # missing: making the mesh tells
-                    digest.update(Path(name).read_bytes())
-    for package in ("gmsh", "orchestrator"):
-        with suppress(metadata.PackageNotFoundError):
-            digest.update(metadata.version(package).encode())
-    return digest.hexdigest()
-
-
-def _content(mesh: Mesh) -> dict[str, np.ndarray]:
-    return {"nodes": mesh.nodes, "cells": mesh.cells, "volume": mesh.volume,
-            **{f"surface_{i}": triangles for i, triangles in enumerate(mesh.surfaces.values())}}
-
-
-def _digest(key: str, arrays: dict[str, np.ndarray]) -> str:
-    digest = hashlib.sha256(key.encode())
-    for name, array in sorted(arrays.items()):
-        digest.update(f"{name} {array.dtype} {array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).data)
-    return digest.hexdigest()
+    """Hash of the sections, of the files that they name and of those that these include, and of the meshers' versions."""
+    problem = problem_of({"sections": [section.model_dump(mode="json") for section in sections]})
+    with suppress(metadata.PackageNotFoundError):
+        problem["gmsh"] = metadata.version("gmsh")
+    return digest_of({**problem, "orchestrator": orchestrator.__version__})
 
 
 def _write(folder: ResultsFolder, key: str, mesh: Mesh) -> None:
-    arrays = _content(mesh)
-    names = {"volumes": mesh.volumes, "surfaces": list(mesh.surfaces), "source": mesh.source,
-             "remarks": mesh.remarks, "smooth": mesh.smooth}
-    with suppress(InputError), folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
-        np.savez(file, about=np.array([json.dumps(names), key, _digest(key, arrays)]), **arrays)
+    about = {"volumes": mesh.volumes, "surfaces": list(mesh.surfaces), "source": mesh.source, "remarks": mesh.remarks,
+             "smooth": mesh.smooth}
+    arrays = {"nodes": mesh.nodes, "cells": mesh.cells, "volume": mesh.volume,
+              **{f"surface {i}": triangles for i, triangles in enumerate(mesh.surfaces.values())}}
+    with suppress(InputError), folder.replacing(NAME) as temporary, open(temporary, "wb", buffering=0) as file:
+        append(file, key, about, arrays)
 
 
 def _read(folder: ResultsFolder, key: str) -> Mesh | None:
     """None: there is none, it is of another section, or damaged."""
     try:
-        with np.load(folder / NAME, allow_pickle=False) as data:
-            names, theirs, digest = data["about"]
-            if theirs != key:
-                return None
-            arrays = {name: data[name] for name in data.files if name != "about"}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        found = next(records(folder / NAME), None)
+    except (OSError, Damaged, OtherVersion):
         return None
-    if _digest(key, arrays) != digest:
+    if found is None or found.header["problem"] != key:
         return None
-    about = json.loads(str(names))
-    surfaces = {name: arrays[f"surface_{i}"] for i, name in enumerate(about["surfaces"])}
+    about, arrays = found.header, found.arrays()
+    surfaces = {name: arrays[f"surface {i}"] for i, name in enumerate(about["surfaces"])}
     return Mesh(arrays["nodes"], arrays["cells"], arrays["volume"], about["volumes"], surfaces, about["source"],
                 about["remarks"], about["smooth"])

@@ -12,8 +12,9 @@ from contextlib import contextmanager, suppress
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.results.manifest import OWN
 
-NAME = ".lock"
+NAME = f"{OWN}/lock"
 
 
 @contextmanager
@@ -27,6 +28,7 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
     path = folder / NAME
     while True:
         with folder.guarded(NAME):
+            path.parent.mkdir(exist_ok=True)
             file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,11 +15,12 @@ from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, TooSlow
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.kept_mesh import forget_mesh
+from orchestrator.results.kept_mesh import NAME as MESH
 from orchestrator.results.solution import Solution
-from orchestrator.results.fingerprint import fingerprint
+from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.resume import load_checkpoint
-from orchestrator.results.subscribers.checkpoint import Checkpoint, begun
+from orchestrator.results.subscribers.checkpoint import NAME as CHECKPOINT
+from orchestrator.results.subscribers.checkpoint import PROBLEM, Checkpoint, begun
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.results.subscribers.remains import Remains
 from orchestrator.results.summary.content import note_time
@@ -46,13 +48,15 @@ class Record:
     """
 
     def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False):
-        key = fingerprint(config.complete(), scene.mesh.nodes, scene.mesh.cells)
-        self.start = load_checkpoint(folder, key) if resume else None
+        problem = problem_of(config.complete(), scene.mesh.nodes, scene.mesh.cells)
+        key = digest_of(problem)
+        self.start = load_checkpoint(folder, key, problem) if resume else None
         if resume and self.start is None:
             print(f"No iteration is kept in {folder.path}: the run begins at its beginning.", file=sys.stderr)
         if not resume:
-            folder.clear()
+            folder.clear(but=MESH)
             begun(folder)
+            folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
         self._folder, self._watch, self._key = folder, watch, key
         self._checkpoint = Checkpoint(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
@@ -87,7 +91,6 @@ class Record:
             raise
         if solution.converged:
             self._checkpoint.remove()
-            forget_mesh(self._folder)
         if artist:
             await_figures(self._folder, solution, self._watch, artist)
 

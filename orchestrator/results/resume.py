@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +13,25 @@ import numpy as np
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.memory import Memory
 from orchestrator.method.start import Start
-from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.results.subscribers.checkpoint import ENDED, NAME, SEGMENTS
-from orchestrator.results.subscribers.log import OtherVersion, Record, records
+from orchestrator.results.fingerprint import differences, digest_of
+from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
+from orchestrator.results.subscribers.checkpoint import ENDED, NAME, PROBLEM, SEGMENTS
+from orchestrator.results.subscribers.log import Damaged, OtherVersion, Record, records
 
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"
 
 
-def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint: str) -> Start | None:
+def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint: str,
+                    problem: Mapping[str, str] | None = None,
+                    warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)) -> Start | None:
     """Reads the checkpoint of a results folder.
 
     Records that a killed run has not finished, or that are damaged, are left out: what they tell is computed again.
+
+    Parameters
+    ----------
+    problem : what the fingerprint is of, so that another problem is told by what differs
+    warn : is told of damage
 
     Returns
     -------
@@ -37,7 +47,10 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
         raise InputError(Problem(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
                                  "the checkpoint of an interrupted run of this configuration", _FRESH))
     # read all the same: what belongs to another problem or version is refused
-    ended, latest = ([record for file in some for record in _sound(file, fingerprint)] for some in files)
+    ended, latest = ([record for file in some for record in _sound(file, warn)] for some in files)
+    for record in (*ended, *latest):
+        if record.header["problem"] != fingerprint:
+            raise InputError(_another(path, record.header["problem"], problem))
     done: list[Record] = []
     for record in ended:  # batches of load steps, one after the other
         if record.header["batch"] == len(done):
@@ -48,25 +61,35 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     return _between(done, window) if done or window else None
 
 
-def _sound(file: Path, fingerprint: str) -> list[Record]:
+def _sound(file: Path, warn: Callable[[str], None]) -> list[Record]:
     """The sound records of a file."""
+    found: list[Record] = []
     try:
-        found = list(records(file))
+        for record in records(file):
+            found.append(record)
     except OtherVersion as error:
         raise InputError(Problem(DIRECTORY_KEY, f"{file} was written by another version of this program ({error})",
                                  "a checkpoint of this version", "resume with that version, or run without --resume")
                          ) from error
-    except (OSError, ValueError):
-        return []
-    theirs = {record.header["problem"] for record in found} - {fingerprint}
-    if theirs:
-        raise InputError(Problem(
-            DIRECTORY_KEY,
-            f"{file.parent} belongs to another problem (fingerprint {theirs.pop()[:12]}, now {fingerprint[:12]})",
-            "the configuration and mesh of the interrupted run (tolerance, max_iterations, workers, "
-            "transport, timeout and output may change)",
-            "undo the changes, run without --resume, or choose another folder with --output"))
+    except Damaged as error:
+        warn(f"The checkpoint is damaged: {error}. What it told from there on is computed again.")
+    except OSError as error:
+        warn(f"The checkpoint cannot be read: {file}: {error.strerror}. What it told is computed again.")
     return found
+
+
+def _another(path: Path, theirs: str, problem: Mapping[str, str] | None) -> Problem:
+    """What is said of a checkpoint of another problem; what differs, where that is known."""
+    try:
+        before = json.loads((path / PROBLEM).read_bytes())
+        changed = differences(before, problem) if problem and digest_of(before) == theirs else []
+    except (OSError, ValueError, TypeError, AttributeError):
+        changed = []
+    what = "; ".join(changed[:SHOWN]) + (f"; and {len(changed) - SHOWN} more" if len(changed) > SHOWN else "")
+    return Problem(DIRECTORY_KEY, f"{path} belongs to another problem" + (f": {what}" if changed else ""),
+                   "the configuration, the mesh and the files of the interrupted run (tolerance, max_iterations, workers, "
+                   "transport, timeout and output may change)",
+                   "undo the changes, run without --resume, or choose another folder with --output")
 
 
 def _window(found: Sequence[Record]) -> list[Record]:

@@ -2,6 +2,8 @@
 
 - ``iterations-000001.log`` …  what each iteration has added; the oldest go as soon as the method needs them no more
 - ``batch-000.log`` …          the end of each batch of load steps: the fields themselves
+- ``problem.json``             what the run's problem depends on, so that another one is told by what differs
+- ``mesh.log``                 a mesh that was dear to make, see ``kept_mesh``
 
 A thread of its own writes at most ``DELAY`` seconds after an iteration, so that a killed process loses that much or
 the iteration under way, and the loop does not wait for the disk. Killed processes leave whole records; for the day the
@@ -22,10 +24,12 @@ from orchestrator.method.events import Finished, Iteration, Subscriber
 from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.method.start import Start
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.log import append, begin
+from orchestrator.results.subscribers.log import append
 
 NAME, ENDED, SEGMENTS = "checkpoint", "batch-*.log", "iterations-*.log"
+PROBLEM = "problem.json"
 RESERVE, MARGIN = "reserve", 1 << 16  # bytes for what is no array
+_GROWING = rf"{NAME}/((iterations-\d{{6,}}|batch-\d{{3,}})\.log|{RESERVE})"
 DELAY = 0.5  # seconds that an iteration waits for others, to be written together
 SYNCED = 30.0  # seconds between two waits for the disk itself
 
@@ -34,6 +38,7 @@ def begun(folder: ResultsFolder) -> None:
     """Note that a run has begun here: if it is killed before its first iteration, it resumes at its beginning."""
     with folder.guarded(NAME):
         (folder / NAME).mkdir(exist_ok=True)
+        folder.manifest.claim(_GROWING)
 
 
 def saved(folder: ResultsFolder) -> bool:
@@ -175,7 +180,7 @@ class Checkpoint(Subscriber):
     def _reserve(self, memory: Memory) -> None:
         """Take the room that the end of the run will need."""
         self._reserved = True
-        self._path.mkdir(parents=True, exist_ok=True)
+        begun(self._folder)
         rest = sum(array.nbytes for name, array in memory.arrays.items() if not name.startswith("trace"))
         width = max(array.shape[1] for name, array in memory.arrays.items() if name.startswith("trace"))
         try:
@@ -193,7 +198,7 @@ class Checkpoint(Subscriber):
             self._segments = [(p, last) for p, last in self._segments if p != path] + [(path, 0)]
             self._in_file = 0
         arrays = {name: array for name, array in memory.arrays.items() if "/delivered" not in name}
-        append(self._file, _header(memory), arrays)
+        append(self._file, self._fingerprint, _header(memory), arrays)
         self._in_file += 1
         self._segments[-1] = self._segments[-1][0], memory.iteration
         self._drop(memory.iteration - memory.back + 1)
@@ -203,20 +208,12 @@ class Checkpoint(Subscriber):
         arrays = {name: array for name, array in memory.arrays.items()
                   if "/delivered" in name or name.startswith(("common/", "interface"))}
         with self._new(self._path / f"batch-{memory.batch:03}.log") as file:
-            append(file, _header(memory), arrays)
+            append(file, self._fingerprint, _header(memory), arrays)
             os.fsync(file.fileno())
 
     def _new(self, path: Path):
         self._path.mkdir(parents=True, exist_ok=True)
-        file = open(path, "wb", buffering=0)
-        try:
-            begin(file, self._fingerprint)
-        except OSError:
-            file.close()
-            with suppress(OSError):
-                path.unlink()
-            raise
-        return file
+        return open(path, "wb", buffering=0)
 
     def _drop(self, first: int) -> None:
         """Remove files all of whose iterations are before ``first``."""

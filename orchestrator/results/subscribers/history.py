@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,7 @@ from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 
 NAME = "history.csv"
 _COUNTS = {"iteration", *COUNTED}
+_WITHOUT = "if it is damaged, remove it: --resume goes on without its lines"
 
 
 class HistoryWriter(Subscriber):
@@ -41,6 +43,7 @@ class HistoryWriter(Subscriber):
         self._lines, self._whole = _lines(self._kept), True
         write_history(self._folder, self._kept)
         with self._folder.guarded(NAME):
+            self._folder.manifest.claim(re.escape(NAME))  # it grows
             self._file = open(self._folder / NAME, "ab", buffering=0)
 
     def iteration(self, event: Iteration) -> None:
@@ -82,6 +85,8 @@ class HistoryWriter(Subscriber):
         """Closes the file; later events are ignored."""
         self._over = True
         self._file.close()
+        with suppress(OSError):  # a full disk: it stays claimed
+            self._folder.manifest.settle(re.escape(NAME))
 
     def __enter__(self) -> HistoryWriter:
         return self
@@ -123,14 +128,14 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         if missing:
             raise InputError(Problem(DIRECTORY_KEY, f"the first line of {path} lacks the columns {', '.join(missing)}",
                                      "a history.csv of this version",
-                                     "go on with the version that wrote it, or begin anew in another folder"))
+                                     f"go on with the version that wrote it, or begin anew in another folder; {_WITHOUT}"))
         # What follows the last line end is empty, or half a line.
         texts = [line.split(",") for line in lines[:-1]]
         table = np.array([[float(x) for x in row] for row in texts]).reshape(-1, len(names))
     except (OSError, ValueError) as error:
         raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}",
                                  "a history.csv written by a run",
-                                 "name the results folder of an earlier run")) from error
+                                 f"name the results folder of an earlier run; {_WITHOUT}")) from error
     whole = _COUNTS | {name for name, *column in zip(names, *texts) if column and all(map(str.isdigit, column))}
     return {name: column.astype(int) if name in whole else column for name, column in zip(names, table.T)}
 

@@ -7,6 +7,7 @@ import io
 import json
 import math
 import os
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -57,6 +58,10 @@ class Study:
     name, title : as listed
     folder : default results/studies/<name>
 
+    Raises
+    ------
+    InputError : folder not writable, or with files that are no study's
+
     Attributes
     ----------
     rows : of the table so far
@@ -66,6 +71,8 @@ class Study:
     def __init__(self, name: str, title: str, folder: str | os.PathLike[str] | None = None):
         self.name, self.title = name, title
         self.folder = ResultsFolder(folder or os.path.join("results", "studies", name))
+        self.folder.check_known()  # problems are written there too
+        self.folder.check_free(rf"(table|curves|targets)\.csv|{re.escape(name)}\.png")
         self.folder.remove("table.csv", "curves.csv", "targets.csv", f"{name}.png")
         self.rows: list[dict[str, Any]] = []
         self.histories: list[list[Iteration]] = []

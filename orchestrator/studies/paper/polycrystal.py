@@ -6,9 +6,9 @@ Figures 13 (structure and load), 14 (deformed shapes, in run/figures) and 15 (in
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -121,12 +121,11 @@ def _run(study: Study, problem: Mapping[str, Any], iterations: int) -> dict[str,
 def _write(output: ResultsFolder, run: Followed, problem: Mapping[str, Any], keep: bool) -> None:
     """The fields of a run, as the command line writes them; they stay for the defaults only."""
     fields = run.fields
-    folder = output if keep else ResultsFolder(output / "scratch")
-    folder.clear()
-    write_fields(folder, fields)
-    drawn(write_figures, folder, {"name": problem["name"]}, {}, fields)
-    if not keep:
-        shutil.rmtree(folder.path)
+    with tempfile.TemporaryDirectory(dir=output.path) as scratch:
+        folder = output if keep else ResultsFolder(scratch)
+        folder.clear()
+        write_fields(folder, fields)
+        drawn(write_figures, folder, {"name": problem["name"]}, {}, fields)
     run.fields = None  # large
 
 

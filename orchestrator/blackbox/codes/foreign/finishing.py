@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +13,16 @@ from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
 from orchestrator.scene.model import Subdomain
 
-FOLDER = "parts"  # of the results folder: in it one for each part, with what it has written
-
 
 def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomain], displacements: Sequence[np.ndarray],
-                 forces: Sequence[np.ndarray | None], results: Path) -> list[str]:
+                 forces: Sequence[np.ndarray | None], place: Callable[[str], AbstractContextManager[Path]]) -> list[str]:
     """Tell every part that wants to know.
 
     Parameters
     ----------
     settings : the entries of ``blackbox``, and those of parts
     displacements, forces : per subdomain (T, n_E, 3), its own, and what the interfaces exert; the joints' nodes come first
-    results : the results folder
+    place : an empty folder for the results of the part of a name
 
     Returns
     -------
@@ -33,12 +31,11 @@ def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomai
     asked = {s.code: s for s in subdomains if s.foreign and getattr(settings[s.code], "writes_results", False)}
     sentences = []
     for number, code in (find_codes(settings, asked) if asked else {}).items():
-        s, folder = asked[number], results / FOLDER / settings[number].name
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
+        s = asked[number]
         u, f = (x[:, : len(code.condensed().joints.points)].reshape(len(x), -1) for x in (displacements[s.index], forces[s.index]))
         try:
-            code.finish(folder, u, f)
+            with place(settings[number].name) as folder:
+                code.finish(folder, u, f)
         except InputError as error:
             sentences.append(f"no results of {s.name}: {error.problems[0].found}")
     return sentences

@@ -1,0 +1,169 @@
+"""What of a results folder this program has written: nothing else in it is ever removed or replaced.
+
+``.orchestrator/manifest`` has a line of JSON for each file, appended before the file gets its name: whatever ends a run, its files
+are known. A line holds the file's size, time and hash, so that one that somebody has changed since counts as theirs. Files
+that grow are claimed by a pattern of their names instead, until they are done.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+OWN = ".orchestrator"  # the folder of what is for this program alone
+NAME = f"{OWN}/manifest"
+PARTS = "parts"  # in it a folder for each part that writes results of its own
+FOLDERS = ("fields", "figures", "checkpoint", PARTS)
+# Names that a run writes under; programs that are parts have folders of their own beside.
+RESULTS = (r"(summary\.json|(history|extremes|interfaces|probes)\.csv|fields\.npz|traceback\.txt"
+           r"|fields/(step_\d{4,}(_\d+)?\.p?vtu|interface_\d{4,}\.vtu|(fields|interfaces)\.pvd)"
+           r"|figures/(convergence|time|probes|deformed|interfaces|jumps|codes)\.png|checkpoint-mesh\.npz"
+           r"|checkpoint/((iterations-\d{6,}|batch-\d{3,}|mesh)\.log|reserve|problem\.json))")
+_SUMMARY = {"name", "converged", "stop_reason", "versions", "config"}  # keys by which a summary.json is known
+
+
+class Manifest:
+    """The files of a results folder that are this program's.
+
+    Parameters
+    ----------
+    folder : the results folder
+
+    Raises
+    ------
+    OSError : from what writes, where it cannot
+    """
+
+    def __init__(self, folder: Path):
+        self._folder, self._path = folder, folder / NAME
+
+    def begun(self) -> bool:
+        """Whether this program has written here before, and kept a list of it."""
+        return self._path.is_file()
+
+    def note(self, name: str, file: Path) -> None:
+        """``file`` as it is now will be, or is, the one called ``name``."""
+        self._append(self._line(name, file, hashed=True))
+
+    def claim(self, pattern: str) -> None:
+        """Whatever has a name that matches the regular expression is this program's until it is ``settled``."""
+        if pattern not in self._read()[1]:
+            self._append({"claimed": pattern})
+
+    def settle(self, pattern: str) -> None:
+        """Files that were claimed are done: those that are there are noted as they are."""
+        if pattern in self._read()[1]:
+            self._append(*(self._line(name, self._folder / name, hashed=True)
+                           for name in self._names() if re.fullmatch(pattern, name)), {"settled": pattern})
+
+    def owned(self) -> Iterator[str]:
+        """Names of the files that are there and this program's; of what links lead to, none."""
+        known = self._read()
+        return (name for name in self._names() if self._is_own(name, *known))
+
+    def owns(self, name: str) -> bool:
+        """Whether the file of this name is this program's."""
+        return self._is_own(name, *self._read())
+
+    def foreign(self, pattern: str) -> list[str]:
+        """What stands under names that match the regular expression, and is not this program's."""
+        known = self._read()
+        return [name for name in self._names(links=True) if re.fullmatch(pattern, name) and not self._is_own(name, *known)]
+
+    def clean(self) -> None:
+        """Forget the files that are not there any more."""
+        noted, claims = self._read()
+        lines = [{"file": name, **entry} for name in noted if os.path.lexists(self._folder / name) for entry in noted[name]]
+        lines += [{"claimed": claim} for claim in claims]
+        with suppress(FileNotFoundError):
+            self._path.unlink()
+        self._append(*lines)
+
+    def _names(self, links: bool = False) -> Iterator[str]:
+        """Of all that is where this program writes; ``links``: also in folders that links lead to."""
+        for below in ("", *FOLDERS):
+            if below and not links and (self._folder / below).is_symlink():
+                continue
+            for place, folders, files in os.walk(self._folder / below):
+                if below != PARTS:
+                    yield from (os.path.join(below, name) for name in (*files, *folders))  # a folder stands in the way of a file as well
+                    break
+                inside = os.path.relpath(place, self._folder)
+                yield from (os.path.join(inside, name) for name in files)
+
+    def _is_own(self, name: str, noted: dict[str, list[dict[str, Any]]], claims: list[str]) -> bool:
+        path = self._folder / name
+        return path.is_file() and not path.is_symlink() and (
+            any(re.fullmatch(claim, name) for claim in claims) or _is_one(path, noted.get(name, [])))
+
+    def _read(self) -> tuple[dict[str, list[dict[str, Any]]], list[str]]:
+        """Entries by name, and patterns that are claimed."""
+        noted: dict[str, list[dict[str, Any]]] = {}
+        claims: list[str] = []
+        for line in self._lines():
+            if "file" in line:
+                noted.setdefault(line["file"], []).append({key: line.get(key) for key in ("size", "time", "hash")})
+            elif "claimed" in line:
+                claims.append(line["claimed"])
+            elif line.get("settled") in claims:
+                claims.remove(line["settled"])
+        return noted, claims
+
+    def _lines(self) -> list[dict[str, Any]]:
+        try:
+            texts = self._path.read_bytes().splitlines()
+        except FileNotFoundError:
+            return self._of_an_earlier_version()
+        lines = []
+        for text in texts:
+            with suppress(ValueError):  # half a line, of a process that was killed
+                lines.append(json.loads(text))
+        return [line for line in lines if isinstance(line, dict)]
+
+    def _of_an_earlier_version(self) -> list[dict[str, Any]]:
+        """What a run has left whose version had no manifest: names that runs write under, beside its summary, which is last."""
+        summary = self._folder / "summary.json"
+        try:
+            if summary.is_symlink() or not _SUMMARY <= set(json.loads(summary.read_bytes())):
+                return []
+            last = summary.stat().st_mtime_ns
+        except (OSError, ValueError, TypeError):
+            return []
+        return [self._line(name, path, hashed=False) for name in self._names() if re.fullmatch(RESULTS, name)
+                and (path := self._folder / name).is_file() and not path.is_symlink() and path.stat().st_mtime_ns <= last]
+
+    def _line(self, name: str, file: Path, hashed: bool) -> dict[str, Any]:
+        about = file.stat()
+        return {"file": name, "size": about.st_size, "time": about.st_mtime_ns, "hash": _hash(file) if hashed else None}
+
+    def _append(self, *lines: dict[str, Any]) -> None:
+        known = [] if self._path.exists() else self._of_an_earlier_version()
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        # each begins a line of its own, behind half a one of a process that was killed too
+        content = b"".join(b"\n" + json.dumps(line).encode() for line in (*known, *lines))
+        with open(self._path, "ab", buffering=0) as file:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(file, fcntl.LOCK_EX)
+            if content and file.write(content) < len(content):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _is_one(path: Path, entries: list[dict[str, Any]]) -> bool:
+    """Whether a file is one of those noted: by size and time, or where it was copied by size and content."""
+    about = path.stat()
+    alike = [entry for entry in entries if entry["size"] == about.st_size]
+    return any(entry["time"] == about.st_mtime_ns for entry in alike) or (
+        any(entry["hash"] for entry in alike) and _hash(path) in {entry["hash"] for entry in alike})
+
+
+def _hash(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
