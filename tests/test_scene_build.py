@@ -453,7 +453,11 @@ def test_everything_is_reported_at_once():
     ({"boundary": [CLAMP, {"on": "xmax", "displacement": [1e-3, None, None]}, {"on": "xmax", "traction": [0, 1, 0]}]}, []),
     ({"boundary": [CLAMP], "loads": [{"body_force": [0, 0, -1]}]}, []),
     ({"boundary": [CLAMP], "interfaces": [{"law": "jump", "jump": [1e-3, 0, 0]}]}, []),
-], ids=["no load", "traction on the clamp", "pressure on the clamp", "history", "pulled", "held along, pushed across", "weight", "jump"])
+    ({"boundary": [CLAMP], "interfaces": [{"law": "pretension", "force": 10.0}]}, []),
+    ({"boundary": [CLAMP, {"on": "xmax", "coupling": {"force": [0, 0, 1.0]}}]}, []),
+    ({"boundary": [CLAMP, {"on": "xmax", "coupling": {"force": [0, 0, 0]}}]}, ["nothing loads the scene"]),
+], ids=["no load", "traction on the clamp", "pressure on the clamp", "history", "pulled", "held along, pushed across", "weight", "jump",
+        "pretension", "coupled force", "coupled, no force"])
 def test_what_is_hardly_meant(changes, words):
     said = scene_cautions(scene(**changes))
     assert len(said) == len(words) and all(text.startswith(word) for word, text in zip(words, said)), said

@@ -174,6 +174,11 @@ class Law:
         return 0.0
 
     @property
+    def acts(self) -> bool:
+        """Whether the law loads the scene by itself: it asks for a displacement, or for a force."""
+        return self.imposed > 0
+
+    @property
     def given_jump(self) -> np.ndarray | None:
         """(3,) the jump that the law prescribes at every node, whatever the force; None where it is a matter of forces."""
         return None

@@ -55,6 +55,10 @@ class Coupling(Law):
         return float(np.abs(moved).max(initial=0.0))
 
     @property
+    def acts(self) -> bool:
+        return bool(np.any(self.given))
+
+    @property
     def holds(self) -> tuple[np.ndarray, np.ndarray]:
         """(3, 3, n) directions x, y and z, and (3, n) bool, which of them are held: all of a rigid surface whose point is prescribed."""
         count = self.motions.shape[2]

@@ -86,6 +86,10 @@ class Pretension(Law):
     def of(cls, entry: Parameters, count: int, direction: float, distance: np.ndarray | None = None) -> Pretension:
         return cls(entry.force)
 
+    @property
+    def acts(self) -> bool:
+        return bool(self.pull)
+
     def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
         by_force = self.pull is not None
         return {"pull": np.full(len(chosen), self.pull if by_force else 0.0), "tightened": np.full(len(chosen), by_force)}

@@ -34,7 +34,7 @@ def noted(scene: Scene) -> Iterator[str]:
 
 def unloaded(scene: Scene) -> Iterator[str]:
     """Nothing acts, or only where it goes straight into a support."""
-    moved = any(s.prescribed.any() for s in scene.subdomains) or any(i.law.imposed for i in scene.interfaces)
+    moved = any(s.prescribed.any() for s in scene.subdomains) or any(law.acts for i in scene.interfaces for law in (i.law, *i.law_at_steps))
     if not moved and not any(s.loads.any() for s in scene.subdomains):
         yield ("nothing loads the scene: no traction, no pressure, no body force, no displacement other than zero; "
                "nothing will move")
