@@ -6,8 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
-from orchestrator.scene.mesh.faces import faces_of
+from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
+from orchestrator.scene.interfaces.overlap import Solid, overlap
+from orchestrator.scene.interfaces.pairing import COINCIDE
+from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Scene
 
@@ -20,16 +22,18 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
     sides : per subdomain (steps, n_E, 3) displacement
     lost : names of bodies whose place means nothing
     """
-    parts = {v: _Part(scene, sides, v, set(lost)) for v in {v for pair in scene.near for v in pair}}
+    faces = faces_of(scene.mesh.cells[:, :4], len(scene.mesh.nodes)) if scene.near else None
+    parts = {v: _Part(scene, faces, sides, v, set(lost)) for v in {v for pair in scene.near for v in pair}}
     result = []
     for one, two in scene.near:
         if parts[one].lost or parts[two].lost:
             continue
+        # chords of curved faces may be inside each other, from the start and as they turn: that is no motion
+        sagitta = parts[one].sagitta, parts[two].sagitta
         found = [(o.depth, step, o) for step in range(scene.steps)
-                 if (o := overlap(parts[one].at(step), parts[two].at(step))) is not None]
-        if found and (rest := overlap(parts[one].at(None), parts[two].at(None))) is not None:
-            # chords of curved faces may be inside each other from the start: that is no motion
-            found = [f for f in found if f[0] - rest.depth > DEEP * f[2].size]
+                 if (o := overlap(parts[one].at(step), parts[two].at(step), sagitta, COINCIDE)) is not None]
+        if found and (rest := overlap(parts[one].at(None), parts[two].at(None), sagitta, COINCIDE)) is not None:
+            found = [f for f in found if f[0] - rest.depth > COINCIDE * f[2].size]
         if found:
             depth, step, deepest = max(found, key=lambda f: f[0])
             result.append(f"{parts[one].name!r} and {parts[two].name!r} pass through each other by about {depth:.3g} at load "
@@ -42,21 +46,23 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
 class _Part:
     """A volume of the mesh as it is displaced."""
 
-    def __init__(self, scene: Scene, sides: list[np.ndarray], volume: int, lost: set[str]):
+    def __init__(self, scene: Scene, faces: Faces, sides: list[np.ndarray], volume: int, lost: set[str]):
         self.name = scene.mesh.volumes[volume]
         chosen = scene.mesh.volume == volume
-        self.nodes, self.cells = np.unique(scene.mesh.cells[chosen], return_inverse=True)
+        self.number, self.cells = np.unique(scene.mesh.cells[chosen], return_inverse=True)
         self.cells = self.cells.reshape(-1, scene.mesh.cells.shape[1])
-        self.displacement = np.zeros((scene.steps, len(self.nodes), 3))
+        self.displacement = np.zeros((scene.steps, len(self.number), 3))
         self.lost = False
         for e in np.unique(scene.cell_subdomain[chosen]):
             s = scene.subdomains[e]
             self.lost |= s.body in lost
-            _, own, at = np.intersect1d(s.nodes, self.nodes, assume_unique=True, return_indices=True)
+            _, own, at = np.intersect1d(s.nodes, self.number, assume_unique=True, return_indices=True)
             self.displacement[:, at] = sides[e][:, own]
-        self.points = scene.mesh.nodes[self.nodes]
-        faces = faces_of(self.cells[:, :4], len(self.nodes))
-        self.outer = faces.triangles[faces.outer]
+        self.points = scene.mesh.nodes[self.number]
+        own = faces_of(self.cells[:, :4], len(self.number))
+        self.outer = own.triangles[own.outer]
+        at = self.number[self.outer]
+        self.sagitta = sagittas(bulges(scene.mesh.nodes, at, smooth_faces(scene.mesh, faces)[faces.find(at)]))
 
     def at(self, step: int | None) -> Solid:
         """At a load step, or at rest."""

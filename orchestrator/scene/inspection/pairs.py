@@ -49,7 +49,7 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
     """The interfaces between different bodies, in their order."""
     for interface in scene.interfaces:
         one, two = (scene.subdomains[e] for e in interface.subdomains)
-        if one.body == two.body:
+        if one.body == two.body or not len(interface.triangles):
             continue
         sizes, areas = zip(*(_measures(scene, interface, side) for side in (0, 1)))
         if interface.mortar is not None:

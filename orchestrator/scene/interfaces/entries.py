@@ -105,6 +105,10 @@ class Laws:
         """The key of an entry that has distances read from the geometry; empty where sides must touch."""
         return self.entries[index].apart if index >= 0 else ""
 
+    def unread(self, index: int) -> bool:
+        """Whether an entry's law opens and has sides count as touching without a word on their gap."""
+        return index >= 0 and hasattr(self.entries[index], "gap") and self.entries[index].gap is None and not self.apart(index)
+
     def as_one(self, index: int) -> bool:
         """Whether the sides deform as one under an entry's law."""
         return index < 0 or LAWS[self.entries[index].law].as_one

@@ -62,16 +62,16 @@ class Facing:
 
 
 def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | None = None,
-           opposite: float = OPPOSITE) -> list[Facing]:
+           opposite: float = OPPOSITE, wide: bool = False) -> list[Facing]:
     """The patches on which two bodies lie on each other, the one with the first facet first.
 
     Parameters
     ----------
-    tolerance : how far apart surfaces may be, a share of the smaller element size there
+    tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the larger where ``wide``
     within : the same as a length, instead
     opposite : the cosine between facets' normals is below this
     """
-    a, b, found, sure = _segments(one, two, tolerance, within, opposite)
+    a, b, found, sure = _segments(one, two, tolerance, within, opposite, wide)
     if not sure.any():
         return []
     # what is not sure is judged by the smooth face it is on, on either side: beyond a crease begins another one
@@ -90,11 +90,12 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
 
 
 def _segments(one: Skin, two: Skin, tolerance: float, within: float | None,
-              opposite: float) -> tuple[np.ndarray, np.ndarray, Segments, np.ndarray]:
+              opposite: float, wide: bool) -> tuple[np.ndarray, np.ndarray, Segments, np.ndarray]:
     """Facets a, b of either body that come near the other, what they may have in common, and where (m,) bool that is sure."""
     x, y = one.body, two.body
     sag = float(two.sagitta.max(initial=0.0))
-    reach = (tolerance * x.size if within is None else within) + one.sagitta + sag
+    size = np.maximum(x.size, y.size.max(initial=0.0)) if wide else x.size
+    reach = (tolerance * size if within is None else within) + one.sagitta + sag
     low, high = y.box
     most = float(np.max(reach, initial=0.0))
     a = np.flatnonzero(((x.corners.max(axis=1) >= low - most) & (x.corners.min(axis=1) <= high + most)).all(axis=1))
@@ -103,7 +104,7 @@ def _segments(one: Skin, two: Skin, tolerance: float, within: float | None,
     if not len(a) or not len(b) or not may_face(x.normal[a], y.normal[b], opposite):
         return a, b, _NOTHING, np.empty(0, dtype=bool)
     found = find_segments(x.corners[a], y.corners[b], reach[a], reach[a], opposite)
-    h = np.minimum(x.size[a][found.slave], y.size[b][found.master])
+    h = (np.maximum if wide else np.minimum)(x.size[a][found.slave], y.size[b][found.master])
     apart = np.abs(_distance(one, two, a, b, found))
     sagitta = one.sagitta[a][found.slave] + two.sagitta[b][found.master]
     over_reach = apart - (tolerance * h if within is None else within)

@@ -7,6 +7,7 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.curvature import sagittas
+from orchestrator.scene.interfaces.distances import rounding
 from orchestrator.scene.interfaces.facing import UNSURE
 from orchestrator.scene.interfaces.mortar.assembly import node_gaps, point_normals, weights_of
 from orchestrator.scene.interfaces.mortar.duals import multipliers
@@ -18,7 +19,7 @@ from orchestrator.scene.mesh.quality import format_point
 
 def initial_gap(name: str, surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray], key: tuple[int, str],
                 problems: Problems) -> np.ndarray:
-    """(n₁,) distance of the sides at the slave's nodes, as its multipliers see it; never negative.
+    """(n₁,) distance of the sides at the slave's nodes, as its multipliers see it; negative inside each other.
 
     Sides that facets leave open or overlap by less than what is known of the surfaces (``UNSURE`` of the sagitta) touch, and
     where facets are in each other by less than their sagitta this counts as touching too; both are told.
@@ -41,7 +42,8 @@ def initial_gap(name: str, surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarr
                      "move the parts, or ask for a press fit by a number: gap: -0.01")
     facets = node_gaps(surfaces, weights_of(surfaces, perfect=False), point_normals(x1, one))
     gap = facets - _between(surfaces, bulge)
-    touching = (gap <= UNSURE * around) | (np.abs(gap) <= COINCIDE * h * 1e-3)
+    nothing = rounding(x1, h)
+    touching = (gap <= UNSURE * around + nothing) & (gap >= -around - nothing)
     if (touching & (around > COINCIDE * h)).any() and not deep.any():
         problems.warnings.append(
             f"{name}: facets are up to {max(0.0, -segments.distance.min()):.2g} inside each other and up to "

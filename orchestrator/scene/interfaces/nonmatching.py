@@ -45,7 +45,7 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
                  for side, (body, own) in enumerate(zip(pair, alone))]
     if not may_face(*(body.normal[own] for body, own in zip(pair, alone)), opposite):
         return
-    found = facing(skins(pair[0]), skins(pair[1]), laws.tolerance(index), within, opposite)
+    found = facing(skins(pair[0]), skins(pair[1]), laws.tolerance(index), within, opposite, bool(laws.apart(index)))
     if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
     asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite))
@@ -101,7 +101,7 @@ def _for_all_pieces(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, partition
     if ordered not in skins.slaves:
         pieces = [[b for b in skins.bodies if partition.body(b.subdomain) == name] for name in ordered]
         patches = [surfaces_of(mesh.nodes, (one, two), f.segments) for one in pieces[0] for two in pieces[1]
-                   for f in facing(skins(one), skins(two), laws.tolerance(index), laws.reach(index), laws.opposite(index))]
+                   for f in facing(skins(one), skins(two), laws.tolerance(index), laws.reach(index), laws.opposite(index), bool(laws.apart(index)))]
         skins.slaves[ordered] = ordered[slave_of(patches, matter, asked)]
     return named.index(skins.slaves[ordered])
 

@@ -53,22 +53,23 @@ class Overlap:
     size: float
 
 
-def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | None = None) -> Overlap | None:
+def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | None = None, deep: float = DEEP) -> Overlap | None:
     """The deepest that a corner or a face's centre of either part is inside the other; None: not worth mentioning.
 
     Parameters
     ----------
     sagitta : (k,) how far the surfaces are off the outer faces of either part: chords of curved faces may be inside each
         other by as much; None: not at all
+    deep : share of the local mesh size from which a depth counts
     """
     if (one.box[0] > two.box[1]).any() or (two.box[0] > one.box[1]).any() or not len(one.outer) or not len(two.outer):
         return None
     off = sagitta or (np.zeros(len(one.outer)), np.zeros(len(two.outer)))
-    found = [o for o in (_inside(one, two, *off), _inside(two, one, *off[::-1])) if o is not None]
+    found = [o for o in (_inside(one, two, *off, deep), _inside(two, one, *off[::-1], deep)) if o is not None]
     return max(found, key=lambda o: o.depth / o.size, default=None)
 
 
-def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray) -> Overlap | None:
+def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray, deep: float) -> Overlap | None:
     faces = one.nodes[one.outer[:, :3]]
     corners = np.unique(one.outer[:, :3])
     points, own = np.concatenate([one.nodes[corners], faces.mean(axis=1)]), np.r_[np.zeros(len(corners)), mine]
@@ -88,7 +89,7 @@ def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray) -> Ove
     near = near.reshape(len(points), -1)
     behind = np.einsum("pki,pki->pk", faces[near].mean(axis=2) - points[:, None], normal[near])
     depth = np.abs(behind).min(axis=1)
-    allowed = DEEP * size[near[:, 0]] + own + theirs[near].max(axis=1)
+    allowed = deep * size[near[:, 0]] + own + theirs[near].max(axis=1)
     at = int((depth / allowed).argmax())
     return Overlap(float(depth[at]), points[at], float(size[near[at, 0]])) if depth[at] > allowed[at] else None
 

@@ -148,7 +148,7 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None, share:
     Parameters
     ----------
     apart : whether they may be at a distance; otherwise nodes must coincide
-    within : search distance; none: ``share`` × h
+    within : search distance; none: ``share`` × h, of the larger facet of two
 
     Returns
     -------
@@ -158,10 +158,12 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None, share:
     b = two.near(one.corners.min(axis=(0, 1)) - (within or 0), one.corners.max(axis=(0, 1)) + (within or 0))
     if len(a) == 0 or len(b) == 0:
         return [], None
-    size = one.size[a]
-    reach = (np.full(len(a), within) if within else share * size) if apart else COINCIDE * size
+    size, largest = one.size[a], np.maximum(one.size[a], two.size[b].max())
+    reach = (np.full(len(a), within) if within else share * largest) if apart else COINCIDE * size
     i, j = candidates(one.corners[a].mean(axis=1), two.corners[b].mean(axis=1), (1 + ASIDE) * reach + ASIDE * size * apart)
     reach, i, j = reach[i], a[i], b[j]
+    if apart and not within:
+        reach = share * np.maximum(one.size[i], two.size[j])
     facing = np.einsum("ij,ij->i", one.normal[i], two.normal[j]) < OPPOSITE
     reach, i, j = reach[facing], i[facing], j[facing]
     normal = one.normal[i] - two.normal[j]

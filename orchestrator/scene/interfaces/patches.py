@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.scene.interfaces.distances import paired_gap, tell_distances
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.hinges import hinges
 from orchestrator.scene.interfaces.mortar.sides import Matter
@@ -15,7 +16,6 @@ from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
-from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
@@ -80,6 +80,7 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
                            lambda entry: _how_far(mesh, bodies, partition, laws, entry))
     near = []
     if bodies and not problems.found:
+        tell_distances(mesh, partition, numbering, found, laws, problems)
         near = report_neighbours(mesh, faces, bodies, found, partition, numbering, laws, asked, problems)
     return found, near
 
@@ -154,7 +155,7 @@ def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition
             continue
         index = laws.foreseen(*known)
         apart = laws.apart(index)
-        patches, mismatch = match(*pair, bool(apart), laws.reach(index), laws.tolerance(index) if apart else REACH)
+        patches, mismatch = match(*pair, bool(apart), laws.reach(index), laws.tolerance(index))
         if matter is not None and index >= 0:
             from orchestrator.scene.interfaces.nonmatching import nonmatching  # SciPy, only where it is asked for
 
@@ -163,7 +164,7 @@ def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition
                 laws.between(*known)
                 yield from ((interface, names) for interface in unmatched)
                 continue
-        if mismatch and not laws.found(index):
+        if mismatch and (patches or not laws.found(index)):
             problems.add(("interfaces", index, apart), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
                          f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
                          f"{format_point(mismatch.point)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
@@ -176,25 +177,8 @@ def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition
                         for b, ids in zip(pair, (nodes, others)))
             interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
                                   local.reshape(patch.triangles.shape), patch.cells, np.ones((len(nodes), 3), dtype=bool))
-            laws.apply(index, interface, known[0],
-                       _measured(mesh, interface, others, (index, apart), problems) if apart else None)
+            laws.apply(index, interface, known[0], paired_gap(mesh, interface, others, (index, apart), problems) if apart else None)
             yield interface, names
-
-
-def _measured(mesh: Mesh, interface: Interface, others: np.ndarray, key: tuple[int, str],
-              problems: Problems) -> np.ndarray:
-    """(n,) distance of the sides along the normal, which the entry and its key ask for; zero where they coincide."""
-    one, two = mesh.nodes[interface.global_nodes], mesh.nodes[others]
-    middle = (one + two) / 2
-    gap = np.einsum("ij,ij->i", node_normals(middle, interface.triangles), two - one)
-    rounding = COINCIDE * local_size(middle, interface.triangles)
-    deep = gap < -rounding
-    if deep.any():
-        worst = int(gap.argmin())
-        problems.add(("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at "
-                     f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {format_point(middle[worst])}", "sides that touch or are apart",
-                     "move the parts, or ask for a press fit by a number: gap: -0.01")
-    return np.where(np.abs(gap) <= rounding * 1e-3, 0.0, np.maximum(gap, 0.0))
 
 
 def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, laws: Laws, entry: Any) -> str:

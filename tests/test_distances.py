@@ -1,0 +1,54 @@
+"""Distances of facing sides are the geometry's: small clearances, small press fits, meshes of other sizes on either side."""
+
+import pytest
+from in_process import IN_PROCESS
+
+from orchestrator.config import config_from
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+
+AUTO = {"between": "auto", "law": "contact"}
+
+
+def boxes(z: float, down: float, *, low=(3, 3, 2), up=(4, 4, 2), entry=AUTO, size=1.0, **changes) -> dict:
+    """A cube at a height z above the ground, on another one of height 1, moved by ``down`` at its top; E = 1000, ν = 0."""
+    def part(name, cells, height):
+        return {"name": name, "mesh": {"box": {"size": [size] * 3, "cells": list(cells)}}, "move": {"translate": [0, 0, height * size]}}
+
+    return {"name": "boxes", "parts": [part("low", low, 0.0), part("up", up, z)], "subdomains": "groups", "interfaces": [entry],
+            "materials": [{"young": 1000, "poisson": 0}], "blackbox": IN_PROCESS, "method": {"tolerance": {"error": 1e-9}},
+            "boundary": [{"on": "low/zmin", "displacement": [0, 0, 0]}, {"on": "up/zmax", "displacement": [0, 0, -down * size]}], **changes}
+
+
+@pytest.mark.parametrize("z, down, changes, force", [
+    (1.03, 0.05, {}, 10.0), (1.03, 0.05, {"low": (4, 4, 2), "up": (3, 3, 2)}, 10.0), (1.03, 0.05, {"low": (2, 2, 2), "up": (8, 8, 2)}, 10.0),
+    (0.9997, 0.0, {}, 0.15), (0.9997, 0.0, {"up": (3, 3, 2)}, 0.15), (0.9997, 0.0, {"size": 1e-3}, 0.15), (0.99999, 0.0, {}, 0.005),
+    (0.9997, 0.0, {"entry": {"between": ["low", "up"], "law": "contact", "gap": "geometry"}}, 0.15),
+    (1.0003, 0.05, {"up": (3, 3, 2)}, 24.85),
+])
+def test_the_force_is_that_of_the_geometry(z, down, changes, force):
+    """E (down − (z − 1)) / 2 on the area, whichever side is finer."""
+    made = config_from(boxes(z, down, **changes))
+    scene = build_scene(made)
+    assert solve(made, scene).summary["reactions"][0][0][2] == pytest.approx(force * changes.get("size", 1.0) ** 2, rel=1e-6)
+    assert [w for w in scene.warnings if "pressed together" in w] == [w for w in scene.warnings if z < 1 and "low | up: sides are up to" in w]
+    assert bool(scene.warnings) == (z < 1)
+
+
+@pytest.mark.parametrize("z, up", [(1.0002, (3, 3, 2)), (0.9998, (3, 3, 2)), (1.0002, (4, 4, 2))])
+def test_what_counts_as_touching_is_told(z, up):
+    """Unless the entry has a word on the gap."""
+    named = {"between": ["low", "up"], "law": "contact"}
+    told = build_scene(config_from(boxes(z, 0.01, up=up, entry=named))).warnings
+    assert len(told) == 1 and f"0.0002 {'apart' if z > 1 else 'inside each other'}" in told[0] and "count as touching" in told[0]
+    assert not build_scene(config_from(boxes(z, 0.01, up=up, entry={**named, "gap": 0}))).warnings
+
+
+@pytest.mark.parametrize("up", [(3, 3, 2), (4, 4, 2)])
+def test_parts_that_touch_do_so_wherever_they_are(up):
+    """Turned, and far from the origin, where coordinates are rounded."""
+    made = boxes(1.0, 0.01, up=up)
+    for part, height in zip(made["parts"], (0, 1)):
+        part["move"] = {"rotate": {"axis": [1, 2, 3], "degrees": 40, "about": [0, 0, -height]}, "translate": [1000, 0, height]}
+    scene = build_scene(config_from(made))
+    assert not scene.warnings and not any(i.law.distance.any() for i in scene.interfaces)
