@@ -12,24 +12,26 @@ from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Mesh
 from orchestrator.scene.names import matching, suggestion
 
-# Planes and boxes are met within this share of the mesh's diagonal.
-TOLERANCE = 1e-6
+# Planes and boxes are met within this share of the mesh's diagonal: digits of the YAML and of files. But not where that is
+# more than a share of what the tet behind a face measures across: then the next face of a thin part is as near.
+TOLERANCE, THICKNESS = 1e-6, 0.01
+# Of the mesh's diagonal: faces nearer than that are met exactly.
+EXACT = 1e-12
 
 
 def select(mesh: Mesh, faces: Faces, on: Any, path: KeyPath, problems: Problems) -> np.ndarray:
     """Indices of the faces selected; empty, with a problem, when there are none.
 
-    A plane or a box takes the faces of the outer boundary that have all three nodes in it. A named surface
+    A plane or a box takes the faces of the outer boundary that have all three nodes in it, see ``_met``. A named surface
     may also lie inside the mesh.
     """
     if isinstance(on, str):
         return _named(mesh, faces, on, path, problems)
-    reach = TOLERANCE * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     outer = faces.outer
     corners = mesh.nodes[faces.triangles[outer]]
     if getattr(on, "plane", None) is not None:
-        return _plane(on, outer, corners, reach, path, problems)
-    return _box(on, outer, corners, reach, path, problems)
+        return _plane(mesh, faces, on, outer, corners, path, problems)
+    return _box(mesh, faces, on, outer, corners, path, problems)
 
 
 def _named(mesh: Mesh, faces: Faces, on: str, path: KeyPath, problems: Problems) -> np.ndarray:
@@ -54,11 +56,39 @@ def _named(mesh: Mesh, faces: Faces, on: str, path: KeyPath, problems: Problems)
     return np.unique(found[found >= 0])
 
 
-def _plane(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: KeyPath,
-           problems: Problems) -> np.ndarray:
-    along = corners[:, :, "xyz".index(on.plane)]
+def _met(mesh: Mesh, faces: Faces, outer: np.ndarray, away: np.ndarray, axes: list[int], what: str, path: KeyPath,
+         problems: Problems) -> np.ndarray:
+    """(k,) bool, the faces that a plane or a box takes: those that it meets but for digits.
+
+    Faces of thin parts may be as near as that without being meant. Where some faces are met exactly, those are left out that
+    are off by a share of what these are thick; where none is, and others are left out, nobody knows which are meant.
+
+    Parameters
+    ----------
+    outer : (k,) int, the faces; away : (k, a) how far nodes of theirs are off, at most, along the ``axes``
+    what : the plane or the box, for messages
+    """
+    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    near = np.flatnonzero((away <= TOLERANCE * size).all(axis=1))
+    off, across = away[near].max(axis=1), np.ptp(mesh.nodes[mesh.cells[faces.owner[outer[near]], :4]], axis=1)[:, axes]
+    taken = (away[near] <= np.maximum(THICKNESS * across, EXACT * size)).all(axis=1)
+    exact = off <= EXACT * size
+    if exact.any():
+        taken &= exact | (off <= THICKNESS * np.median(across[exact].min(axis=1)))
+    elif taken.any() and not taken.all():
+        problems.add(path, f"{what} meets no face exactly; some are up to {off[taken].max():.3g} off, as are others of thin parts, by up "
+                     f"to {off[~taken].max():.3g}", "the coordinates of the faces that are meant",
+                     "write them with all their digits, or name a surface of the mesh")
+    hit = np.zeros(len(outer), dtype=bool)
+    hit[near[taken]] = True
+    return hit
+
+
+def _plane(mesh: Mesh, faces: Faces, on: Any, outer: np.ndarray, corners: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:
+    axis = "xyz".index(on.plane)
+    along = corners[:, :, axis]
     distance = np.abs(along - on.at)
-    hit = (distance <= reach).all(axis=1)
+    hit = _met(mesh, faces, outer, distance.max(axis=1)[:, None], [axis], f"the plane {on.plane} = {on.at:g}", path, problems)
     if not hit.any():
         nearest = along.reshape(-1)[np.argmin(distance)]
         problems.add(path, f"no boundary face lies on the plane {on.plane} = {on.at:g}; the nearest boundary node is "
@@ -71,19 +101,18 @@ def _plane(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: 
     return outer[hit]
 
 
-def _box(on: Any, outer: np.ndarray, corners: np.ndarray, reach: float, path: KeyPath,
-         problems: Problems) -> np.ndarray:
+def _box(mesh: Mesh, faces: Faces, on: Any, outer: np.ndarray, corners: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:
     low, high = np.asarray(on.box, dtype=float)
     if np.any(low > high):
         problems.add(path, f"the box's first corner {format_point(low)} is above its second {format_point(high)}",
                      "the lower corner first", "swap the coordinates")
         return np.empty(0, dtype=int)
-    outside = np.maximum(np.maximum(low - corners, corners - high), 0).max(axis=2)
-    hit = (outside <= reach).all(axis=1)
+    outside = np.maximum(np.maximum(low - corners, corners - high), 0)
+    hit = _met(mesh, faces, outer, outside.max(axis=1), [0, 1, 2], f"the box {format_point(low)} … {format_point(high)}", path, problems)
     if not hit.any():
         distance = np.linalg.norm(np.maximum(np.maximum(low - corners, corners - high), 0), axis=2)
         flat = int(np.argmin(distance))
-        within = int(np.sum((outside <= reach).any(axis=1)))
+        within = int(np.sum((outside == 0).all(axis=2).any(axis=1)))
         problems.add(path, f"no boundary face has its three nodes in the box {format_point(low)} … {format_point(high)}; " + (
                          f"{within} faces reach into it" if within else
                          f"the nearest boundary node is {distance.min():.6g} away, "

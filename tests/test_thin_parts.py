@@ -1,0 +1,55 @@
+"""Planes and boxes on thin parts, alone and beside large ones: the faces that are meant, and never those behind them."""
+
+import numpy as np
+import pytest
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.scene.build import build_scene
+
+PLATE = {"mesh": {"box": {"size": [1000, 1000, 0.001], "cells": [3, 3, 1]}}}
+HALL = {"parts": [{"name": "hall", "mesh": {"box": {"size": [1000, 1000, 1000], "cells": [2, 2, 2]}}},
+                  {"name": "chip", "mesh": {"box": {"size": [0.1, 0.1, 0.0008], "cells": [2, 2, 1]}}, "move": {"translate": [1100, 0, 0]}}]}
+
+
+def forces(source, on, element="P1") -> tuple[np.ndarray, np.ndarray]:
+    """The sum of what a pressure of 1 exerts, and the places of its nodes; every part is held at its lowest x."""
+    parts = [part["name"] for part in source.get("parts", [])]
+    held = [{"on": f"{name}/xmin" if name else "xmin", "displacement": [0, 0, 0]} for name in parts or [""]]
+    scene = build_scene(config_from({"name": "thin", **source, "subdomains": "groups" if parts else {"metis": 2},
+                                     "materials": [{"young": 1.0, "poisson": 0.3}], "blackbox": {"code": "freefem", "element": element},
+                                     "boundary": [*held, {"on": on, "pressure": 1.0}]}))
+    return scene.loads[0].sum(axis=0), scene.mesh.nodes[scene.boundary[-1].nodes]
+
+
+@pytest.mark.parametrize("source, on, expected, level", [
+    (PLATE, {"plane": "z", "at": 0}, 1e6, 0.0), (PLATE, {"plane": "z", "at": 0.001}, -1e6, 0.001),
+    (PLATE, {"plane": "z", "at": 1e-9}, 1e6, 0.0), (PLATE, {"box": [[0, 0, 0], [1000, 1000, 0]]}, 1e6, 0.0),
+    (PLATE, {"box": [[-1, -1, 0.001], [1001, 1001, 1]]}, -1e6, 0.001), (HALL, {"plane": "z", "at": 0.0008}, -0.01, 0.0008),
+    (HALL, {"box": [[0, 0, 0.0008], [1200, 1000, 0.0008]]}, -0.01, 0.0008), (HALL, {"plane": "z", "at": 0}, 1e6 + 0.01, 0.0),
+])
+@pytest.mark.parametrize("scale, element", [(1.0, "P1"), (1e-3, "P2")])
+def test_one_face_of_a_thin_part_is_taken(source, on, expected, level, scale, element):
+    def scaled(x):
+        return [scaled(y) for y in x] if isinstance(x, list) else {k: v if k == "cells" else scaled(v) for k, v in x.items()} \
+            if isinstance(x, dict) else scale * x if isinstance(x, float | int) else x
+
+    force, nodes = forces(scaled(source), scaled(on), element)
+    assert force == pytest.approx([0, 0, expected * scale**2], rel=1e-9, abs=1e-9 * scale**2)
+    assert np.ptp(nodes[:, 2]) <= 1e-12 * scale and nodes[0, 2] == pytest.approx(level * scale)
+
+
+@pytest.mark.parametrize("source, on, words", [
+    (PLATE, {"plane": "z", "at": 0.0004}, "no boundary face lies on the plane z = 0.0004; the nearest boundary node is 0.0004 away"),
+    (HALL, {"plane": "z", "at": 0.0004}, "the plane z = 0.0004 meets no face exactly; some are up to 0.0004 off"),
+    (PLATE, {"box": [[0, 0, -1], [1000, 1000, -0.0005]]}, "no boundary face has its three nodes in the box"),
+])
+def test_what_lies_between_two_faces_is_refused(source, on, words):
+    with pytest.raises(InputError, match=words.replace(".", r"\.")):
+        forces(source, on)
+
+
+def test_digits_that_are_left_out_are_forgiven():
+    """A plane at a third of a length, written with six digits."""
+    force, nodes = forces({"mesh": {"box": {"size": [100, 100, 100 / 3], "cells": [2, 2, 2]}}}, {"plane": "z", "at": 33.3333})
+    assert force == pytest.approx([0, 0, -1e4]) and np.ptp(nodes[:, 2]) == 0
