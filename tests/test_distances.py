@@ -4,6 +4,7 @@ import pytest
 from in_process import IN_PROCESS
 
 from orchestrator.config import config_from
+from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -52,3 +53,29 @@ def test_parts_that_touch_do_so_wherever_they_are(up):
         part["move"] = {"rotate": {"axis": [1, 2, 3], "degrees": 40, "about": [0, 0, -height]}, "translate": [1000, 0, height]}
     scene = build_scene(config_from(made))
     assert not scene.warnings and not any(i.law.distance.any() for i in scene.interfaces)
+
+
+def test_parts_that_pass_through_each_other_are_told_however_little():
+    """Beyond reach of the pairs that are found, between parts that a third one connects."""
+    made = boxes(1.04, 0.05, entry={**AUTO, "friction": 0.0})
+    made["parts"].append({"name": "post", "mesh": {"box": {"size": [1, 1, 2.04], "cells": [2, 2, 4]}}, "move": {"translate": [1, 0, 0]}})
+    made["boundary"].append({"on": "post/xmax", "displacement": [0, 0, 0]})
+    assert any("'low' and 'up' pass through each other by about 0.01" in w for w in solve(config_from(made)).summary["warnings"])
+
+
+CUBE = {"box": {"size": [1, 1, 1], "cells": [3, 3, 3]}}
+
+
+@pytest.mark.parametrize("other, at", [
+    (CUBE, [0, 0, 0]), ({"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, [0, 0, 0]), (CUBE, [1 / 3, 0, 0]),
+    ({"box": {"size": [0.5, 0.5, 0.5], "cells": [2, 2, 2]}}, [0, 0, 0]), ({"box": {"size": [0.5, 0.5, 0.5], "cells": [2, 2, 2]}}, [0.2, 0.2, 0.2]),
+    ({"box": {"size": [1, 1, 0.02], "cells": [3, 3, 1]}}, [0, 0, 0]),
+], ids=["twice", "another mesh", "shifted", "in a corner", "within", "a thin one"])
+@pytest.mark.parametrize("entries", [None, [AUTO], [{"between": ["one", "two"], "law": "perfect"}]], ids=["none", "auto", "named"])
+def test_two_parts_in_one_place_are_refused(other, at, entries):
+    """Though no corner and no face of one is inside the other."""
+    with pytest.raises(InputError, match="(are inside|penetrate) each other"):
+        build_scene(config_from({
+            "name": "twice", "parts": [{"name": "one", "mesh": CUBE}, {"name": "two", "mesh": other, "move": {"translate": at}}],
+            "subdomains": "groups", "materials": [{"young": 1, "poisson": 0.3}], **({"interfaces": entries} if entries else {}),
+            "boundary": [{"on": f"{part}/xmin", "displacement": [0, 0, 0]} for part in ("one", "two")]}))

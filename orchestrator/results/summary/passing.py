@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
-from orchestrator.scene.interfaces.overlap import Solid, overlap
+from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.quality import format_point
@@ -24,16 +24,19 @@ def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] =
     """
     faces = faces_of(scene.mesh.cells[:, :4], len(scene.mesh.nodes)) if scene.near else None
     parts = {v: _Part(scene, faces, sides, v, set(lost)) for v in {v for pair in scene.near for v in pair}}
-    result = []
+    result, volume = [], scene.mesh.volume
+    joined = {tuple(sorted(pair)) for i in scene.interfaces for pair in np.unique(volume[i.cells], axis=0).tolist()}
     for one, two in scene.near:
         if parts[one].lost or parts[two].lost:
             continue
         # chords of curved faces may be inside each other, from the start and as they turn: that is no motion
         sagitta = parts[one].sagitta, parts[two].sagitta
+        # beside a pair of theirs nodes of one dip in between those of the other, as discretised contact has it
+        deep = DEEP if tuple(sorted((one, two))) in joined else COINCIDE
         found = [(o.depth, step, o) for step in range(scene.steps)
-                 if (o := overlap(parts[one].at(step), parts[two].at(step), sagitta, COINCIDE)) is not None]
-        if found and (rest := overlap(parts[one].at(None), parts[two].at(None), sagitta, COINCIDE)) is not None:
-            found = [f for f in found if f[0] - rest.depth > COINCIDE * f[2].size]
+                 if (o := overlap(parts[one].at(step), parts[two].at(step), sagitta, deep)) is not None]
+        if found and (rest := overlap(parts[one].at(None), parts[two].at(None), sagitta, deep)) is not None:
+            found = [f for f in found if f[0] - rest.depth > deep * f[2].size]
         if found:
             depth, step, deepest = max(found, key=lambda f: f[0])
             result.append(f"{parts[one].name!r} and {parts[two].name!r} pass through each other by about {depth:.3g} at load "

@@ -1,4 +1,5 @@
-"""Parts inside each other: outer corners and faces' centres of one in the tets of another."""
+"""Parts inside each other: outer corners and faces' centres of one in the tets of another, and the middles of tets behind
+outer faces: all that tells of parts whose faces lie in one another's, as of a part that is there twice."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors
 
 # Faces around a point that are asked how deep it is, and the depth, in the local mesh size, from which it counts.
@@ -43,6 +45,15 @@ class Solid:
         """Lowest and highest coordinates."""
         return self.low.min(axis=0), self.high.max(axis=0)
 
+    @cached_property
+    def behind(self) -> tuple[np.ndarray, np.ndarray]:
+        """(k, 3) middles of the tets behind the outer faces, and how far (k,) these are behind."""
+        faces = faces_of(self.cells[:, :4], len(self.nodes))
+        middle = self.nodes[self.cells[faces.owner[faces.find(self.outer[:, :3])], :4]].mean(axis=1)
+        vectors = area_vectors(self.nodes, self.outer)
+        normal = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+        return middle, np.einsum("ki,ki->k", self.nodes[self.outer[:, 0]] - middle, normal)
+
 
 @dataclass(frozen=True)
 class Overlap:
@@ -54,7 +65,7 @@ class Overlap:
 
 
 def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | None = None, deep: float = DEEP) -> Overlap | None:
-    """The deepest that a corner or a face's centre of either part is inside the other; None: not worth mentioning.
+    """The deepest that a corner, a face's centre or the middle of a tet behind it is inside the other; None: not worth mentioning.
 
     Parameters
     ----------
@@ -72,11 +83,14 @@ def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | Non
 def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray, deep: float) -> Overlap | None:
     faces = one.nodes[one.outer[:, :3]]
     corners = np.unique(one.outer[:, :3])
-    points, own = np.concatenate([one.nodes[corners], faces.mean(axis=1)]), np.r_[np.zeros(len(corners)), mine]
+    middle, height = one.behind
+    points = np.concatenate([one.nodes[corners], faces.mean(axis=1), middle])
+    own = np.r_[np.zeros(len(corners)), mine, mine]
+    least = np.r_[np.full(len(corners) + len(faces), np.inf), deep * height]  # a middle may be no deeper than a thin tet is
     boxed = ((points > two.box[0]) & (points < two.box[1])).all(axis=1)
-    points, own = points[boxed], own[boxed]
+    points, own, least = points[boxed], own[boxed], least[boxed]
     within = contained(points, two)
-    points, own = points[within], own[within]
+    points, own, least = points[within], own[within], least[within]
     if not len(points):
         return None
     from scipy.spatial import cKDTree  # only parts that are inside each other need it
@@ -89,8 +103,8 @@ def _inside(one: Solid, two: Solid, mine: np.ndarray, theirs: np.ndarray, deep: 
     near = near.reshape(len(points), -1)
     behind = np.einsum("pki,pki->pk", faces[near].mean(axis=2) - points[:, None], normal[near])
     depth = np.abs(behind).min(axis=1)
-    allowed = deep * size[near[:, 0]] + own + theirs[near].max(axis=1)
-    at = int((depth / allowed).argmax())
+    allowed = np.minimum(deep * size[near[:, 0]], least) + own + theirs[near].max(axis=1)
+    at = int(np.where(depth > allowed, depth, -1.0).argmax())
     return Overlap(float(depth[at]), points[at], float(size[near[at, 0]])) if depth[at] > allowed[at] else None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.hinges import hinges
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
+from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
@@ -188,6 +190,10 @@ def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, laws: Laws, e
     found = [nearest(a, b) for a in sides[0] for b in sides[1] if a is not b and a.volume != b.volume]
     if not found or len(found) > MOST:
         return ""
+    for a, b in product(*sides):
+        solids = [Solid.of(mesh.volumes[v.volume], mesh.nodes, mesh.cells[mesh.volume == v.volume], v.triangles) for v in (a, b)]
+        if a.volume != b.volume and (inside := overlap(*solids)) is not None:
+            return f"; {solids[0].name} and {solids[1].name} are inside each other by about {inside.depth:.3g}, at {format_point(inside.where)}"
     distance, where, size = min(found, key=lambda f: f[0])
     allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
                if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")
