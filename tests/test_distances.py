@@ -1,12 +1,16 @@
 """Distances of facing sides are the geometry's: small clearances, small press fits, meshes of other sizes on either side."""
 
+import numpy as np
 import pytest
 from in_process import IN_PROCESS
+from method_case import config, saved
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.mesh.structured import bricks
+from orchestrator.scene.model import Mesh
 
 AUTO = {"between": "auto", "law": "contact"}
 
@@ -79,3 +83,18 @@ def test_two_parts_in_one_place_are_refused(other, at, entries):
             "name": "twice", "parts": [{"name": "one", "mesh": CUBE}, {"name": "two", "mesh": other, "move": {"translate": at}}],
             "subdomains": "groups", "materials": [{"young": 1, "poisson": 0.3}], **({"interfaces": entries} if entries else {}),
             "boundary": [{"on": f"{part}/xmin", "displacement": [0, 0, 0]} for part in ("one", "two")]}))
+
+
+@pytest.mark.parametrize("shift, words", [(0.0, "inside each other"), (0.5, "inside each other"), (1.0, "touch")])
+def test_pieces_of_one_volume_do_not_meet_unnoticed(tmp_path, shift, words):
+    """A body that is there twice in one file, under one name; and one that is not merged with its neighbour."""
+    box = bricks(np.ones(3), np.array([2, 2, 2]), "box")
+    mesh = Mesh(np.vstack([box.nodes, box.nodes + [shift, 0, 0]]), np.vstack([box.cells, box.cells + len(box.nodes)]),
+                np.zeros(2 * len(box.cells), dtype=int), ["all"])
+    made = config(mesh=saved(mesh, tmp_path / "twice.mesh"), subdomains={"metis": 2},
+                  boundary=[{"on": {"box": [[-1, -1, 0], [9, 9, 0]]}, "displacement": [0, 0, 0]}])
+    if words == "touch":
+        assert sum("two pieces of 'volume_1' touch" in w for w in build_scene(made).warnings) == 1
+    else:
+        with pytest.raises(InputError, match=f"two pieces of 'volume_1', which share no faces, are {words}"):
+            build_scene(made)

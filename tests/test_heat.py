@@ -205,6 +205,20 @@ def test_what_is_wrong_with_a_temperature_is_told_with_its_place(what):
     assert caught.value.problems[0].path == path and words in str(caught.value.problems[0]) and caught.value.problems[0].cure
 
 
+def test_a_thin_part_needs_rows_on_both_faces(tmp_path):
+    """A row belongs to the node at its place, and not to the one behind it that is as near beside the scene's size."""
+    plate = {"box": {"size": [1000, 1000, 0.001], "cells": [4, 4, 1]}}
+    x = build_scene(config_from(bar(mesh=plate, subdomains={"metis": 2}))).mesh.nodes
+    for rows, fails in ((x, False), (x[x[:, 2] == 0], True)):
+        np.savetxt(tmp_path / "warm.csv", np.c_[rows, 1e6 * rows[:, 2]])
+        made = config_from(bar(mesh=plate, subdomains={"metis": 2}, loads=[{"temperature": {"file": str(tmp_path / "warm.csv")}}]))
+        if fails:
+            with pytest.raises(InputError, match="no row for 25 of 50 nodes; .* is 0.001 from the nearest row"):
+                build_scene(made)
+        else:
+            assert build_scene(made).thermal is not None
+
+
 @pytest.mark.parametrize("content, words", [
     ("0 0 0", "3 columns"), ("0 0 0 warm", "could not convert"), ("0 0 0 1", "no row for"), ("0 0 0 nan", "not all of them numbers"),
     ("", "0 columns in 0 rows"), ("# x y z T", "0 columns in 0 rows"), ("0;0;0;20,5", "decimal point"), ("0 0 0 1e999", "not all of them"),

@@ -21,12 +21,14 @@ from orchestrator.scene.conditions.materials import cells_loaded
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.geometry import shape_gradients, tet_volumes
 from orchestrator.scene.mesh.quadratic import quadratic_slopes
+from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Material, Mesh
 from orchestrator.scene.partition.numbering import SplitNumbering
 
-# A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more.
-SAME_PLACE = 1e-5
+# A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where
+# that is more than a share of the shortest edge there: then the row of the next node of a thin part is as near.
+SAME_PLACE, OF_EDGE = 1e-5, 0.1
 ROUNDING = 1e-9  # over the same, what may lie between two rows that are written at one place
 SAME_WARMTH = 1e-6  # over the largest, what may lie between the temperatures of such rows
 _INNER = (5 - np.sqrt(5)) / 20
@@ -73,10 +75,23 @@ def _at_nodes(mesh: Mesh, nodes: np.ndarray, given: Any, times: np.ndarray, path
     points = mesh.nodes[nodes]
     if given.file is None:
         return np.outer(times, given.value + (points - np.array(given.at, dtype=float)) @ np.array(given.gradient, dtype=float))
-    return _of_file(Path(given.file), points, float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))), times, (*path, "file"), problems)
+    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    reach = np.minimum(SAME_PLACE * size, OF_EDGE * _shortest_edges(mesh)[nodes])
+    return _of_file(Path(given.file), points, reach, size, times, (*path, "file"), problems)
 
 
-def _of_file(path: Path, points: np.ndarray, size: float, times: np.ndarray, key: KeyPath, problems: Problems) -> np.ndarray | None:
+def _shortest_edges(mesh: Mesh) -> np.ndarray:
+    """(n,) length of the shortest edge at each node, infinite where there is none."""
+    result = np.full(len(mesh.nodes), np.inf)
+    for one, two in TET_EDGES:
+        a, b = mesh.cells[:, one], mesh.cells[:, two]
+        length = np.linalg.norm(mesh.nodes[a] - mesh.nodes[b], axis=1)
+        np.minimum.at(result, a, length)
+        np.minimum.at(result, b, length)
+    return result
+
+
+def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, times: np.ndarray, key: KeyPath, problems: Problems) -> np.ndarray | None:
     """(steps, k) from the rows x y z T of a file, or x y z T₁ T₂ … with one column per load step."""
     expected = f"rows of numbers x y z T, or x y z and {len(times)} temperatures, one per load step; # begins a comment"
     try:
@@ -96,11 +111,11 @@ def _of_file(path: Path, points: np.ndarray, size: float, times: np.ndarray, key
 
     tree = cKDTree(rows[:, :3])
     distance, nearest = tree.query(points)
-    far = distance > SAME_PLACE * size
+    far = distance > reach
     if far.any():
-        worst = int(distance.argmax())
+        worst = int(np.where(far, distance, 0.0).argmax())
         problems.add(key, f"{path}: no row for {far.sum()} of {len(points)} nodes; the one at {format_point(points[worst])} is "
-                     f"{distance[worst]:.3g} from the nearest row", f"a row for every node of the volumes, within {SAME_PLACE * size:.2g}",
+                     f"{distance[worst]:.3g} from the nearest row", f"a row for every node of the volumes, within {reach[worst]:.2g}",
                      "write the nodes' own coordinates, in the mesh's unit of length, after scale and move")
         return None
     # rows that are as near, but for the digits that coordinates are written with: any of them may be meant

@@ -12,6 +12,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.distances import paired_gap, tell_distances
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.hinges import hinges
+from orchestrator.scene.interfaces.loose_pieces import report_loose_pieces
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
 from orchestrator.scene.interfaces.overlap import Solid, overlap
@@ -68,6 +69,9 @@ def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: S
             problems.add(("interfaces", entry, "pairing"), f"follow between {names[0]} and {names[1]}, which share faces of one mesh",
                          "bodies with meshes of their own: shared nodes are no faces to slide on",
                          "mesh each by itself (parts:, or a STEP file with conforming: false), or write pairing: fixed")
+    count, piece = components(*sides.T, len(partition.names))
+    if count > 1:
+        report_loose_pieces(mesh, faces, piece[partition.subdomain], problems)
     bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
     for interface, names in _opposite(mesh, faces, bodies, partition, numbering, laws, problems, matter if asked else None):
         interface.index = len(found)
