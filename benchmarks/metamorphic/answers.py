@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Mapping
@@ -12,8 +15,10 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from orchestrator import BlackBoxError, InputError, Solution, load_config, solve
+from orchestrator import BlackBoxError, InputError, Solution, build_scene, load_config, solve
+from orchestrator.errors import Problem
 
+BESIDE = ("files", "ranks")  # of a scene's data, what is not in its YAML
 REFUSED, CONVERGED, STOPPED, CODE_FAILED, BROKEN = "refused", "converged", "stopped", "code failed", "traceback"
 SINGULAR = "too close to singular"  # of slender bodies and extreme moduli, said by name: exit code 3
 
@@ -70,7 +75,7 @@ def answer(data: Mapping[str, Any]) -> Answer:
         path = Path(folder) / "scene.yaml"
         write(data, path)
         try:
-            solution = solve(load_config(path).config)
+            solution = solve(load_config(path).config) if "ranks" not in data else _by_ranks(path, data["ranks"])
         except InputError as error:
             found = Answer(REFUSED, "; ".join(p.found for p in error.problems))
         except BlackBoxError as error:
@@ -85,12 +90,28 @@ def answer(data: Mapping[str, Any]) -> Answer:
 
 
 def write(data: Mapping[str, Any], path: Path, comment: str = "") -> None:
-    """Writes a scene as YAML."""
+    """Writes a scene as YAML, and its files beside it."""
     yaml = YAML()
     yaml.default_flow_style, yaml.width = None, 120
     with open(path, "w", encoding="utf-8") as file:
         file.writelines(f"# {line}\n" for line in comment.splitlines())
-        yaml.dump(dict(data), file)
+        yaml.dump({k: v for k, v in data.items() if k not in BESIDE}, file)
+    for name, text in data.get("files", {}).items():
+        (path.parent / name).write_text(text, encoding="utf-8")
+
+
+def _by_ranks(path: Path, ranks: int) -> Solution:
+    """The solution of a run under mpiexec, read from its folder, on the scene built here."""
+    folder = path.parent / "results"
+    # run as root, and with more ranks than cores, where that is so
+    allowed = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+    done = subprocess.run(["mpiexec", "-n", str(ranks), sys.executable, "-m", "orchestrator", "run", str(path), "--output", str(folder),
+                           "--set", "output.figures=false", "--quiet"], capture_output=True, text=True, env=os.environ | allowed)
+    if done.returncode == 2:
+        raise InputError(Problem((), done.stderr[-600:], ""))
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"exit code {done.returncode}: {done.stderr[-1500:]}")
+    return replace(Solution.read(folder), scene=build_scene(load_config(path).config))
 
 
 def bodies(solution: Solution) -> list[tuple[int, str]]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from benchmarks.metamorphic.relations import RELATIONS
+from benchmarks.metamorphic.relations import DOORS, RELATIONS
 from benchmarks.metamorphic.scenes import scenes
 
 EXAMPLES = 25  # drawn per seed; of those that hypothesis makes of each other, one is kept
@@ -50,4 +50,7 @@ def _trial(number: tuple[int, int], data: dict, words: list[str], count: int) ->
     code = chosen.choice(CODES)
     if "blackbox" not in data or "form" not in data["blackbox"]:
         data = {**data, "blackbox": {"code": code, "workers": 1, **({"element": "P2"} if "P2" in words else {})}}
-    return Trial(number, data, [*words, f"code {data['blackbox']['code']}"], chosen.sample(list(RELATIONS), count))
+    relations = chosen.sample([name for name in RELATIONS if name not in DOORS], count)
+    if chosen.random() < 0.5:
+        relations.append(chosen.choice(list(DOORS)))
+    return Trial(number, data, [*words, f"code {data['blackbox']['code']}"], relations)

@@ -55,6 +55,8 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
     scene = a.solution.scene
     mesh, apart, stiff = scene.mesh, np.zeros(scene.steps), 0.0
     for name, K in _stiffnesses(a):
+        if name not in b.parts:
+            continue
         stiff, d = max(stiff, K.diagonal().max()), (b.parts[name] - a.parts[name]).reshape(scene.steps, -1)
         apart += _squares(K, d)
     size = size_of(a)
@@ -66,7 +68,8 @@ def distance(a: Answer, b: Answer, joint: bool = False) -> Distance:
     bonded = bool(np.isfinite(claims).all())
     total = (lambda x: x.sum(axis=0)) if joint else (lambda x: x)
     return Distance(
-        float(np.sqrt(apart.max()) / size), float(np.abs(a.energy - b.energy).max() / (2 * size**2 + np.abs(a.energy).max())),
+        float(np.sqrt(apart.max()) / size),
+        0.0 if np.isnan(b.energy).any() else float(np.abs(a.energy - b.energy).max() / (2 * size**2 + np.abs(a.energy).max())),
         float(np.abs(total(a.reactions - b.reactions)).max(initial=0.0) / force),
         float(np.abs(total(a.moments - b.moments)).max(initial=0.0) / (force * arm)),
         20 * sum(claims) + ROUNDING if bonded else LAWFUL)

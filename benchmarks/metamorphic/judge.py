@@ -12,7 +12,8 @@ import numpy as np
 from benchmarks.metamorphic.answers import BROKEN, CODE_FAILED, CONVERGED, REFUSED, SINGULAR, STOPPED, Answer, answer
 from benchmarks.metamorphic.compare import distance
 from benchmarks.metamorphic.oracle import in_one_piece
-from benchmarks.metamorphic.relations import RELATIONS, Variant
+from benchmarks.metamorphic.relations import RELATIONS
+from benchmarks.metamorphic.variant import Variant
 
 FINDINGS = ("disagree", "refused otherwise", "traceback", "code failed", "hang")
 NO_CUT = ("disconnected subdomain", "without any tet", "coupling of a surface that", "pieces of one body", "cut lengthwise", "separate bodies")
@@ -85,7 +86,7 @@ def _verdict(first: Answer, second: Answer, variant: Variant) -> tuple[str, str]
         if variant.cuts and slaves(first, {}):  # operators on other pieces are other ones
             if LOSSY in first.said + second.said:
                 return "warned", str(apart)
-            apart = replace(apart, allowed=0.02)
+            apart = replace(apart, allowed=max(0.02, *(x.solution.summary["discretisation_error"] or 0.0 for x in (first, second))))
         return "agree" if apart.within else "disagree", str(apart)
     return {REFUSED: "refused otherwise", STOPPED: "stopped", BROKEN: "traceback", CODE_FAILED: "code failed",
             SINGULAR: SINGULAR}[second.outcome], second.said

@@ -8,48 +8,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from benchmarks.metamorphic.answers import Answer
+from benchmarks.metamorphic import models
 from benchmarks.metamorphic.units import in_units, loaded, turned
+from benchmarks.metamorphic.variant import Variant
 
 ODD = ["Käse [1]", "a b", "x*", "q?", "ß-1_2.3", "Ω", "1", "groups", "auto", "null", "part.1.2", "9.5", "true", "a a  a", "-"]
 SOUND_NAMES = ["Käse 1", "a b", "q.q", "ß-1_2.3", "1", "groups", "auto", "null", "part.1.2", "9.5", "true", "a a  a", "block 0-0-0"]
-
-
-@dataclass(frozen=True)
-class Variant:
-    """Another scene, and ``seen``, which gives its answer in the first one's terms.
-
-    Parameters
-    ----------
-    turn, length, force, factor, names : as of ``Answer.seen``
-    order : places of the first scene's entries of boundary among the variant's
-    steps : which of its load steps the first scene has
-    joint : supports that share nodes may have shared their reaction otherwise; their sum counts
-    cuts : cut otherwise, so that some cuts may be refused, and operators between meshes that do not match are others
-    """
-
-    data: dict[str, Any]
-    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
-    length: float = 1.0
-    force: float = 1.0
-    factor: float = 1.0
-    names: dict[str, str] = field(default_factory=dict)
-    order: list[int] | None = None
-    steps: slice = field(default_factory=lambda: slice(None))
-    joint: bool = False
-    cuts: bool = False
-
-    def seen(self, answer: Answer) -> Answer:
-        """Of the variant's, in the axes, units and names of the first scene."""
-        seen = answer.seen(self.turn.T, 1 / self.length, 1 / self.force, 1 / self.factor, self.names)
-        order = slice(None) if self.order is None else self.order
-        return Answer(**{**vars(seen), "reactions": seen.reactions[order][:, self.steps], "moments": seen.moments[order][:, self.steps],
-                         "energy": seen.energy[self.steps], "parts": {k: u[self.steps] for k, u in seen.parts.items()}})
 
 
 Relation = Callable[[dict[str, Any], np.random.Generator], "Variant | None"]
@@ -184,10 +152,49 @@ def step_repeated(data: dict, rng: np.random.Generator) -> Variant | None:
     if "histories" not in data:
         return None
     made = {**data, "histories": {k: [*v, v[-1]] for k, v in data["histories"].items()}}
-    return Variant(made, steps=slice(None, -1))
+    count = len(data["histories"]["h"])
+    return Variant(made, sums=np.eye(count, count + 1))
+
+
+def superposed(data: dict, rng: np.random.Generator) -> Variant | None:
+    """Whatever acts in a load step of its own, where all is linear: the answers add up."""
+    if any(e["law"] == "contact" or e.get("tension_only") or e.get("pairing") for e in data.get("interfaces", [])):
+        return None
+    made, factors = copy.deepcopy(data), []
+    h = data.get("histories", {}).get("h", [1.0])
+    acting = [e for e in made["boundary"] if not {"symmetry", "foundation"} & set(e)] + made.get("loads", []) + [
+        e for e in made.get("interfaces", []) if "jump" in e]
+    for number, entry in enumerate(acting):
+        factors.append(h if entry.get("history") else [1.0] * len(h))
+        entry["history"] = f"h{number}"
+    made["histories"] = {f"h{n}": [float(n == k) for k in range(len(acting))] for n in range(len(acting))}
+    return Variant(made, sums=np.array(factors).T)
+
+
+def said_otherwise(data: dict, rng: np.random.Generator) -> Variant:
+    """The same in other words: lists in place of histories, weight as a body force, matter under materials."""
+    made = copy.deepcopy(data)
+    h = data.get("histories", {}).get("h", [1.0])
+    for entry in [*made["boundary"], *made.get("loads", [])]:
+        if "gravity" in entry and all(m.get("density") == 1.0 for m in made["materials"]):
+            entry["body_force"] = entry.pop("gravity")
+        for key in ("displacement", "traction", "body_force"):
+            if key in entry and entry.get("history"):
+                entry[key] = [[x if x is None else x * f for x in entry[key]] for f in h]
+                del entry["history"]
+    for part in made["parts"]:
+        if "material" in part:
+            made["materials"].append({**part.pop("material"), "on": part["name"]})
+    return Variant(made)
 
 
 RELATIONS: dict[str, Relation] = {
     "turned by quarters": turned_round, "turned askew": turned_askew, "other units": other_units, "loaded more": loaded_more,
     "renamed": renamed, "reordered": reordered, "sides swapped": sides_swapped, "cut otherwise": cut_otherwise,
-    "solved otherwise": solved_otherwise, "batched": batched, "step repeated": step_repeated}
+    "solved otherwise": solved_otherwise, "batched": batched, "step repeated": step_repeated,
+    "superposed": superposed, "said otherwise": said_otherwise}
+# Dearer ones, tried on fewer scenes.
+DOORS: dict[str, Relation] = {
+    "another code": models.other_code, "part as matrix": models.part_as_matrix, "part as deck": models.part_as_deck,
+    "part as form": models.part_as_form, "two ranks": models.two_ranks}
+RELATIONS |= DOORS

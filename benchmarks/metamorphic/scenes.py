@@ -17,6 +17,7 @@ YOUNG, STRAIN = 200e3, 1e-3
 HISTORIES = {"one": None, "two steps": [0.5, 1.0], "off": [1.0, 0.0], "reversal": [1.0, -1.0], "on and back": [0.4, 1.0, -0.5],
              "four": [1.0, 1.0, 0.2, -0.7]}
 CUTS = ["groups"] * 5 + ["split"] * 2 + ["metis", "slices", "grid"]
+PRESCRIBING = ("displacement", "partly", "motion", "frame", "rigid coupling", "distributed coupling")
 LAWS = ["perfect"] * 5 + ["contact"] * 7 + ["elastic", "elastic", "taut", "jump", "jump"]
 
 
@@ -40,7 +41,11 @@ def scenes(draw) -> tuple[dict[str, Any], list[str]]:
         data["loads"] = loads
     if laws := _laws(draw, found, pairs, unit, timed, words):
         data["interfaces"] = laws
-    data["method"] = {"tolerance": {"error": 1e-8}}
+    if data["subdomains"] == "groups" and draw(st.sampled_from([False] * 7 + [True])):
+        if bolt := _bolt(draw, found[0], data["boundary"], unit, timed):
+            data["bolts"] = [bolt]
+            words |= {"bolt", f"bolt {bolt['then']}"}
+    data["method"] = {"tolerance": {"error": 1e-8}, "max_iterations": 200}
     if draw(st.sampled_from([False] * 5 + [True])):
         data["blackbox"] = {"code": "freefem", "element": "P2"}
         words.add("P2")
@@ -48,7 +53,7 @@ def scenes(draw) -> tuple[dict[str, Any], list[str]]:
 
 
 def _cut(draw, found: list[Body], words: set[str]) -> Any:
-    how = draw(st.sampled_from(CUTS if len(found) == 1 else ["groups"] * 8 + CUTS))
+    how = draw(st.sampled_from(CUTS if len(found) == 1 else ["groups"] * 5 + ["split", "metis"]))
     words.add(f"cut {how}")
     if how == "split":
         return {"groups": True, "split_above": draw(st.sampled_from([60, 100, 200]))}
@@ -101,14 +106,18 @@ def _boundary(draw, found: list[Body], unit: float, timed: dict, words: set[str]
         key = draw(st.sampled_from(sorted(free, key=lambda k: (free[k][0].name, k[1]))))
         body, face = free.pop(key)
         kind = draw(st.sampled_from(kinds))
-        if kind.endswith("coupling") and any("traction" not in e and e["on"].startswith(body.name + "/") for e in result):
-            kind = "traction"  # a coupled surface shares no node with one that is prescribed
+        if kind in PRESCRIBING and any(_prescribes(e) and e["on"].startswith(body.name + "/") for e in result) and draw(st.integers(0, 9)):
+            kind = "traction"  # two that are prescribed contradict each other on the edge that they share
         entry = {"on": body.surface(face), **_acting(draw, kind, body, face, unit, length, stress)}
         if "foundation" not in entry and "symmetry" not in entry and kind != "held" and draw(st.booleans()):
             entry |= timed
         words.add(kind)
         result.append(entry)
     return result
+
+
+def _prescribes(entry: dict) -> bool:
+    return bool({"displacement", "motion", "coupling", "symmetry"} & set(entry))
 
 
 def _acting(draw, kind: str, body: Body, face: tuple[int, int], unit: float, length: float, stress: float) -> dict:
@@ -221,6 +230,19 @@ def _laws(draw, found: list[Body], pairs: list[Pair], unit: float, timed: dict, 
         law = draw(st.sampled_from(LAWS if pair.gap <= 0 else ["contact"] * 9 + LAWS))
         result.append({"between": names, **_law(draw, law, pair, unit, timed, words)})
     return result
+
+
+def _bolt(draw, body: Body, boundary: list[dict], unit: float, timed: dict) -> dict | None:
+    """The first body, cut between two layers of cells and held at both ends: what a bolt's force needs to pull at."""
+    axis, end = next(face for face in FACES if body.surface(face) == boundary[0]["on"])
+    far = (axis, 1 - end)
+    if body.cells[axis] < 2 or far in body.used or any(e["on"] == body.surface(far) for e in boundary):
+        return None
+    boundary.append({"on": body.surface(far), "displacement": [0.0, 0.0, 0.0]})
+    at = float((body.low + draw(st.integers(1, body.cells[axis] - 1)) * body.size / np.array(body.cells))[axis] * unit)
+    return {"on": body.name, "cut": {"plane": "xyz"[axis], "at": float(f"{at:.12g}")},
+            "force": YOUNG * STRAIN * unit**2 * draw(st.sampled_from([0.3, 2.0])),
+            "then": draw(st.sampled_from(["locked", "force"]))} | (timed if draw(st.booleans()) else {})
 
 
 def _law(draw, law: str, pair: Pair | None, unit: float, timed: dict, words: set[str]) -> dict:

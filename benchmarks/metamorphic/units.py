@@ -103,6 +103,9 @@ def turned(data: dict, turn: np.ndarray, degrees: float, axis: Any) -> dict | No
     try:
         result = mapped({k: v for k, v in data.items() if k not in ("parts", "boundary")}, change)
         result["boundary"] = [framed(entry) for entry in data["boundary"]]
+        for bolt, old in zip(result.get("bolts", []), data.get("bolts", [])):
+            point = old["cut"]["at"] * np.eye(3)["xyz".index(old["cut"]["plane"])]
+            bolt["cut"]["at"] = [float(x) for x in turn @ point]
         if not signed and (any("symmetry" in e for e in data["boundary"]) or not {"groups"} >= set(_cut(data))):
             raise NotSayable
         if signed and "slices" in data["subdomains"]:
