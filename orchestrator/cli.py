@@ -50,8 +50,10 @@ def run(config: ConfigFile, overrides: Overrides = None,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
     """Solve a problem and write its results."""
     def action() -> int:
+        from orchestrator.memory import check_addresses
         from orchestrator.parallel.join import join
 
+        check_addresses()
         team = join()
         try:
             with team.together():

@@ -5,6 +5,7 @@ Every message says what was found, where, what was expected and how to mend it.
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass, field
 
 CONVERGED, NOT_CONVERGED, BAD_INPUT, BLACKBOX_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -43,6 +44,20 @@ class Problem:
         return "\n".join(lines)
 
 
+# How threads, shared libraries, gmsh and numba's compiler say that memory is wanting.
+_WANTING = ("can't start new thread", "cannot allocate memory", "failed to map segment", "bad_alloc", "not enough memory")
+
+
+def lacks_memory(error: BaseException | None) -> bool:
+    """Whether memory was wanting, whoever noticed: said by the error, or by one that it was raised from."""
+    while error is not None:
+        if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM or (
+                not isinstance(error, OrchestratorError) and any(words in str(error).lower() for words in _WANTING)):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
 class OrchestratorError(Exception):
     """Base of all errors that end a run with a message instead of a traceback."""
 
@@ -62,8 +77,10 @@ class InternalError(OrchestratorError):
 
     def __init__(self, what: str, where: str, saved: bool, memory: bool):
         self._given = what, where, saved, memory
+        if memory:
+            self.exit_code = BLACKBOX_FAILED  # nothing is wrong with the method
         cure = ("there is too little memory: fewer load steps at once (method.increment), fewer workers, a coarser mesh, "
-                "or more ranks on more nodes" if memory else
+                "more ranks on more nodes, or a higher limit (ulimit -v)" if memory else
                 "this is a fault of the program: please report it, with the file named above and the configuration")
         kept = "  kept:      what had been computed; --resume goes on from there\n" if saved else ""
         super().__init__(f"{what}\n  traceback: {where}\n{kept}  cure:      {cure}")

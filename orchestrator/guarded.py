@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import typer
 
-from orchestrator.errors import INTERRUPTED, InputError, OrchestratorError
+from orchestrator.errors import BLACKBOX_FAILED, INTERRUPTED, InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.interrupts import interrupt, raise_waiting
 
 
@@ -31,6 +31,11 @@ def guarded(action: Callable[[], int]) -> None:
         except OrchestratorError as error:
             _show(error)
             code = error.exit_code
+        except Exception as error:
+            if not lacks_memory(error):
+                raise
+            _show(InternalError(f"{type(error).__name__}: {error}".rstrip(": "), "none is kept", saved=False, memory=True))
+            code = BLACKBOX_FAILED
         raise_waiting()  # a short command may end, or fail, before it has been looked again
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)

@@ -9,7 +9,10 @@ peak without, for a tenth more CPU seconds of the system's.
 from __future__ import annotations
 
 import ctypes
+import resource
 from functools import cache
+
+from orchestrator.errors import InputError, Problem
 
 # mallopt(3): arrays of at least so many bytes are taken from the system
 _THRESHOLD = -3
@@ -45,3 +48,20 @@ def keep_at_hand(size: int) -> None:
     if (library := _library()) is not None:
         library.mallopt(_THRESHOLD, min(max(size, LARGE), LARGEST))
         library.malloc_trim(0)
+
+
+NEEDED = 1_200_000_000  # addresses that libraries, their threads and the buffers of BLAS take on two cores, however small the problem
+
+
+def check_addresses() -> None:
+    """Before numpy is imported: OpenBLAS waits for ever, without a word, for a buffer that a limit does not allow.
+
+    Raises
+    ------
+    InputError : the limit of this process's addresses is below what any run takes
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit != resource.RLIM_INFINITY and limit < NEEDED:
+        raise InputError(Problem((), f"at most {limit / 1e6:,.0f} MB of addresses for a process (ulimit -v)",
+                                 f"{NEEDED / 1e6:,.0f} MB: libraries and their threads take as much, however small the problem",
+                                 "ulimit -v unlimited, or a higher limit"))

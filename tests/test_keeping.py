@@ -1,21 +1,27 @@
 """Nothing computed is lost: a run that is stopped goes on as if nothing had happened, whatever stopped it."""
 
+import errno
 import itertools
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 
 import numpy as np
 import pytest
+import typer
 from method_case import CUBES, METIS, config
 from in_process import IN_PROCESS, IN_PROCESS_PLASTIC
+from processes import begin
 
 from orchestrator.config import load_config
-from orchestrator.errors import InputError, InternalError
+from orchestrator.errors import InputError, InternalError, lacks_memory
+from orchestrator.guarded import guarded
 from orchestrator.method.events import Subscriber
 from orchestrator.results.fingerprint import differences, fingerprint, problem_of
 from orchestrator.results.folder import ResultsFolder
@@ -423,13 +429,41 @@ def test_any_error_leaves_what_has_been_computed(tmp_path, monkeypatch, kind):
     monkeypatch.setattr(LawStage, "__call__", failing)
     with pytest.raises(InternalError, match="out of the blue") as caught:
         run(case, output=out, quiet=True)
-    assert caught.value.exit_code == 1 and str(out / "traceback.txt") in str(caught.value)
+    assert caught.value.exit_code == (3 if kind is MemoryError else 1) and str(out / "traceback.txt") in str(caught.value)
     assert ("too little memory" in str(caught.value)) == (kind is MemoryError)
     assert "failing" in (out / "traceback.txt").read_text()
     summary = summary_of(out)
     assert not summary["converged"] and summary["iterations"] == 8 and "out of the blue" in summary["stop_reason"]
     assert len(read_history(out)["iteration"]) == 8
     assert run(case, output=out, resume=True, quiet=True) == 0
+
+
+@pytest.mark.parametrize("megabytes", [300, 700, 1100])
+def test_a_limit_below_what_any_run_takes_is_told_at_once(tmp_path, megabytes):
+    """OpenBLAS would wait for ever for its buffers."""
+    child = begin(sys.executable, "-m", "orchestrator", "run", loaded(tmp_path).source.file, "--output", str(tmp_path / "out"),
+                  preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20,) * 2))
+    _, told = child.communicate(timeout=60)
+    assert child.returncode == 2 and "addresses for a process" in told and "ulimit" in told and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("error, lacks", [
+    (MemoryError(), True), (OSError(errno.ENOMEM, "Cannot allocate memory"), True), (RuntimeError("can't start new thread"), True),
+    (ImportError("libvtkCommonCore.so: failed to map segment from shared object"), True), (Exception("std::bad_alloc"), True),
+    (OSError(errno.ENOENT, "no such file"), False), (RuntimeError("out of the blue"), False), (ImportError("no module named x"), False)])
+def test_a_want_of_memory_is_told_as_such(error, lacks, capsys):
+    """By whatever it was noticed, also behind another error; outside runs too, with exit code 3."""
+    def action():
+        try:
+            raise error
+        except Exception as cause:
+            raise OSError("could not find shared object") from cause
+
+    assert lacks_memory(error) == lacks
+    with pytest.raises(typer.Exit if lacks else OSError) as caught:
+        guarded(action)
+    if lacks:
+        assert caught.value.exit_code == 3 and "too little memory" in capsys.readouterr().err
 
 
 def test_one_run_in_a_folder(tmp_path):

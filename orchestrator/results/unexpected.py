@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from orchestrator.errors import InputError, InternalError, OrchestratorError
+from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.checkpoint import saved
@@ -32,4 +32,4 @@ def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:
         except InputError:
             traceback.print_exception(cause)
         what = f"{type(cause).__name__}: {cause}".rstrip(": ")
-        raise InternalError(what, where, saved(folder), isinstance(cause, MemoryError)) from error
+        raise InternalError(what, where, saved(folder), lacks_memory(cause)) from error
