@@ -11,9 +11,6 @@ from orchestrator.config.foreign_parts import KINDS, DeckPart, ForeignPart, Matr
 from orchestrator.config.mesh import Material, Mesh
 from orchestrator.config.turning import Rotate
 
-# In names of what is in a part, between the part's and its own: base/rod, base/zmin.
-INSIDE = "/"
-
 
 class Move(Part):
     """Where a part's mesh goes: turned first, then shifted."""

@@ -7,8 +7,10 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 
-from orchestrator.config.parts import INSIDE
 from orchestrator.wording import some
+
+# In names of what is in a part, between the part's and its own: base/rod, base/zmin.
+INSIDE = "/"
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.config.parts import INSIDE
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.names import INSIDE
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 # Units of length that models are mixed up in: m and mm, m and cm, inches and mm, feet and m, inches and m.

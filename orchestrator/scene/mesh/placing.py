@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.config.parts import INSIDE, Move
+from orchestrator.config.parts import Move
 from orchestrator.config.turning import Rotate, unit
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.model import Mesh
+from orchestrator.scene.names import INSIDE
 
 
 def placed(mesh: Mesh, name: str, move: Move | None) -> Mesh:
