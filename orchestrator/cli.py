@@ -18,6 +18,7 @@ from orchestrator.imports import all_there
 from orchestrator.interrupts import heard
 from orchestrator.registry import CODES
 from orchestrator.streams import guard_streams, lost_output
+from orchestrator.wording import visible
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -111,7 +112,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
         from orchestrator.check import checked
 
         try:
-            print("\n".join(checked(loaded.config, run_programs)))
+            print(visible("\n".join(checked(loaded.config, run_programs))))
         except InputError as error:
             raise located(error, loaded) from error
         return CONVERGED
@@ -138,7 +139,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
                 lines, mesh = listed(loaded.config, run_programs)
             except InputError as error:
                 raise located(error, loaded) from error
-        print("\n".join(lines))
+        print(visible("\n".join(lines)))
         if html is not None:
             from orchestrator.results.sealed import write_sealed
 
@@ -156,7 +157,7 @@ def init(target: Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML
     def action() -> int:
         from orchestrator.begin import begin
 
-        print("\n".join(begin(target, source, h)))
+        print(visible("\n".join(begin(target, source, h))))
         return CONVERGED
 
     guarded(action)

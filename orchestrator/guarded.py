@@ -11,6 +11,7 @@ import typer
 
 from orchestrator.errors import BLACKBOX_FAILED, INTERRUPTED, InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.interrupts import interrupt, raise_waiting
+from orchestrator.wording import visible
 
 
 def guarded(action: Callable[[], int]) -> None:
@@ -56,7 +57,7 @@ def _show(error: OrchestratorError) -> None:
         count = len(error.problems)
         console.print(Text(f"{count} problem{'s' if count > 1 else ''} in the input", style="bold red"))
         for problem in error.problems:
-            head, _, rest = str(problem).partition("\n")
+            head, _, rest = visible(str(problem)).partition("\n")
             console.print(Text.assemble("\n", (head, "bold"), "\n", rest))
     else:
-        console.print(Text.assemble(("Error: ", "bold red"), str(error)))
+        console.print(Text.assemble(("Error: ", "bold red"), visible(str(error))))

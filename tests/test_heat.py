@@ -220,7 +220,7 @@ def test_a_thin_part_needs_rows_on_both_faces(tmp_path):
 
 
 @pytest.mark.parametrize("content, words", [
-    ("0 0 0", "3 columns"), ("0 0 0 warm", "could not convert"), ("0 0 0 1", "no row for"), ("0 0 0 nan", "not all of them numbers"),
+    ("0 0 0", "3 columns"), ("0 0 0 warm", "line 1, column 4: no number"), ("0 0 0 1", "no row for"), ("0 0 0 nan", "not all of them numbers"),
     ("", "0 columns in 0 rows"), ("# x y z T", "0 columns in 0 rows"), ("0;0;0;20,5", "decimal point"), ("0 0 0 1e999", "not all of them"),
     (None, "no file")])
 def test_what_is_wrong_with_a_file_of_temperatures_is_told_with_its_line(content, words, tmp_path):

@@ -12,7 +12,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.results.manifest import FOLDERS, OWN, PARTS, RESULTS, Manifest
+from orchestrator.results.manifest import FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, Manifest
 
 DIRECTORY_KEY = ("output", "directory")
 SHOWN = 5  # names in a message
@@ -40,10 +40,15 @@ class ResultsFolder:
             # Permission bits say nothing to root or on read-only mounts: only writing tells.
             probe = self.path / f".probe{_UNFINISHED}"
             try:
+                probe.unlink(missing_ok=True)  # a link to another file would be written through
                 probe.write_bytes(b"")
             finally:
                 with suppress(OSError):
                     probe.unlink()
+        for name in (OWN, LIST):
+            if (self.path / name).is_symlink():
+                raise InputError(Problem(DIRECTORY_KEY, f"{self.path / name} is a link", "this program's own list of what it has written here",
+                                         "remove the link, or choose another folder with --output"))
         for name in (OWN, *FOLDERS):  # now, not when all has been computed
             if os.path.lexists(self.path / name) and not (self.path / name).is_dir():
                 raise InputError(Problem(DIRECTORY_KEY, f"{self.path / name} is no folder, and a run needs one of that name",
@@ -80,7 +85,7 @@ class ResultsFolder:
         with self.guarded(name):
             try:
                 target.parent.mkdir(parents=True, exist_ok=True)
-                temporary.unlink(missing_ok=True)
+                temporary.unlink(missing_ok=True)  # nothing is written through a link
                 yield temporary
                 if os.path.lexists(target) and not self.manifest.owns(name):
                     raise InputError(_in_the_way(self.path, [name]))

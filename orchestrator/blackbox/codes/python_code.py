@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -212,7 +213,9 @@ def _ask(python: str, package: str) -> str:
         said = (done.stderr.strip() or f"nothing, and ends with {done.returncode}").splitlines()[-1]
         raise _absent(f"{python}, which says: {said}", lacks,
                       "install them for that interpreter, or name another one", "python")
-    first, *rest = done.stdout.splitlines()
+    first, *rest = done.stdout.splitlines() or [""]
+    if not re.fullmatch(r"\d+ \d+", first):
+        raise _absent(f"{python}, which does not answer as Python does", lacks, "give the path of a Python interpreter", "python")
     if tuple(map(int, first.split())) < _OLDEST:
         raise _absent(f"{python}, which is Python {first.replace(' ', '.')}", f"Python {_OLDEST[0]}.{_OLDEST[1]} or later",
                       "name another interpreter", "python")

@@ -29,6 +29,9 @@ strong { background: #fff0c2; color: #7a2e00; padding: .1rem .4rem; border-left:
 _MARKS = re.compile(r"[\\`|]|\*(?=\S)|_(?!\w)|&(?=#?\w+;)|\](?=[(\[:])")
 
 
+_FIGURE = re.compile(r"(?:figures/)?\w[\w.-]*\.png")
+
+
 class Marked(str):
     """Text that is Markdown already."""
 
@@ -84,6 +87,9 @@ def page(markdown: str, folder: Path, title: str) -> str:
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     blocks = parser.parse(markdown)
     for part in (part for block in blocks for part in block.children or () if part.type == "image"):
+        if not _FIGURE.fullmatch(str(part.attrs["src"])):  # a text that looks like a picture: no other file gets into the page
+            part.attrs["src"] = ""
+            continue
         data = base64.b64encode((folder / part.attrs["src"]).read_bytes()).decode()
         part.attrs["src"] = f"data:image/png;base64,{data}"
     body = parser.renderer.render(blocks, parser.options, {})

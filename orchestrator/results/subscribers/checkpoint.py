@@ -184,6 +184,7 @@ class Checkpoint(Subscriber):
         rest = sum(array.nbytes for name, array in memory.arrays.items() if not name.startswith("trace"))
         width = max(array.shape[1] for name, array in memory.arrays.items() if name.startswith("trace"))
         try:
+            (self._path / RESERVE).unlink(missing_ok=True)
             with open(self._path / RESERVE, "wb") as file:
                 os.posix_fallocate(file.fileno(), 0, rest + 8 * 4 * memory.notes["steps"] * width + MARGIN)
         except OSError:
@@ -213,6 +214,7 @@ class Checkpoint(Subscriber):
 
     def _new(self, path: Path):
         self._path.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)  # nothing is written through a link
         return open(path, "wb", buffering=0)
 
     def _drop(self, first: int) -> None:

@@ -10,6 +10,7 @@ by themselves on every tet.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -100,8 +101,11 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
             raise ValueError("commas beside semicolons: numbers have a decimal point")
         lines = [(i, line) for i, line in enumerate(text.replace(",", " ").replace(";", " ").splitlines(), 1) if line.partition("#")[0].strip()]
         rows = np.loadtxt([line for _, line in lines], ndmin=2) if lines else np.empty((0, 0))
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        problems.add(key, f"{path}: {error}", expected, "write such a file, for instance with numpy.savetxt")
+    except (OSError, ValueError) as error:  # what numpy says quotes the file, which may be another than is meant
+        place = re.search(r"at row (\d+), column (\d+)", str(error))
+        found = f"line {lines[int(place[1])][0]}, column {place[2]}: no number" if place else getattr(error, "strerror", None) or (
+            str(error) if "commas beside" in str(error) else "rows of different lengths, or no text")
+        problems.add(key, f"{path}: {found}", expected, "write such a file, for instance with numpy.savetxt")
         return None
     if rows.shape[1] not in (4, 3 + len(times)) or not np.isfinite(rows).all():
         problems.add(key, f"{path}: {rows.shape[1]} columns in {len(rows)} rows" + ("" if np.isfinite(rows).all() else ", not all of them numbers"),

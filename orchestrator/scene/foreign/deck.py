@@ -153,7 +153,7 @@ class Deck:
                 continue
             digits = "".join(c for c in kind[3:] if c.isdigit())
             if int(digits or 0) not in _CORNERS:
-                rows[0].fail(f"solid elements of type {kind}", "C3D4, C3D6, C3D8, C3D10, C3D15 or C3D20")
+                rows[0].fail(f"solid elements of type {kind[:12]}", "C3D4, C3D6, C3D8, C3D10, C3D15 or C3D20")
             table, size = numbers(rows), int(digits) + 1
             if len(table) % size:
                 rows[0].fail(f"{len(table)} numbers for elements of type {kind}", f"a number and {digits} nodes for each")

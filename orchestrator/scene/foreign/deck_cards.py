@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.mesh.inp_cards import Row, cards
+from orchestrator.scene.mesh.inp_cards import Inclusion, Row, cards, includes
 
 # Cards of matter and conditions whose answers are not proportional to forces.
 NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
@@ -15,16 +15,19 @@ NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP"
 FLOWING = {"PLASTIC", "CYCLIC HARDENING", "DEFORMATION PLASTICITY"}
 # What CalculiX keeps from one step to the next, and how many words of a line say where it acts.
 KEPT = {"CLOAD": 2, "DLOAD": 2, "DSLOAD": 2, "BOUNDARY": 2, "TEMPERATURE": 1}
+# Those that write to files, or read from files, that they name; CalculiX does not mind blanks.
+OF_FILES = ("VIEWFACTOR", "SUBMODEL", "SUBSTRUCTURE", "CRACKPROPAGATION")
 # What is said with a step, which is not the part's to say.
 OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
 
 
-def headings(file: Path, path: KeyPath, depth: int = 0) -> Iterator[tuple[str, dict[str, str], str]]:
+def headings(file: Path | Inclusion, path: KeyPath) -> Iterator[tuple[str, dict[str, str], str]]:
     """Keyword, options and place of every card, those without lines too; of files that are included as well."""
     try:
-        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise InputError(Problem(path, f"{file}: {error.strerror}", "a file that is there")) from error
+        deck = file if isinstance(file, Inclusion) else Inclusion(file)
+        lines = deck.lines()
+    except InputError as error:
+        raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
     for number, line in enumerate(lines, 1):
         text = line.strip()
         if not text.startswith("*") or text.startswith("**"):
@@ -32,9 +35,17 @@ def headings(file: Path, path: KeyPath, depth: int = 0) -> Iterator[tuple[str, d
         head, *rest = (word.strip() for word in text[1:].split(","))
         options = {key.strip().upper(): value.strip() for key, _, value in (word.partition("=") for word in rest)}
         card = " ".join(head.upper().split())
-        yield card, options, f"{file}:{number}"
-        if card == "INCLUDE" and depth < 20:
-            yield from headings(file.parent / options.get("INPUT", ""), path, depth + 1)
+        yield card, options, f"{deck.path}:{number}"
+        if includes(card):
+            yield from headings(deck.include(options, number), path)
+
+
+def files_of(file: Path) -> list[Path]:
+    """A deck's file and those that it includes, as they are named."""
+    deck = Inclusion(file)
+    for _ in headings(deck, ()):
+        pass
+    return deck.opened
 
 
 def check_deck(file: Path, path: KeyPath, nonlinear: bool) -> None:
@@ -118,6 +129,9 @@ def _first(file: Path) -> tuple[int, str]:
 
 
 def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath, nonlinear: bool) -> None:
+    if card.replace(" ", "").startswith(OF_FILES):
+        raise InputError(Problem(path, f"{where}: *{card[:20]}, which writes or reads files of its own", "cards of matter, supports and loads",
+                                 "leave the card out"))
     if "NLGEOM" in options:
         raise InputError(Problem(path, f"{where}: NLGEOM on *{card}: large displacements, to which joint forces are not proportional",
                                  "a linear part", "leave NLGEOM out"))

@@ -120,10 +120,10 @@ def _rows(file: str, path: KeyPath, what: str) -> list[tuple[int, list[float]]]:
             row = [float(word) for word in words]
         except ValueError:
             if found:
-                raise _bad(path, file, number, f"'{line.strip()}'", what) from None
+                raise _bad(path, file, number, "a word that is no number", what) from None
             continue
         if not np.isfinite(row).all():
-            raise _bad(path, file, number, f"'{line.strip()}'", "finite numbers")
+            raise _bad(path, file, number, "a number that is not finite", "finite numbers")
         found.append((number, row))
     if not found:
         raise InputError(Problem(path, f"{file}: no numbers", f"lines of {what}"))

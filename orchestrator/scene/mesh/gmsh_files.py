@@ -6,7 +6,7 @@ import io
 import subprocess
 import sys
 import tempfile
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import meshio
@@ -40,8 +40,12 @@ def read_by_gmsh(path: Path) -> meshio.Mesh:
             reason = said[0].replace(source.name, path.name)[:SHOWN] if said else f"it ended with {done.returncode}"
             raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read by gmsh: {reason}", "a mesh file that gmsh reads",
                                      "check that the ending fits the content, or save it as .msh"))
-        with redirect_stdout(io.StringIO()):
-            return meshio.read(target)
+        try:
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                return meshio.read(target)
+        except (Exception, SystemExit):  # meshio prints its complaint and ends the program
+            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: gmsh finds no mesh in it", "nodes and elements",
+                                     "save the mesh again, with its volume elements")) from None
 
 
 def once(raw: meshio.Mesh) -> meshio.Mesh:

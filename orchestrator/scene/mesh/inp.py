@@ -75,7 +75,7 @@ class _Deck:
                     self.passed.setdefault(options.get("NAME", ""), f"{row.file}:{row.line}: a face {side}")
                     continue
                 if side not in ("S1", "S2", "S3", "S4", "S5", "S6"):
-                    row.fail(f"a face {side or 'that is not named'}", "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
+                    row.fail("a face that is not named so", "S1 … S4 of a tetrahedron, up to S6 of a hexahedron")
                 faces.append((row.words[0], int(side[1]) - 1, row))
 
     def _elements(self, options: dict[str, str], rows: list[Row]) -> None:
@@ -185,4 +185,4 @@ def _shape(word: str, rows: list[Row]) -> tuple[str, int]:
     for head in ("STRI", "CPS", "CPE", "CAX", "M3D", "S"):
         if kind.startswith(head) and kind[len(head):len(head) + 1] in _FLAT:
             return _FLAT[kind[len(head)]]
-    rows[0].fail(f"elements of type {word or '(none)'}", "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")
+    rows[0].fail(f"elements of type {word[:12] or '(none)'}", "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")

@@ -1,4 +1,7 @@
-"""The cards of CalculiX's and Abaqus's .inp files: keyword, options, lines; files included are read too."""
+"""The cards of CalculiX's and Abaqus's .inp files: keyword, options, lines; files included are read too.
+
+Messages tell file and line and never what stands there: an *INCLUDE may name any file of the machine.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 
-_DEPTH = 20  # files that include each other
+_DEPTH, _MOST = 20, 1000  # files within each other, and files in all
 
 
 class Row:
@@ -33,7 +36,7 @@ class Row:
     def integer(self, word: str) -> int:
         """A number among its entries."""
         if not word.isdigit():
-            self.fail(f"'{word}'", "a whole number, or the name of a set defined before")
+            self.fail("a word that is no number and names no set", "a whole number, or the name of a set defined before")
         return int(word)
 
     def integers(self) -> list[int]:
@@ -52,7 +55,7 @@ def numbers(rows: list[Row]) -> np.ndarray:
                 try:
                     float(word.upper().replace("D", "E"))
                 except ValueError:
-                    row.fail(f"'{word}'", "a number")
+                    row.fail("a word that is no number", "a number")
         raise
 
 
@@ -65,7 +68,7 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     InputError : what is no number; coordinates that are not Cartesian
     """
     if options.get("SYSTEM", "R").upper() != "R":
-        rows[0].fail(f"nodes in SYSTEM={options['SYSTEM']}", "Cartesian coordinates")
+        rows[0].fail(f"nodes in SYSTEM={options['SYSTEM'][:12]}", "Cartesian coordinates")
     if all(row.text.count(",") == 3 for row in rows) and not any(",," in row.text.replace(" ", "") for row in rows):
         table = numbers(rows).reshape(-1, 4)
     else:
@@ -77,12 +80,45 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     return table
 
 
-def cards(path: Path, depth: int = 0) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
+class Inclusion:
+    """A deck and the files that it includes, as far as they have been opened.
+
+    Parameters
+    ----------
+    path : of the file; where : of the line that includes it, for messages
+    above : that file's
+    """
+
+    def __init__(self, path: Path, where: str = "", above: Inclusion | None = None):
+        self.path, self.stack = path, [*(above.stack if above else []), path.resolve()]
+        self.opened = above.opened if above else []
+        self.opened.append(path)
+        if path.resolve() in self.stack[:-1] or len(self.stack) > _DEPTH or len(self.opened) > _MOST:
+            raise problem(where, "files that include each other without end", "a deck that ends")
+
+    def lines(self) -> list[str]:
+        """The file's; raises InputError where there is none. Devices and pipes are none: they have no end."""
+        try:
+            if not self.path.is_file():
+                raise problem("", f"{self.path}: no such file", "a file that is there")
+            return self.path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError as error:
+            raise problem("", f"{self.path}: {error.strerror}", "a file that is there") from error
+
+    def include(self, options: dict[str, str], line: int) -> Inclusion:
+        """The file that a line includes."""
+        return Inclusion(self.path.parent / options.get("INPUT", ""), f"{self.path}:{line}: ", self)
+
+
+def includes(card: str) -> bool:
+    """Whether a card is *INCLUDE, as CalculiX reads it: blanks do not count."""
+    return card.replace(" ", "") == "INCLUDE"
+
+
+def cards(path: Path | Inclusion) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
     """Keyword, its options, its lines; of files that are included too."""
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise problem("", f"{path}: {error.strerror}", "a file that is there") from error
+    deck = path if isinstance(path, Inclusion) else Inclusion(path)
+    path, lines = deck.path, deck.lines()
     card, options, rows = "", {}, []
     for number, line in enumerate(lines, 1):
         text = line.strip()
@@ -98,10 +134,8 @@ def cards(path: Path, depth: int = 0) -> Iterator[tuple[str, dict[str, str], lis
         options = {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
         if card == "STEP":
             return
-        if card == "INCLUDE":
-            if depth >= _DEPTH:
-                raise problem(f"{path}:{number}: ", "files that include each other without end", "a deck that ends")
-            yield from cards(path.parent / options.get("INPUT", ""), depth + 1)
+        if includes(card):
+            yield from cards(deck.include(options, number))
             card = ""
     if card and rows:
         yield card, options, rows

@@ -13,6 +13,7 @@ from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.placing import joined, placed
 from orchestrator.scene.mesh.quality import checked
 from orchestrator.scene.model import Mesh
+from orchestrator.wording import visible
 
 if TYPE_CHECKING:
     from orchestrator.config.parts import OnePart
@@ -39,11 +40,24 @@ def make_mesh(mesh: Any, kept: Keeper = lambda make: make()) -> tuple[Mesh, Face
     ------
     InputError : the source is missing or bad, or what it gives is no valid mesh
     """
-    made = kept(lambda: _made(mesh))
+    made = _named(kept(lambda: _made(mesh)))
     scale = getattr(mesh, "scale", None)
     if scale is not None:
         made.nodes = made.nodes * float(scale)
     return checked(made)
+
+
+def _named(mesh: Mesh) -> Mesh:
+    """The mesh with names that can be shown: in terminals, where signs of a file's would move the cursor, and in results."""
+    names = {name: visible(name) for name in [*mesh.volumes, *mesh.surfaces]}
+    if any(name != shown for name, shown in names.items()):
+        volumes, surfaces = [names[name] for name in mesh.volumes], {names[name]: t for name, t in mesh.surfaces.items()}
+        if len(set(volumes)) < len(volumes) or len(surfaces) < len(mesh.surfaces):
+            raise InputError(Problem(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
+                                     "rename the groups"))
+        mesh = replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth])
+    mesh.remarks[:] = map(visible, mesh.remarks)
+    return mesh
 
 
 def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make(), run_programs: bool | None = False) -> tuple[Mesh, Faces]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -19,7 +21,7 @@ from orchestrator.blackbox.codes.calculix.files import Unreadable
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck import Deck
-from orchestrator.scene.foreign.deck_cards import headings, period, runs_on
+from orchestrator.scene.foreign.deck_cards import files_of, headings, period, runs_on
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.waiting import waited_for
 
@@ -76,18 +78,20 @@ class DeckRuns:
 
     def __enter__(self) -> DeckRuns:
         self.folder = Path(tempfile.mkdtemp(prefix="orchestrator-deck-"))
-        included: set[str] = set()
         for i, file in enumerate(self._named):  # by names of our own: files of two folders may have one name
             (self.folder / NAMED.format(i)).symlink_to(file.resolve())
-            included |= {options.get("INPUT", "") for card, options, _ in headings(file, self.path) if card == "INCLUDE"}
-        for folder in dict.fromkeys(file.resolve().parent for file in self._named):  # and whatever they include, by names beside them
-            for beside in folder.iterdir():
-                link = self.folder / beside.name
-                if link.exists() and beside.name in included:
-                    raise InputError(Problem(self.path, f"{beside} and {link.resolve()}: two files of one name, one of which is "
+        for file in self._named:  # and what they include, by names beside them; CalculiX writes to files of its own names: nothing else
+            for included in files_of(file)[1:]:
+                name = os.path.relpath(included, file.parent)
+                link = self.folder / name
+                if name.startswith((os.pardir, "orchestrator-")):
+                    continue
+                if link.exists() and link.resolve() != included.resolve():
+                    raise InputError(Problem(self.path, f"{included} and {link.resolve()}: two files of one name, one of which is "
                                              "included", "files included from one folder, or of different names", "rename one of them"))
-                if not link.exists() and not beside.name.startswith("orchestrator-"):
-                    link.symlink_to(beside)
+                if not link.exists():
+                    link.parent.mkdir(parents=True, exist_ok=True)
+                    link.symlink_to(included.resolve())
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -184,7 +188,8 @@ class DeckRuns:
             except subprocess.TimeoutExpired as error:
                 raise Refused(f"no answer in {PATIENCE:g} s") from error
             log.seek(0)
-            said = complaint(log.read().decode(errors="replace"))
+            # without the line of the deck that it quotes: an include may name any file
+            said = re.split("card image", complaint(log.read().decode(errors="replace")), flags=re.IGNORECASE)[0].strip()
         if said or ended:
             raise Refused(f"CalculiX says: {said or self.code.meaning(ended)}")
 

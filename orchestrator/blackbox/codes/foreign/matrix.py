@@ -16,7 +16,9 @@ from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about, size_of
 from orchestrator.scene.foreign.read import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
+from orchestrator.scene.mesh.size import check_memory
 
+ENTRY = 24  # bytes: two places and a value
 SAMPLE = 2000  # entries whose digits are counted
 # Of forces in a row, relative: what rigid motions leave where nothing is held.
 STILL = 1e-9
@@ -75,6 +77,8 @@ def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding
 
 def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
     try:
+        rows, columns, entries, *_ = scipy.io.mminfo(file)
+        check_memory(ENTRY * max(entries, rows + columns), path, f"{file}, of {rows:,} × {columns:,} with {entries:,} entries", "condense it to the joint")
         K = scipy.io.mmread(file)
     except (OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(Problem(path, f"{file}: {str(error) or type(error).__name__}", "a matrix in MatrixMarket's format",
