@@ -95,7 +95,7 @@ BAD = {
     "twenty nodes": ({"mesh": "mesh: {file: twenty.msh}"}, "element: P2"),
     "empty group": ({"mesh": "mesh: {file: groups.msh}", "loaded": "  {on: empty, traction: [1, 0, 0]}]"}, "without triangles"),
     "volume for a surface": ({"mesh": "mesh: {file: groups.msh}", "loaded": "  {on: body, traction: [1, 0, 0]}]"}, "only a volume"),
-    "text for a model": ({"mesh": "mesh: {step: unreadable.stp}"}, "STEP or BREP"),
+    "text for a model": ({"mesh": "mesh: {step: unreadable.stp}"}, "ISO-10303-21"),
     "model that is not there": ({"mesh": "mesh: {step: none.stp}"}, "none.stp"),
     "example that is not there": ({"mesh": "mesh: {step: 'gmsh:none.stp'}"}, "gmsh:as1-tu-203.stp"),
     "model too fine": ({"mesh": "mesh: {step: 'gmsh:as1-tu-203.stp', h: 0.005}"}, "nodes"),

@@ -6,18 +6,19 @@ Each would leave a mark if it were executed. The lines of the table in ``docs/se
 import json
 import os
 import pickle
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import gmsh
 import in_process  # noqa: F401 - the code that runs in this process
-import meshio
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import orchestrator
-from orchestrator import build_scene, config_from
+from orchestrator import build_scene
 from orchestrator.cli import app
 from orchestrator.errors import InputError
 from orchestrator.results.folder import ResultsFolder
@@ -50,6 +51,7 @@ FORGED = {
     "part.unv": SCRIPT, "part.bdf": SCRIPT, "part.nas": SCRIPT, "part.med": SCRIPT, "part.mesh": SCRIPT, "part.inp": SCRIPT,
     "part.step": SCRIPT, "part.stp": SCRIPT, "part.brep": SCRIPT, "part.igs": SCRIPT, "part.stl": SCRIPT,
     "part.vtk": SCRIPT, "part.vtu": SCRIPT, "part.pvtu": SCRIPT, f"; touch {MARK};.msh": SCRIPT,
+    "entity.xdmf": '<!DOCTYPE Xdmf [<!ENTITY x SYSTEM "file:///etc/passwd">]><Xdmf>&x;</Xdmf>', "entity.xml": "<!DOCTYPE dolfin [<!ENTITY x 'y'>]><dolfin/>",
     "entity.vtu": '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + VTU.format("", "", "&x;", ""),
     "pickled.npz": pickle.dumps(eval), "pickled.h5": pickle.dumps(eval), "code.py": f"open('{MARK}', 'w')",
 }
@@ -219,6 +221,7 @@ def test_modules_of_the_current_folder_are_not_ours(tmp_path):
     path.write_text(path.read_text().replace("figures: false", "figures: true"))
     for name in ("numpy", "pickle", "gc", "skfem", "sitecustomize", "usercustomize", "scipy", "gmsh", "matplotlib", "vtkmodules"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / MARK)!r}, 'w')\nraise ImportError\n")
+    (tmp_path / "matplotlibrc").write_text("backend: module://gmsh\ntext.usetex: True\ntext.latex.preamble: \\input{/etc/passwd}\n")
     (tmp_path / "freefem++.pref").write_text('loadpath = "./stranger"\n')
     starts = os.path.join(os.path.dirname(sys.executable), "orchestrator")
     done = subprocess.run([starts, "run", path.name], capture_output=True, text=True)
@@ -340,6 +343,14 @@ def test_pieces_are_beside_their_grid(tmp_path):
             read(tmp_path / "in" / "all.pvtu")
 
 
+@pytest.mark.parametrize("named", ["/dev/zero", "../x.h5:/points", "/etc/passwd"])
+def test_numbers_of_xdmf_are_beside_it(tmp_path, named):
+    (tmp_path / "x.xdmf").write_text(f'<Xdmf><Domain><Grid><Geometry GeometryType="XYZ"><DataItem Dimensions="4 3" Format="Binary">{named}'
+                                     "</DataItem></Geometry></Grid></Domain></Xdmf>")
+    with pytest.raises(InputError, match="not beside it"):
+        read(tmp_path / "x.xdmf")
+
+
 @pytest.mark.parametrize("name, content", [
     ("points.vtu", VTU.format("", "", '<Piece NumberOfPoints="1000000000000" NumberOfCells="1"/>', "")),
     ("cells.vtu", VTU.format("", "", "<Piece NumberOfPoints='4' NumberOfCells='900000000000'/>", "")),
@@ -381,3 +392,10 @@ def test_a_report_shows_the_runs_own_pictures_alone(tmp_path):
     for place in ("/etc/passwd", "../secret.png", "/etc/../etc/passwd", "figures/../../x.png"):
         assert "base64" not in page(f"![x]({place})\n\n<script>alert(1)</script>", tmp_path, "<script>")
     assert "<script>" not in page("<script>alert(1)</script> [x](javascript:alert(1))", tmp_path, "<script>")
+
+
+def test_every_line_of_the_threat_model_has_its_test():
+    """And every test its line."""
+    told = set(re.findall(r"`(test_\w+)`", (Path(__file__).parents[1] / "docs" / "security.md").read_text(encoding="utf-8")))
+    there = {name for name in globals() if name.startswith("test_")} - {"test_the_script_is_one", "test_every_line_of_the_threat_model_has_its_test"}
+    assert told == there

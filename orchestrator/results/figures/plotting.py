@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -22,9 +24,19 @@ def new_figure(width: float, height: float) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    _without_strangers_settings()
     figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+@cache
+def _without_strangers_settings() -> None:
+    """matplotlib obeys a matplotlibrc of the current folder, whoever's it is: it may have texts set by LaTeX. Not here."""
+    import matplotlib
+
+    if Path(matplotlib.matplotlib_fname()).absolute().parent == Path.cwd():
+        matplotlib.rcdefaults()
 
 
 def warm_up() -> None:

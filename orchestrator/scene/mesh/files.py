@@ -6,6 +6,7 @@ Of quadratic cells the corners are kept, and edges that bend become straight: sa
 from __future__ import annotations
 
 import io
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -106,6 +107,8 @@ def _load(path: Path) -> meshio.Mesh:
         check_content(path, ("mesh", "file"))
     if path.suffix.lower() in BY_VTK:
         return read_vtk(path)
+    if path.suffix.lower() in (".xdmf", ".xmf"):
+        _check_beside(path)
     try:
         # meshio prints its complaint and ends the program.
         with redirect_stderr(heard), redirect_stdout(heard):
@@ -118,6 +121,15 @@ def _load(path: Path) -> meshio.Mesh:
         raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
                                  "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
                                  "check that the ending fits the content, or convert it with gmsh")) from None
+
+
+def _check_beside(path: Path) -> None:
+    """Raises InputError where a file of XDMF takes its numbers from one that is not beside it, or below: from a device, say."""
+    for item in re.findall(rb"<DataItem\b[^>]*\bFormat\s*=\s*[\"'](?:HDF|Binary)[\"'][^>]*>([^<]*)", path.read_bytes()):
+        named = path.parent / item.decode(errors="replace").strip().partition(":")[0]
+        if not named.resolve().is_relative_to(path.resolve().parent) or not named.is_file():
+            raise InputError(Problem(("mesh", "file"), f"{path}: it takes numbers from a file that is not beside it", "files in its folder or below",
+                                     "put them beside it, and name them so"))
 
 
 def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.ndarray, dict, str]:

@@ -11,7 +11,9 @@ from pathlib import Path
 from orchestrator.errors import InputError, KeyPath, Problem
 
 HEAD = 1 << 16  # bytes that tell
-_VTK = rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*\btype\s*=\s*[\"']%s[\"']"
+_XML = rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*"  # without entities of its own
+_VTK = _XML + rb"<VTKFile\b[^>]*\btype\s*=\s*[\"']%s[\"']"
+_XDMF = _XML + rb"(<!DOCTYPE\s+Xdmf[^\[>]*(\[\s*\])?\s*>\s*)?(<!--.*?-->\s*)*<Xdmf\b"
 _STEP, _MEDIT = rb"\s*(/\*.*?\*/\s*)*ISO-10303-21\s*;", rb"(\s*#[^\n]*\n)*\s*MeshVersionFormatted"
 _CARD = rb"(?i)(.*\n)?[ \t]*(GRID|BEGIN BULK|CORD2R|CTETRA|CHEXA|CPENTA|CPYRAM)\b"
 # ending → how its content begins, and that in words
@@ -24,6 +26,7 @@ _KNOWN = {
     ".vtu": (_VTK % b"UnstructuredGrid", "<VTKFile type=\"UnstructuredGrid\">"),
     ".pvtu": (_VTK % b"PUnstructuredGrid", "<VTKFile type=\"PUnstructuredGrid\">"),
     ".vtk": (rb"# vtk DataFile Version", "# vtk DataFile Version"),
+    ".xdmf": (_XDMF, "<Xdmf"), ".xmf": (_XDMF, "<Xdmf"), ".xml": (_XML + rb"<dolfin\b", "<dolfin"),
     ".mesh": (_MEDIT, "Medit's MeshVersionFormatted"),
     ".step": (_STEP, "ISO-10303-21;"), ".stp": (_STEP, "ISO-10303-21;"),
     ".brep": (rb"\s*(DBRep_DrawableShape|CASCADE Topology|Open CASCADE Topology)", "DBRep_DrawableShape or CASCADE Topology"),
