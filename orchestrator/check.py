@@ -21,7 +21,7 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
 
     Parameters
     ----------
-    run_programs : whether programs and interpreters that the configuration names are started; else it is told what is not
+    run_programs : whether programs, interpreters and forms that the configuration names are run; else it is told what is not
         checked therefore: with a program among the parts, all but the meshes, matrices and decks of the others
 
     Raises
@@ -33,7 +33,8 @@ def checked(config: Config, run_programs: bool = False) -> list[str]:
         return [*_parts_alone(config), *unsaid]
     scene = build_scene(config, run_programs=run_programs)
     for code in find_codes(config.codes, {s.code for s in scene.subdomains}, run_programs).values():
-        code.check()
+        if run_programs or not code.check_runs:
+            code.check()
     _check_iterations(scene, config.method)
     lines = [f"OK: {scene!r}", *unsaid]
     if scene.element is not None:
@@ -52,7 +53,8 @@ def _parts_alone(config: Config) -> list[str]:
     meshed = any(part.mesh for part in others)
     used = [i for i, entry in enumerate(config.codes) if entry.code != "program" and (meshed or entry.code in FOREIGN)]
     for code in find_codes(config.codes, used, run_programs=False).values() if used else ():
-        code.check()
+        if not code.check_runs:
+            code.check()
     return lines
 
 

@@ -202,10 +202,14 @@ def test_an_interpreter_is_asked_where_its_user_says_so_alone(tmp_path):
 
 def test_solvers_and_forms_are_not_run_by_check(tmp_path):
     (tmp_path / "solver.py").write_text(f"open({str(tmp_path / MARK)!r}, 'w')\n")
-    (tmp_path / "form.idp").write_text(f'exec("touch {tmp_path / MARK}");\nmacro Stiffness(u, v) int3d(Th, mine)(u * v) // EOM\n')
+    (tmp_path / "form.idp").write_text(f'exec("touch {tmp_path / MARK}");\nmacro Stiffness(u, v) int3d(Th, mine)(dx(u#x)*dx(v#x)) // EOM\n')
     for blackbox in ("{code: solver.py}", "{code: 'solver:Solver'}", "{form: form.idp}"):
         for command in ("check", "inspect"):
-            assert call(command, written(tmp_path, blackbox=blackbox)).exit_code == 0, blackbox
+            done = call(command, written(tmp_path, blackbox=blackbox))
+            assert done.exit_code == 0 and ("not checked: whether FreeFEM" in done.output) == ("form" in blackbox and command == "check"), blackbox
+    assert not (tmp_path / MARK).exists()
+    call("check", written(tmp_path, blackbox="{form: form.idp}"), "--run-programs")
+    (tmp_path / MARK).unlink()  # it does what it says
 
 
 @pytest.mark.parametrize("text", [f"!!python/object/apply:os.system ['touch {MARK}']", f"!!python/object/new:os.system [touch {MARK}]",

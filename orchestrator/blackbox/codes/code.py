@@ -31,6 +31,7 @@ class Code(ABC):
     Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
 
     translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its process tells
+    check_runs : whether ``check`` runs what the user has written, so that it needs the user's word
     guarded : whether its matrices and fields are judged as they arrive; else it judges them itself
 
     The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
@@ -46,6 +47,7 @@ class Code(ABC):
     Settings: ClassVar[type[CodeSettings]] = CodeSettings
     translation_invariant: ClassVar[bool | None] = False
     own_matter: ClassVar[bool | None] = False
+    check_runs: ClassVar[bool] = False
     guarded: ClassVar[bool] = True
 
     def __init__(self, settings: CodeSettings | None = None):

@@ -12,12 +12,14 @@ OPTION = "--run-programs"
 
 
 def not_asked(config: Config) -> list[str]:
-    """A sentence for each program and interpreter that is not started without ``OPTION``, and what is not checked therefore."""
+    """A sentence for each program, interpreter and form that is not run without ``OPTION``, and what is not checked therefore."""
     programs = [f"'{part.name}': {Path(part.program.run).name} is not started, which alone knows its joints: its interfaces, its "
                 "stiffness and whether all is held" for part in config.parts or [] if part.program]
     pythons = dict.fromkeys(f"whether {entry.python} has what {entry.code} needs: it is not started"
                             for entry in config.codes if getattr(entry, "python", None))
-    return [f"not checked: {sentence} ({OPTION} does)" for sentence in [*programs, *pythons]]
+    forms = dict.fromkeys(f"whether FreeFEM takes {Path(entry.form).name}: a form may run programs" for entry in config.codes
+                          if getattr(entry, "form", None))
+    return [f"not checked: {sentence} ({OPTION} does)" for sentence in [*programs, *pythons, *forms]]
 
 
 def check_asked(parts: list[OnePart]) -> None:

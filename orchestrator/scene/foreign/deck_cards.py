@@ -79,7 +79,7 @@ def period(file: Path, path: KeyPath) -> float:
     except ValueError:
         lasts = -1.0
     if not 0 <= lasts < float("inf"):
-        raise InputError(Problem(path, f"{file}:{number}: '{line}'", "an increment and the length of the step, the line after "
+        raise InputError(Problem(path, f"{file}:{number}: no length of time", "an increment and the length of the step, the line after "
                                  "*STATIC, or a card", "mend that line, or leave it out"))
     return lasts or 1.0
 

@@ -79,6 +79,7 @@ class FreeFem(MessageCode):
         if self.settings.form:
             check_form(Path(self.settings.form))
             self.translation_invariant, self.own_matter = self.settings.uniform, True
+            self.check_runs = True  # it may load libraries and call exec
         self.executable = installation.executable()
         self._environment = installation.environment()
         self._said = ""
