@@ -31,11 +31,12 @@ def without_ranks() -> str | None:
     return None if launcher().is_file() else f"no {launcher()}"
 
 
-def orchestrate(path: Path, *options: str, ranks: int = 1) -> subprocess.Popen:
-    """``orchestrator run`` under way, its output collected; over several ranks by ``launcher``."""
-    command, environment = [sys.executable, "-m", "orchestrator", "run", str(path), *options], None
+def orchestrate(path: Path, *options: str, ranks: int = 1, temporary: Path | None = None) -> subprocess.Popen:
+    """``orchestrator run`` under way, its output collected; over several ranks by ``launcher``; ``temporary``: for TMPDIR."""
+    command = [sys.executable, "-m", "orchestrator", "run", str(path), *options]
+    environment = {**os.environ, **({} if temporary is None else {"TMPDIR": str(temporary)})}
     if ranks > 1:
-        command, environment = [str(launcher()), "-n", str(ranks), *command], {**os.environ, **_MPI}
+        command, environment = [str(launcher()), "-n", str(ranks), *command], {**environment, **_MPI}
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 

@@ -66,6 +66,28 @@ def pressed_cubes(friction: float, count: int = 3, elements: int = 4) -> dict[st
     }
 
 
+def bolted_apart() -> dict[str, Any]:
+    """A pad clamped between two plates by two posts that are bolts, all meshed apart: tightened one by one, then sheared to and fro."""
+    def box(name: str, size: list[float], cells: list[int], move: list[float]) -> dict[str, Any]:
+        return {"name": name, "mesh": {"box": {"size": size, "cells": cells}}, "move": {"translate": move}}
+
+    return {
+        "name": "bolted-apart",
+        "parts": [box("base", [4, 2, 1], [9, 5, 3], [0, 0, 0]), box("pad", [1, 1.8, 2], [4, 7, 5], [1.5, 0.1, 1]),
+                  box("cap", [4, 2, 1], [11, 7, 3], [0, 0, 3]),
+                  *(box(f"post_{k}", [0.6, 0.6, 2], [3, 3, 6], [x, 0.7, 1]) for k, x in enumerate((0.4, 3.0), 1))],
+        "subdomains": "groups",
+        "materials": STEEL,
+        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "y", "at": 1.9}, "traction": [30, 0, 0], "history": "shear"}],
+        "bolts": [{"on": f"post_{k}", "cut": {"plane": "z", "at": 2.05}, "force": 400, "history": history}
+                  for k, history in enumerate(("first", "second"), 1)],
+        "histories": {"first": [1, 1, 1, 1], "second": [0, 1, 1, 1], "shear": [0, 0, 1, -1]},
+        "interfaces": [{"between": ["pad", plate], "law": "contact", "friction": 0.3} for plate in ("base", "cap")]
+        + [{"between": ["post_*", plate], "law": "perfect"} for plate in ("base", "cap")],
+    }
+
+
 def grains(count: int, h: float, friction: float = 0.1) -> dict[str, Any]:
     """The paper's polycrystal: a unit cube of grains in contact, compressed further, then unloaded in two steps."""
     return {

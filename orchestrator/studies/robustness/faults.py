@@ -27,9 +27,9 @@ from orchestrator.results.subscribers.history import read_history
 from orchestrator.results.subscribers.log import records
 from orchestrator.studies.kit.commands import orchestrate, without_ranks
 from orchestrator.studies.kit.framework import Study
-from orchestrator.studies.problems.cases import cube, pressed_cubes
+from orchestrator.studies.problems.cases import bolted_apart, cube, pressed_cubes
 
-KILLS = 10  # per problem and number of ranks: 40 in all
+KILLS = 10  # per problem and number of ranks: 60 in all
 STAGES = 12  # of a disk that fills up, per problem
 SAME = 1e-12  # relative difference of displacements
 LOST = 2.0  # seconds of iterations, or one iteration, whichever is longer
@@ -38,8 +38,8 @@ PATIENCE = 600.0  # seconds a run may take
 
 def run(study: Study, problems: dict[str, dict[str, Any]] | None = None, kills: int = KILLS, stages: int = STAGES) -> None:
     """All faults of all problems; the targets judge them together."""
-    study.columns = ("problem", "ranks", "fault", "at", "iterations", "lost", "lost_seconds", "difference", "exit", "seconds")
-    problems = problems or {"bonded": cube(4), "contact": pressed_cubes(0.3)}
+    study.columns = ("problem", "ranks", "fault", "at", "iterations", "lost", "lost_seconds", "difference", "exit", "left", "seconds")
+    problems = problems or {"bonded": cube(4), "contact": pressed_cubes(0.3), "bolted, meshed apart": bolted_apart()}
     missing, draw = without_ranks(), np.random.default_rng(12)
     for name, config in problems.items():
         path = study.folder.write(f"{name}.yaml", json.dumps({**config, "output": {"figures": False}}))
@@ -68,10 +68,12 @@ class _Run:
 
     def __init__(self, path: Path, folder: Path, ranks: int):
         self.path, self.folder, self.ranks, self.seconds = path, folder, ranks, 0.0
+        self.temporary = folder.with_name("temporary")
+        self.temporary.mkdir(exist_ok=True)
 
     def begin(self, folder: Path, *more: str) -> subprocess.Popen:
         """Start it, in a session of its own."""
-        return orchestrate(self.path, "--output", str(folder), "--quiet", *more, ranks=self.ranks)
+        return orchestrate(self.path, "--output", str(folder), "--quiet", *more, ranks=self.ranks, temporary=self.temporary)
 
     def end(self, folder: Path, *more: str) -> int:
         """Its exit code."""
@@ -81,6 +83,16 @@ class _Run:
         except subprocess.TimeoutExpired:
             _kill(process)
         return process.returncode
+
+    def left(self) -> int:
+        """Folders of the codes, and processes that work in them, after a run has ended."""
+        def at(process: Path) -> str:
+            with suppress(OSError):
+                return os.readlink(process / "cwd")
+            return ""
+
+        return len(list(self.temporary.glob("orchestrator-*"))) + sum(
+            at(process).startswith(f"{self.temporary.absolute()}/") for process in Path("/proc").glob("[0-9]*"))
 
     def compared(self, folder: Path) -> dict[str, Any]:
         """Iterations of a run and its difference to the undisturbed one."""
@@ -113,7 +125,7 @@ def _killed(whole: _Run, folder: Path, moment: float) -> dict[str, Any]:
     lost = _lost(folder)
     code = whole.end(folder, *(["--resume"] if (folder / NAME).exists() else []))
     compared = whole.compared(folder) if code == CONVERGED else {"iterations": 0, "difference": np.inf}
-    return {"exit": code, **lost, **compared, "seconds": time.perf_counter() - begin}
+    return {"exit": code, **lost, **compared, "left": whole.left(), "seconds": time.perf_counter() - begin}
 
 
 def _lost(folder: Path) -> dict[str, Any]:
@@ -208,6 +220,8 @@ def _targets(study: Study, missing: str | None) -> None:
         study.target(f"{fault}: difference of displacements", f"≤ {SAME:g}", f"{worst:.1e}", worst <= SAME)
         late = [r for r in rows if r["lost"] > 1 and r["lost_seconds"] > LOST]
         study.target(f"{fault}: one iteration or {LOST:g} s lost at most", "0 beyond", len(late), not late)
+    left = sum(r["left"] for r in study.rows if r["fault"] == "killed" and "left" in r)
+    study.target("killed: folders and processes of codes left after the next run", "0", left, left == 0)
     if missing:
         study.target("killed: two ranks", "tried", missing, False)
 
