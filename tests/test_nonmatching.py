@@ -190,3 +190,17 @@ def test_springs_and_jumps_act_across():
         jump = sign * (mortar.second @ u2 - mortar.first @ u1).reshape(-1, 3)
         mean = (mortar.area @ jump) / mortar.area.sum()
         assert np.abs(mean - given).max() < 1e-9 * np.abs(given).max()
+
+
+AS_ONE = {"jump": ({"law": "jump", "jump": [0, 0, 0]}, 1e-7), "springs": ({"law": "elastic", "stiffness_n": 1e12, "stiffness_t": 1e12}, 1e-5)}
+
+
+@pytest.mark.parametrize("law, off", AS_ONE.values(), ids=AS_ONE)
+def test_ten_node_faces_that_nothing_presses_are_those_of_bonds(law, off):
+    """A jump of zero, springs that are very stiff: what ``perfect`` gives, bending and all."""
+    tight = {"method": {"tolerance": {"error": 1e-9}, "max_iterations": 300}, "element": "P2"}
+    first, other = (solve(made, build_scene(made)) for made in (
+        bonded((1, 2), law=law, **tight) for law in ({"law": "perfect"}, {**law, "between": ["a", "b"]})))
+    assert other.converged, other.stop_reason
+    for one, two in zip(first.parts, other.parts):
+        assert np.abs(one[0] - two[0]).max() < off * np.abs(one[0]).max()

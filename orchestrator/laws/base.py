@@ -93,6 +93,8 @@ class Law:
     formula, meaning : in the report
     perfect : the sides move as one: its local stage is an exchange, the error bound holds where all laws are so
     as_one : the jump is given, whatever the force: the sides deform as one
+    presses : what passes depends on whether sides are pressed or pulled. On faces of six nodes displacements then stay linear:
+        uniform pressure pulls at the corners of quadratic ones
     axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
     joins : a body hangs on the interface whatever the load
     has_history : the answer depends on earlier load steps, so that none may be left out
@@ -194,6 +196,10 @@ class Law:
         if self.given_jump is None:
             return np.zeros(len(chosen))
         return np.where(known, np.abs(jump - self.given_jump), 0.0).max(axis=1)
+
+    @property
+    def presses(self) -> bool:
+        return not self.as_one
 
     @property
     def caution(self) -> str:

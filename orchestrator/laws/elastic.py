@@ -64,6 +64,10 @@ class Elastic(Law):
         return not self.tension_only
 
     @property
+    def presses(self) -> bool:
+        return self.tension_only
+
+    @property
     def rigidity(self) -> float:
         return min(self.stiffness_n, self.stiffness_t)
 

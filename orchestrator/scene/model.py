@@ -196,8 +196,9 @@ class Interface:
 
     @property
     def tied(self) -> bool:
-        """Whether its sides' traces are kept linear on faces of six nodes: where a law does not give the jump."""
-        return self.triangles.shape[1] == 6 and not (self.law.as_one if self.matching else self.law.perfect)
+        """Whether its sides' traces are kept linear on faces of six nodes: where a law asks which way forces point, and for
+        springs between common nodes, whose stretch and force are to belong together at every corner."""
+        return self.triangles.shape[1] == 6 and (not self.law.as_one if self.matching else self.law.presses)
 
     def distances(self, steps: int) -> np.ndarray:
         """(steps, n) how far the sides are apart before they move, as the law has it at every load step."""

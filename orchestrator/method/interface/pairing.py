@@ -116,7 +116,7 @@ def _general(scene: Scene, space: TraceSpace, k: sp.csr_array, interfaces: list[
             rows[:, a:b] = np.where(i.mortar.carrying, start + np.arange(3 * (b - a)).reshape(-1, 3).T, -1)
             for side, own in enumerate(space.sides[i.index]):
                 at = own.reshape(-1, 3)
-                if lawful:  # mid-edge nodes are tied
+                if i.tied:  # mid-edge nodes follow their corners
                     triangles = i.triangles if side == 0 else i.mortar.triangles
                     at = at[np.unique(triangles[:, :3])]
                 row, column = np.repeat(at[:, :, None], 3, axis=2), np.repeat(at[:, None, :], 3, axis=1)

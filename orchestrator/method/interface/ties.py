@@ -3,7 +3,7 @@
 Node-wise laws do not suit quadratic faces. A constant pressure gives no nodal force at all to the
 corners of a six-node triangle and a third of its resultant to each mid-edge node: corners would count as
 open, Coulomb's cone would be a point there, and a linear pressure would even pull at them. Therefore,
-on interfaces that are not perfect, both sides' traces are kept linear on every face,
+on interfaces that press (``Interface.tied``), both sides' traces are kept linear on every face,
 
     u_m = ½ (u_a + u_b)      for the node m in the middle of the edge ab,
 

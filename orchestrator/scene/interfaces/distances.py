@@ -82,6 +82,6 @@ def _apart(mesh: Mesh, numbering: SplitNumbering, interface: Interface, points: 
         from orchestrator.scene.interfaces.mortar.assembly import node_gaps, weights_of
 
         plane = np.abs(normal - normal[0]).max() <= PLANE
-        return node_gaps(interface.surfaces, weights_of(interface.surfaces, perfect=False), normal) if plane else np.zeros(len(points))
+        return node_gaps(interface.surfaces, weights_of(interface.surfaces, quadratic=False), normal) if plane else np.zeros(len(points))
     others = numbering.nodes[numbering.offsets[interface.subdomains[1]] + interface.nodes[1]]
     return np.einsum("ij,ij->i", normal, mesh.nodes[others] - points)

@@ -40,7 +40,7 @@ def initial_gap(name: str, surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarr
                      f"to {inside[worst]:.3g} at {format_point(x1[worst])}", "sides that touch or are apart; facets there are "
                      f"off the surfaces that they stand for by {around[worst]:.3g} at most",
                      "move the parts, or ask for a press fit by a number: gap: -0.01")
-    facets = node_gaps(surfaces, weights_of(surfaces, perfect=False), point_normals(x1, one))
+    facets = node_gaps(surfaces, weights_of(surfaces, quadratic=False), point_normals(x1, one))
     gap = facets - _between(surfaces, bulge)
     nothing = rounding(x1, h)
     touching = (gap <= UNSURE * around + nothing) & (gap >= -around - nothing)

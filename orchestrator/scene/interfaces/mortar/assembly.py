@@ -21,19 +21,19 @@ PLACES = 64 * np.finfo(float).eps
 TURNED = [0, 2, 1, 5, 4, 3]
 
 
-def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
+def make_mortar(surfaces: Surfaces, quadratic: bool, free: tuple[np.ndarray, np.ndarray], crossed: np.ndarray,
                 vectors: np.ndarray | None = None) -> Mortar:
     """Points and transfer operators.
 
     Parameters
     ----------
     surfaces : slave and master
-    perfect : whether the law is; ten-node faces then keep their quadratic functions
+    quadratic : whether ten-node faces keep their quadratic functions: under laws that nothing presses by
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
     crossed : (n₁,) bool, slave nodes that other interfaces without matching nodes share and that have no point here
     vectors : (n₁, 3) along the normals, where more facets than these shape them
     """
-    weights = weights_of(surfaces, perfect)
+    weights = weights_of(surfaces, quadratic)
     triangles = surfaces.triangles
     normal = unit(corner_vectors(surfaces.points[0], triangles[0]) if vectors is None else vectors)
     gap = node_gaps(surfaces, weights, normal)
@@ -54,23 +54,23 @@ def make_mortar(surfaces: Surfaces, perfect: bool, free: tuple[np.ndarray, np.nd
     turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
     return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
                   linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap[points], turned,
-                  surfaces.behind[1], free[1], _hats(points, triangles[0], perfect))
+                  surfaces.behind[1], free[1], _hats(points, triangles[0], quadratic))
 
 
-def _hats(points: np.ndarray, triangles: np.ndarray, perfect: bool) -> sp.csr_array:
-    """(3n, 3p) linear functions of the points at the nodes of the facets, if they are bonded and of six nodes, else picks."""
+def _hats(points: np.ndarray, triangles: np.ndarray, quadratic: bool) -> sp.csr_array:
+    """(3n, 3p) linear functions of the points at the nodes of the facets, if these are of six nodes and quadratic, else picks."""
     count = int(triangles.max(initial=-1)) + 1
     nodes = sp.eye_array(count, format="csr")
-    if perfect and triangles.shape[1] == 6:
+    if quadratic and triangles.shape[1] == 6:
         pairs = np.unique(np.concatenate([np.c_[triangles[:, 3:].ravel(), triangles[:, ends].ravel()]
                                           for ends in TRIANGLE_EDGES.T]), axis=0)
         nodes = sp.csr_array(nodes + sp.csr_array((np.full(len(pairs), 0.5), pairs.T), shape=nodes.shape))
     return sp.csr_array(sp.kron(nodes[:, points], sp.eye_array(3), format="csr"))
 
 
-def weights_of(surfaces: Surfaces, perfect: bool) -> Weights:
-    """What the multipliers integrate to; on ten-node faces under a law that is not perfect, with the corners alone."""
-    quadratic = perfect and surfaces.triangles[0].shape[1] == 6
+def weights_of(surfaces: Surfaces, quadratic: bool) -> Weights:
+    """What the multipliers integrate to; on ten-node faces that are not to be quadratic, with the corners alone."""
+    quadratic = quadratic and surfaces.triangles[0].shape[1] == 6
     return multipliers(surfaces.segments, *(t if quadratic else t[:, :3] for t in surfaces.triangles), surfaces.area,
                        tuple(len(x) for x in surfaces.points), dual=not quadratic)
 

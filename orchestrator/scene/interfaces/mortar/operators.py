@@ -35,7 +35,7 @@ class Mortar:
     points : (p,) int, ascending, which of the slave nodes carry a point. The others are prescribed, lie on several
         such interfaces or are hardly covered; their share of the force goes to neighbours
     first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are there: times what is
-        prescribed, they give the known part of the jump. On ten-node faces that are not perfect, columns belong to
+        prescribed, they give the known part of the jump. On ten-node faces whose traces are linear, columns belong to
         corners, in the basis of ``ties``; mid-edge nodes have none. On ten-node faces that are, they belong to the nodes
         as they are
     area : (p,) that each point stands for; they sum to the area that the sides have in common
@@ -47,7 +47,7 @@ class Mortar:
     cells : (k₂, 2) int, global cells behind each of these: the one opposite in side 1, and its own in side 2
     free : (n₂, 3) bool, components of the master's nodes that nothing prescribes; ``Interface.free`` has the slave's
     hats : (3n₁, 3p) sparse, displacements of the slave's nodes when one component of one point moves by 1: of its own node
-        alone, or, on ten-node faces that are perfect, along its linear function, by half in the middle of edges
+        alone, or, on quadratic ten-node faces, along its linear function, by half in the middle of edges
     """
 
     points: np.ndarray
@@ -68,7 +68,7 @@ class Mortar:
     def own(self) -> sp.csr_array:
         """(3p, 3p) G₁ times ``hats``: forces f₁ = G₁ᵀ q come from q = own⁻ᵀ hatsᵀ f₁.
 
-        Diagonal, and the identity where no neighbour has been merged; on ten-node faces that are perfect a mass matrix of
+        Diagonal, and the identity where no neighbour has been merged; on quadratic ten-node faces a mass matrix of
         P1 functions, which conditions well.
         """
         return (self.first @ self.hats).tocsr()
