@@ -143,13 +143,13 @@ def solved_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def batched(data: dict, rng: np.random.Generator) -> Variant | None:
     """Load steps solved one after the other, or in twos."""
-    steps = len(data.get("histories", {}).get("h", [1]))
+    steps = len(_factors(data))
     return Variant({**data, "method": {**data["method"], "increment": int(rng.integers(1, steps))}}) if steps > 1 else None
 
 
 def step_repeated(data: dict, rng: np.random.Generator) -> Variant | None:
     """The last load step once more: nothing changes any more."""
-    if "histories" not in data:
+    if len(_factors(data)) == 1:
         return None
     made = {**data, "histories": {k: [*v, v[-1]] for k, v in data["histories"].items()}}
     count = len(data["histories"]["h"])
@@ -158,10 +158,10 @@ def step_repeated(data: dict, rng: np.random.Generator) -> Variant | None:
 
 def superposed(data: dict, rng: np.random.Generator) -> Variant | None:
     """Whatever acts in a load step of its own, where all is linear: the answers add up."""
-    if any(e["law"] == "contact" or e.get("tension_only") or e.get("pairing") for e in data.get("interfaces", [])):
+    if any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", [])) or "bolts" in data:
         return None
     made, factors = copy.deepcopy(data), []
-    h = data.get("histories", {}).get("h", [1.0])
+    h = _factors(data)
     acting = [e for e in made["boundary"] if not {"symmetry", "foundation"} & set(e)] + made.get("loads", []) + [
         e for e in made.get("interfaces", []) if "jump" in e]
     for number, entry in enumerate(acting):
@@ -174,7 +174,7 @@ def superposed(data: dict, rng: np.random.Generator) -> Variant | None:
 def said_otherwise(data: dict, rng: np.random.Generator) -> Variant:
     """The same in other words: lists in place of histories, weight as a body force, matter under materials."""
     made = copy.deepcopy(data)
-    h = data.get("histories", {}).get("h", [1.0])
+    h = _factors(data)
     for entry in [*made["boundary"], *made.get("loads", [])]:
         if "gravity" in entry and all(m.get("density") == 1.0 for m in made["materials"]):
             entry["body_force"] = entry.pop("gravity")
@@ -186,6 +186,12 @@ def said_otherwise(data: dict, rng: np.random.Generator) -> Variant:
         if "material" in part:
             made["materials"].append({**part.pop("material"), "on": part["name"]})
     return Variant(made)
+
+
+def _factors(data: dict) -> list[float]:
+    """The factors of the history, per load step; a history that nothing names makes no load steps."""
+    entries = [e for key in ("boundary", "loads", "interfaces", "bolts") for e in data.get(key, [])]
+    return data["histories"]["h"] if any("history" in e for e in entries) else [1.0]
 
 
 RELATIONS: dict[str, Relation] = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import traceback
 import warnings
 from dataclasses import asdict
 from pathlib import Path
@@ -21,11 +22,15 @@ def main() -> None:
     answers, sys.stdout = sys.stdout, sys.stderr
     warnings.simplefilter("ignore")
     use_tests_code()
-    from benchmarks.metamorphic.judge import judge
+    from benchmarks.metamorphic.judge import Verdict, judge
 
     for line in sys.stdin:
         asked = json.loads(line)
-        answers.write(json.dumps(asdict(judge(asked["data"], asked["relations"], asked["number"]))) + "\n")
+        try:
+            verdict = judge(asked["data"], asked["relations"], asked["number"])
+        except Exception:  # noqa: BLE001 - a fault of the trials themselves; the next scene is not its
+            verdict = Verdict("crash", traceback.format_exc()[-600:], 0.0)
+        answers.write(json.dumps(asdict(verdict)) + "\n")
         answers.flush()
 
 
