@@ -178,8 +178,9 @@ def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.nda
     transfer, sides = space.transfer, space.sides[index]
     dofs = np.concatenate(sides)
     points = slice(transfer.bounds[index], transfer.bounds[index + 1])
-    own = sp.csr_array(k[dofs][:, dofs])
-    nearest, parts = Nearest(own, sp.csr_array(transfer.B[points][:, dofs]), held[dofs]), []
+    own, across = sp.csr_array(k[dofs][:, dofs]), sp.csr_array(transfer.B[points][:, dofs])
+    across = across[abs(across) @ (~held[dofs]) > 0]  # points that have slid off the other side keep nothing together
+    nearest, parts = Nearest(own, across, held[dofs]), []
     for side, n in zip(sides, widths):
         if n:
             alone = np.where(np.isin(dofs, side), traces[:n, dofs], 0.0)
