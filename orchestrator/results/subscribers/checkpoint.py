@@ -29,7 +29,7 @@ from orchestrator.results.subscribers.log import append
 NAME, ENDED, SEGMENTS = "checkpoint", "batch-*.log", "iterations-*.log"
 PROBLEM = "problem.json"
 RESERVE, MARGIN = "reserve", 1 << 16  # bytes for what is no array
-_GROWING = rf"{NAME}/((iterations-\d{{6,}}|batch-\d{{3,}})\.log|{RESERVE})"
+_OWN = rf"{NAME}/((iterations-\d{{6,}}|batch-\d{{3,}}|mesh)\.log|{RESERVE}|problem\.json)"  # whatever a disk makes of them
 DELAY = 0.5  # seconds that an iteration waits for others, to be written together
 SYNCED = 30.0  # seconds between two waits for the disk itself
 
@@ -38,7 +38,7 @@ def begun(folder: ResultsFolder) -> None:
     """Note that a run has begun here: if it is killed before its first iteration, it resumes at its beginning."""
     with folder.guarded(NAME):
         (folder / NAME).mkdir(exist_ok=True)
-        folder.manifest.claim(_GROWING)
+        folder.manifest.claim(_OWN)
 
 
 def saved(folder: ResultsFolder) -> bool:
