@@ -96,11 +96,12 @@ def _stiffnesses(a: Answer) -> Iterator[tuple[str, sp.csr_array]]:
 
 
 def _natural(scene: Scene) -> float:
-    """Energy norm of all bodies strained by the prescribed displacements over the extent of the scene."""
+    """Energy norm of all bodies strained by what is prescribed, by supports or laws, over the extent of the scene."""
+    given = max([np.abs(scene.prescribed).max(initial=0.0), *(i.law.imposed for i in scene.interfaces)])
     x = scene.mesh.nodes[scene.mesh.cells[:, :4]]
     volume = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])) / 6
     young = np.array([m.young for m in scene.materials])[scene.cell_material]
-    return float(np.sqrt(young @ volume) * np.abs(scene.prescribed).max(initial=0.0) / np.ptp(scene.mesh.nodes, axis=0).max())
+    return float(np.sqrt(young @ volume) * given / np.ptp(scene.mesh.nodes, axis=0).max())
 
 
 def _squares(K, u: np.ndarray) -> np.ndarray:
