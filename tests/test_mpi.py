@@ -15,6 +15,8 @@ import pytest
 from processes import begin, gone
 from ranks_case import CASES, PLACED, found
 
+from orchestrator.blackbox.pool import workdir
+from orchestrator.parallel.join import SHARED
 from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
 from orchestrator.results.solution import Solution
@@ -191,9 +193,16 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert np.array_equal(iterations, np.arange(1, len(iterations) + 1))
     run = orchestrate(2, settings, "--output", results, "--resume", folder=temporary)
     iterating(run, results, len(iterations) + 1)
-    run.send_signal(signal.SIGINT)  # mpiexec kills the ranks soon after: a slow machine has no time for a summary then
-    _, errors = run.communicate(timeout=SECONDS)
-    assert run.returncode and "Traceback" not in errors and saved_iteration(results) > iterations[-1] - 2
+    ranks = list(processes(run, settings).values())
+    shared = [path for pid in ranks for path in Path(SHARED).glob(f"orchestrator-*-{pid}-*")]
+    assert len(shared) == len(ranks) == 2, "what they share is in folders of theirs"
+    for pid in [run.pid, *ranks]:
+        os.kill(pid, signal.SIGKILL)
+    run.communicate(timeout=SECONDS)
+    assert gone(ranks) and saved_iteration(results) > iterations[-1] - 2
+    workdir.sweep(SHARED)  # as the next run does
+    workdir.sweep(str(temporary))
+    assert not any(path.exists() for path in shared)
 
 
 @pytest.mark.parametrize("right, wrong, told", [

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
+import os
+
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 from orchestrator.parallel.launcher import launched
 from orchestrator.parallel.team import ALONE, Team
+
+# Where ranks of one host share memory, and what tells Open MPI to do it elsewhere.
+SHARED, BACKING = "/dev/shm", "OMPI_MCA_btl_sm_backing_directory"
 
 
 def join() -> Team:
@@ -17,6 +23,7 @@ def join() -> Team:
     rank, size = launched()
     if size == 1:
         return ALONE
+    _share_memory()
     try:
         from orchestrator.parallel.mpi import Ranks
 
@@ -32,3 +39,14 @@ def join() -> Team:
     if rank:
         raise SystemExit(BAD_INPUT)  # rank 0 says why
     raise InputError(Problem((), found, "mpi4py and mpiexec of one MPI", cure))
+
+
+def _share_memory() -> None:
+    """A folder of this rank's own for what Open MPI shares with others of its host, swept like all others where it is killed."""
+    if BACKING in os.environ or not os.access(SHARED, os.W_OK):
+        return
+    from orchestrator.blackbox.pool import workdir  # ranks alone need it
+
+    folder = workdir.make(SHARED)
+    os.environ[BACKING] = str(folder)
+    atexit.register(workdir.remove, folder)  # before MPI is imported, so that it has ended by then

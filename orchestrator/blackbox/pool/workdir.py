@@ -35,12 +35,13 @@ def here() -> tuple[str, str]:
     return host, boot
 
 
-def make() -> Path:
-    """A new folder under the temporary folder (TMPDIR); raises InputError when it cannot be."""
-    sweep()
+def make(below: str | None = None) -> Path:
+    """A new folder under the temporary folder (TMPDIR), or another one; raises InputError when it cannot be."""
+    below = below or tempfile.gettempdir()
+    sweep(below)
     try:
         while True:
-            path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""])))
+            path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""]), dir=below))
             lock = _locked(path)
             if lock is None:  # someone swept it before it was locked
                 continue
@@ -48,15 +49,15 @@ def make() -> Path:
             return path
     except OSError as error:
         raise InputError(Problem(
-            (), f"no folder can be made in {tempfile.gettempdir()}: {error.strerror}",
+            (), f"no folder can be made in {below}: {error.strerror}",
             "a writable temporary folder with room", "free some room, or set TMPDIR to another folder",
         )) from error
 
 
-def sweep() -> None:
+def sweep(below: str | None = None) -> None:
     """Remove the folders of owners on this host that are no more; those of other users stay."""
     host, boot = here()
-    for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}-*-*-*-*"):
+    for path in Path(below or tempfile.gettempdir()).glob(f"{_PREFIX}-*-*-*-*"):
         _, *owner = path.name.rsplit("-", 4)
         try:
             # one kernel, whatever its containers call themselves; or this host before it was started anew
