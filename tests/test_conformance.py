@@ -201,6 +201,17 @@ def test_a_deck_that_calculix_rejects():
     assert caught.value.subdomain == "inside out" and caught.value.log_tail
 
 
+@pytest.mark.parametrize("code", ["freefem", "calculix", "scikit-fem"])
+def test_a_model_whose_nodes_are_all_held_is_sound(code):
+    """The layer that a foundation stands on, cut so that nothing else is in it."""
+    model = box(name="held")
+    model.fixed, model.trace = np.ones_like(model.fixed), model.trace[:0]
+    with make_blackbox(settings(code=code)) as blackbox:
+        blackbox.load([model])
+        assert not blackbox.fields({0: np.zeros((2, model.fixed.size))})[0].any()
+        assert blackbox.traces({0: np.zeros((2, 0))})[0].shape == (2, 0)
+
+
 @pytest.mark.parametrize("fault", ["free", "no stiffness"])
 def test_a_model_that_calculix_cannot_hold(fault):
     model = box(name="loose", hold=False)

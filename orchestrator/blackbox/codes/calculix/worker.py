@@ -129,6 +129,8 @@ class CalculixWorker(StatelessWorker):
     # ---- the three kinds of runs: each returns its result and the CPU seconds -------------------
 
     def _store(self, model: Model, clamp: bool) -> tuple[Loaded, float]:
+        if clamp and model.fixed.all():  # nothing moves: CalculiX stores no matrix then
+            return Loaded(model, "", sp.csr_array((0, 0)), np.empty(0, dtype=int)), 0.0
         mesh = deck.mesh(model) + (deck.clamped(model) if clamp else "")
         seconds = self._run(mesh + deck.store_matrix())
         stiffness, active = files.matrix(self.folder / JOB, model.fixed.size)
@@ -143,6 +145,8 @@ class CalculixWorker(StatelessWorker):
     def _load_cases(self, loaded: Loaded, forces: np.ndarray) -> tuple[np.ndarray, float]:
         if not np.isfinite(forces).all():
             raise BadReply("forces are not finite")
+        if not len(loaded.active):
+            return np.zeros_like(forces), 0.0
         # steps follow one another: a small case after a large one would keep the rounding of the large one
         size = np.abs(forces).max(axis=1, keepdims=True)
         seconds = self._run(loaded.mesh + deck.load_cases(forces / np.where(size > 0, size, 1.0)))
