@@ -39,7 +39,7 @@ CONTACT = {
     "press fit": (lambda **b: contact(0.2, gap=-0.001, boundary=[
         BOTTOM, {"on": TOP, "displacement": [0, 0, 0]}], error=1e-9, **b), {}),
     "a jump beside contact": (lambda **b: contact(law=[
-        {"law": "contact", "friction": 0.3}, {"between": ["block 0-*", "block 1-*"], "law": "jump", "jump": [0.001, 0, 0]}],
+        {"law": "contact", "friction": 0.3}, {"between": ["block *-0", "block *-1"], "law": "jump", "jump": [0.001, 0, 0]}],
         error=1e-9, **CASES["eight cubes"], **b), {}),
     "ten-node tets": (lambda **b: contact(0.3, error=1e-9, mesh={"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}},
                                           boundary=PRESS, **b), P2),

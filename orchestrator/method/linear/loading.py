@@ -24,7 +24,8 @@ from orchestrator.scene.conditions.rigid import HELD, motions_about, size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, Subdomain
 
-NOTHING = 1e-5  # of what loads and supports would do alone: rounding leaves 1e-11 of it, so that less is not known to six digits
+ZERO = 1e-11  # of what loads and supports would do alone in energy norm: what rounding leaves of an answer that is zero
+NOTHING = 1e-5  # of the same, but for rigid motions of bodies: less is not known to six digits
 ROUNDING = 1e-12  # of what is prescribed, what is left beside a rigid motion and counts as none
 
 
@@ -88,7 +89,8 @@ class Loading:
     carried : (T, B) the rigid motions r that come closest to what is prescribed on each body, on boundary dofs
     working : (T, B) boundary values of M⁻¹(f_ext + K (u_lift − r)): gives energies by duality
     energy : (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
-    alone : (T,) energy that loads and supports would store in the extended subdomains alone, of all ranks
+    alone : (2, T) energy that loads and supports would store in the extended subdomains alone, of all ranks; the same without
+        the rigid motions r
     sweeps : back-substitutions per subdomain and step
     """
 
@@ -106,13 +108,17 @@ class Loading:
         """The part that belongs to some of the load steps."""
         return Loading([f[steps] for f in self.forces], [u[steps] for u in self.lift],
                        None if self.known is None else self.known[steps], self.boundary[steps],
-                       self.carried[steps], self.working[steps], self.energy[steps], self.alone[steps], self.sweeps)
+                       self.carried[steps], self.working[steps], self.energy[steps], self.alone[:, steps], self.sweeps)
 
     def size(self, energy: np.ndarray) -> float:
-        """‖u‖_K that errors are relative to, from ‖u‖²_K (T,): that of the largest load step; next to nothing, as of a body that is
-        heated and held all around, is compared with a small share of what loads and supports would do alone."""
-        own, alone = (float(np.sqrt(max(x.max(initial=0.0), 0.0))) for x in (energy, self.alone))
-        return max(own, NOTHING * alone)
+        """‖u‖_K that errors are relative to, from ‖u‖²_K (T,): that of the largest load step.
+
+        Next to nothing, as of a body that is heated and held all around, is compared with a small share of what loads would do
+        alone. What supports carry away far without straining it does not count there, lest its error be compared with its way:
+        only what is all rounding, as of a body moved as a whole, is compared with that too.
+        """
+        own, whole, strained = (float(np.sqrt(max(x.max(initial=0.0), 0.0))) for x in (energy, *self.alone))
+        return max(own, NOTHING * strained) if own > ZERO * whole else NOTHING * max(whole, strained)
 
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """(T,) ‖u‖²_K of the subdomains' fields, both boundary-borne and inner.
@@ -172,14 +178,14 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
             requests[e] = padded
     answers = blackbox.fields(requests)
     boundary = np.zeros((steps, len(space.global_dof)))
-    working, alone = np.zeros_like(boundary), np.zeros(steps)
+    working, alone = np.zeros_like(boundary), np.zeros((2, steps))
     for e, answer in answers.items():
         part, trace = space.boundary[e], traces[e]
         boundary[:, part] = answer[:steps, trace]
         working[:, part] = answer[-steps:, trace]
         size = working_forces[e].shape[1]
         energy += np.sum(working_forces[e] * answer[:steps, :size], axis=1)
-        alone += np.sum(forces[e] * answer[:steps, :size], axis=1) + np.sum(working_forces[e] * answer[-steps:, :size], axis=1)
+        alone += [np.sum(f * a[:, :size], axis=1) for f, a in ((forces[e], answer[:steps]), (working_forces[e], answer[-steps:]))]
     alone, = space.team.sum(alone)
     return Loading(forces, lifts, known, boundary, carried, working, energy, alone, 2.0 if lifted_any else 1.0)
 
