@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from method_case import config, method, saved, solved
 
+from orchestrator.config import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.structured import bricks
@@ -90,3 +91,33 @@ def test_an_edge_is_a_hinge(tmp_path):
         build_scene(config(**made, boundary=[WEST, EAST]))
     assert_bounded(solved(**made, boundary=[WEST, {**EAST, "traction": [1, 1, 2]}, {"on": {"plane": "y", "at": 2}, "displacement": [None, 0.1, None]}],
                           **method(tolerance={"error": 1e-6})))
+
+
+CUBE = {"box": {"size": [1, 1, 1], "cells": [1, 1, 1]}}
+SPRINGS = {"law": "elastic", "stiffness_n": 1e5, "stiffness_t": 1e5}
+
+
+def pads(at, law, cells=(2, 2, 1), size=(2, 2, 1)):
+    """A slab on cubes that are held, of which each has a corner under it."""
+    names = [f"p{i}" for i in range(len(at))]
+    return config_from({
+        "name": "pads", "subdomains": "groups", "materials": [{"young": 200e3, "poisson": 0.3}],
+        "parts": [{"name": "slab", "mesh": {"box": {"size": list(size), "cells": list(cells)}}, "move": {"translate": [0, 0, 1]}}] +
+                 [{"name": name, "mesh": CUBE, "move": {"translate": [*xy, 0]}} for name, xy in zip(names, at)],
+        "boundary": [{"on": f"{name}/zmin", "displacement": [0, 0, 0]} for name in names] + [{"on": "slab/zmax", "traction": [1, 0, -1]}],
+        "interfaces": [{"between": ["slab", name], **law} for name in names]})
+
+
+@pytest.mark.parametrize("law", [{"law": "perfect"}, {"law": "jump", "jump": [0, 0, 0.1]}, SPRINGS], ids=lambda law: law["law"])
+@pytest.mark.parametrize("at", [[(1.7, 1.7)], [(1.7, 1.7), (-0.7, -0.7)]], ids=["one corner", "two corners"])
+def test_few_points_of_meshes_that_do_not_match_are_hinges(law, at):
+    """What overlaps on a corner of a facet is carried by one point or two: it turns about them, and is told before a run."""
+    with pytest.raises(InputError, match="slab .*can still move as a rigid body: rotation") as caught:
+        build_scene(pads(at, law))
+    assert "so little in common beside the size of their facets that" in str(caught.value) and "mesh both finer there" in str(caught.value)
+
+
+@pytest.mark.parametrize("made", [pads([(1.7, 1.7), (-0.7, -0.7), (1.7, -0.7)], {"law": "perfect"}), pads([(1.7, 1.7)], {"law": "contact", "friction": 0.3}),
+                                  pads([(1.0, 0.7)], {"law": "perfect"})], ids=["three corners", "contact", "a whole side"])
+def test_points_that_hold_together_are_enough(made):
+    build_scene(made)

@@ -17,6 +17,7 @@ from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.conditions.sides import check_sides
 from orchestrator.scene.interfaces.axial import join_bolts, straighten
 from orchestrator.scene.interfaces.freedom import leave_free
+from orchestrator.scene.interfaces.joins import joins
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.patch import node_areas
@@ -151,9 +152,8 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
         keeps = held_rows(grounds, mesh)
     if not unresolved and (grounds or not standing):
         # A selection that failed holds nothing: a second complaint would only distract.
-        links = [i.cells for i in interfaces if not any(i is g for g in grounds)] + mesh.one_body
-        first = np.unique(partition.subdomain, return_index=True)[1]
-        hinges = [(*first[list(i.subdomains)], i.global_nodes) for i in interfaces if not len(i.triangles)]
+        whole, hinges = joins(mesh, partition, [i for i in interfaces if not any(i is g for g in grounds)])
+        links = whole + mesh.one_body
         check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None, keeps, hinges)
     probes = []
     if config.output.probes:

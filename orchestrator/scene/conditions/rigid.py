@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +20,24 @@ HELD = 1e-8
 ROTATION = DISPLACEMENT = 0.1
 # Nodes closer than this share of the mesh's size are said to coincide.
 TOUCHING = 1e-6
+# So many of the hinges that do not hold a body are described.
+SAID = 3
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """What joins two bodies in points alone: an edge or a corner that they share, or few points of an interface.
+
+    Parameters
+    ----------
+    cells : one of either body
+    points : (n, 3) where they move alike
+    cure : how to have them joined wholly
+    """
+
+    cells: tuple[int, int]
+    points: np.ndarray
+    cure: str
 
 
 def motions(nodes: np.ndarray) -> np.ndarray:
@@ -63,10 +82,7 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = No
         rows[:, 3:] += kept[:, 3:] / size
         length = np.linalg.norm(rows, axis=1, keepdims=True)
         held = np.vstack([held, rows / np.where(length > 0, length, 1.0)])
-    # The triangular factor has the singular values of the tall matrix.
-    _, values, rows = np.linalg.svd(np.linalg.qr(held, mode="r") if len(held) > 6 else held, full_matrices=True)
-    values = np.r_[values, np.zeros(6 - len(values))]
-    return rows[values <= HELD * np.sqrt(len(held))].T
+    return _null_space(held)
 
 
 def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
@@ -84,14 +100,14 @@ def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
                links: np.ndarray | None = None, grounds: Sequence[tuple[int, np.ndarray]] = (),
-               hinges: Sequence[tuple[int, int, np.ndarray]] = ()) -> None:
+               hinges: Sequence[Hinge] = ()) -> None:
     """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
 
     Parameters
     ----------
     links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
-    hinges : two cells each, and the nodes alone that their bodies share
+    hinges : what joins bodies in single points
     """
     count, piece = pieces(faces, np.zeros(len(mesh.cells), dtype=int))
     if links is not None:
@@ -103,7 +119,8 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
     hint = _touching(mesh, own) if count > 1 else None
     kept = [[rows for cell, rows in grounds if piece[cell] == i] for i in range(count)]
     left = [left_over(mesh.nodes[nodes], fixed[nodes], np.concatenate(rows) if rows else None) for nodes, rows in zip(own, kept)]
-    _hold_by_hinges(mesh, own, fixed, kept, left, [(int(piece[a]), int(piece[b]), nodes) for a, b, nodes in hinges])
+    hinges = [hinge for hinge in hinges if piece[hinge.cells[0]] != piece[hinge.cells[1]]]
+    _hold_by_hinges([mesh.nodes[nodes] for nodes in own], left, hinges, [tuple(piece[list(hinge.cells)]) for hinge in hinges])
     for i, (nodes, free) in enumerate(zip(own, left)):
         if free.shape[1] == 0:
             continue
@@ -112,31 +129,54 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
         where = "" if count == 1 else f" (one of {count} separate bodies, centre {format_point(points.mean(axis=0))})"
         shown = some(parts, 6)
         cure = "prescribe more displacement components, on faces that do not lie on one line"
-        if hint is not None and hint[i]:
+        said = list(dict.fromkeys(hinge.cure for hinge in hinges if i in piece[list(hinge.cells)]))
+        if said:
+            cure = "; ".join([cure, *said[:SAID]])
+        elif hint is not None and hint[i]:
             cure = (f"{hint[i]} of its nodes coincide with nodes of other bodies that are numbered separately, but their "
                     "faces do not match: if the parts are meant to touch, mesh both sides alike or merge them (gmsh: "
                     "Coherence; Mesh.removeDuplicateNodes); otherwise " + cure)
         elif hint is not None:
-            cure += "; an edge that bodies share is a hinge, and a corner less" if any(i in (piece[a], piece[b]) for a, b, _ in hinges) else \
-                "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
+            cure += "; or let contact hold it: an entry of interfaces with gap: geometry reaches over gaps"
         problems.add(("boundary",), f"{shown}{where} can still move as a rigid body: {describe(free, points)}",
                      "boundary conditions that hold every body", cure)
 
 
-def _hold_by_hinges(mesh: Mesh, own: list[np.ndarray], fixed: np.ndarray, kept: list[list[np.ndarray]], left: list[np.ndarray],
-                    hinges: Sequence[tuple[int, int, np.ndarray]]) -> None:
-    """Takes from the motions ``left`` of bodies, in place, what nodes stop that they share with bodies that are held."""
-    while True:
-        stopped: dict[int, list[np.ndarray]] = {}
-        for a, b, nodes in hinges:
-            for loose, held in ((a, b), (b, a)):
-                if left[loose].shape[1] and not left[held].shape[1]:
-                    stopped.setdefault(loose, []).append(nodes)
-        for i, nodes in stopped.items():
-            rest = fixed[own[i]] | np.isin(own[i], np.concatenate(nodes))[:, None]
-            left[i] = left_over(mesh.nodes[own[i]], rest, np.concatenate(kept[i]) if kept[i] else None)
-        if not any(left[i].shape[1] == 0 for i in stopped):
-            return  # nobody else is held by now
+def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Sequence[Hinge], bodies: Sequence[tuple[int, int]]) -> None:
+    """Takes from the motions ``left`` of bodies, in place, what hinges stop: in their points, bodies on both sides move alike.
+
+    Parameters
+    ----------
+    nodes : (n, 3) of each body; bodies : the two of each hinge
+    """
+    if not hinges:
+        return
+    _, label = components(*np.array(bodies, dtype=int).T, len(nodes))
+    for chain in np.unique(label[np.array(bodies).ravel()]):
+        chosen = np.flatnonzero(label == chain)
+        ends = np.cumsum([0] + [left[i].shape[1] for i in chosen])
+        if not ends[-1]:
+            continue
+        columns = {i: slice(a, b) for i, a, b in zip(chosen, ends[:-1], ends[1:])}
+        rows = [np.zeros((0, ends[-1]))]
+        for hinge, pair in zip(hinges, bodies):
+            if pair[0] in columns:
+                rows.append(np.zeros((3 * len(hinge.points), ends[-1])))
+                for i, sign in zip(pair, (1.0, -1.0)):
+                    moved = motions_about(hinge.points, nodes[i].mean(axis=0), size_of(nodes[i])).reshape(-1, 6)
+                    rows[-1][:, columns[i]] = sign * moved @ left[i]
+        free = _null_space(np.concatenate(rows))
+        for i in chosen:
+            own, values, _ = np.linalg.svd(left[i] @ free[columns[i]], full_matrices=False)
+            left[i] = own[:, values > np.sqrt(HELD)]
+
+
+def _null_space(rows: np.ndarray) -> np.ndarray:
+    """(m, r) orthonormal, what rows (n, m) of entries of order one send to zero."""
+    # The triangular factor has the singular values of the tall matrix.
+    _, values, turned = np.linalg.svd(np.linalg.qr(rows, mode="r") if len(rows) > rows.shape[1] else rows, full_matrices=True)
+    values = np.r_[values, np.zeros(rows.shape[1] - len(values))]
+    return turned[values <= HELD * np.sqrt(len(rows))].T
 
 
 def _nodes_of(mesh: Mesh, cells: np.ndarray | slice) -> np.ndarray:
