@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from quadratic_case import assemble_ten
 
 from orchestrator.blackbox.codes.code import Code
@@ -23,6 +22,7 @@ from orchestrator.blackbox.pool.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.config.blackbox import CodeSettings
+from orchestrator.method.interface.factor import by_cholesky, by_superlu
 from orchestrator.registry import CODES
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "elastoplastic.py"
@@ -41,8 +41,9 @@ class TemplateSolver(Solver):
 
     def prepare(self, model: Model):
         free = np.flatnonzero(~model.fixed)
-        held = sp.csc_array(self.stiffness(model)[free][:, free])
-        return free, spla.splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options={"SymmetricMode": True})
+        lower = sp.tril(self.stiffness(model)[free][:, free], format="csc")
+        # scipy's SuperLU loses the memory of factors that another thread lets go than the one that made them
+        return free, by_cholesky(lower, "amd") or by_superlu(lower)
 
 
 class InProcessWorker(Worker):
