@@ -207,9 +207,9 @@ def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
 
 
 def test_springs_that_alone_keep_a_run_from_its_end_give_way(tmp_path, monkeypatch):
-    """A block that slides four times as far as springs of a quarter of the tolerance allow, on laws that have a balance."""
+    """A block that under light pressure slides four times as far as springs allow, on laws that have a balance."""
     far = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 4]}},
-           "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-2, 0.0, None]]}, {"on": TOP, "pressure": 100.0}]}
+           "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-2, 0.0, None]]}, {"on": TOP, "pressure": 1.0}]}
     made = with_stabilisation("auto", **far)
     one = converged(made)
     told, (after,) = one.summary["stabilised"], one.summary["stabilised"]["gave_way"]
@@ -268,7 +268,11 @@ def test_friction_of_one(case):
 
 
 def test_a_loose_grain_stands_where_it_stands_whatever_the_numbering(tmp_path):
-    """Grains and nodes in another order, other workers: the position of the grain that comes loose is the same."""
+    """Grains and nodes in another order, other workers: the position of the grain that comes loose is the same.
+
+    What is remembered in single precision is off by 6e-8 of changes as large as the tolerance; what springs alone hold by that
+    over ε, 400 times as much.
+    """
     made = contact(0.2, **CASES["ten grains"])
     mesh, rng = build_scene(made).mesh, np.random.default_rng(1)
     grain, node = rng.permutation(len(mesh.volumes)), rng.permutation(len(mesh.nodes))
@@ -281,8 +285,9 @@ def test_a_loose_grain_stands_where_it_stands_whatever_the_numbering(tmp_path):
                                                 Mesh(nodes, node[mesh.cells], grain[mesh.volume], names))))
     assert any(one.summary["detached"]) and any(one.summary["stabilised"]["bodies"])
     largest = max(np.abs(u).max() for u in one.parts)
+    sprung = {name for step in one.summary["stabilised"]["bodies"] for name in step}
     for s, u in zip(one.scene.subdomains, one.parts):
         same = other.scene.subdomains[names.index(f"grain {grain[names.index(s.name)]:02d}")]
         place = np.searchsorted(same.nodes, node[s.nodes])
         assert np.array_equal(same.nodes[place], node[s.nodes])
-        assert np.abs(other.parts[same.index][:, place] - u).max() <= 1e-6 * largest
+        assert np.abs(other.parts[same.index][:, place] - u).max() <= (1e-4 if s.name in sprung else 1e-6) * largest

@@ -63,7 +63,7 @@ class Batch:
         self.numbers, self.estimate = numbers, estimate
         self.acceleration = make_acceleration(d, method)
         self.criterion = make_criterion(d, method.tolerance, estimate and partial(estimate, d), method.skip.bound)
-        self.ending = Ending(0)
+        self.ending = Ending(0) if d.all_perfect else Ending(0, d.local.pairs.weakest(d.space.team))
         self.far = None if d.all_perfect else FarBodies(d, self.criterion.lengths, numbers)
         self.places = Places() if d.coarse is not None and d.local.pairs.stabilisation is not None else None
         # where something else decides, springs keep no run from its end

@@ -91,7 +91,7 @@ class Bodies:
         if fields.pairs.stabilisation is not None:
             epsilon = fields.pairs.stabilisation
             weight, every = 1 - epsilon, np.arange(len(theirs))
-            least = -team.max(-epsilon[epsilon > 0].min(initial=np.inf))[0]
+            least = fields.pairs.weakest(team)
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
                                    epsilon)[counted]
             here = BlockPattern(fields.bodies[counted], count, fields.size)

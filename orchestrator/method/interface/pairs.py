@@ -16,6 +16,7 @@ from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.node_compliance import NodeCompliance
 from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
 from orchestrator.method.interface.transfer import Matching
+from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Interface
 
 
@@ -153,6 +154,12 @@ class Pairs:
         result = np.empty(F.shape)
         in_parts(pair_loops.resisted, len(self), self.free, *self.points.search, F, anchor, result)
         return result
+
+    def weakest(self, team: Team) -> float:
+        """The smallest ε of springs of stabilisation, of all ranks; infinite where there are none."""
+        if self.stabilisation is None:  # on all ranks, or on none
+            return np.inf
+        return -team.max(-self.stabilisation[self.stabilisation > 0].min(initial=np.inf))[0]
 
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""

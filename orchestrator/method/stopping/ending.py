@@ -16,6 +16,7 @@ DIVERGED = "diverged"
 STALL = 20  # stages without progress at rounding level that end a run
 ROUNDING = 1e-9  # residual below which lack of progress is blamed on rounding
 RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
+LOOSE = 10.0  # the same times ε: a body that springs alone hold goes 1/ε times as far as its load would deform it
 
 
 class Ending:
@@ -24,10 +25,11 @@ class Ending:
     Parameters
     ----------
     last : iteration after which there is no other
+    epsilon : the smallest ε of springs of stabilisation; infinite where there are none
     """
 
-    def __init__(self, last: int):
-        self.last = last
+    def __init__(self, last: int, epsilon: float = math.inf):
+        self.last, self.runaway = last, max(RUNAWAY, LOOSE / epsilon)
         self.reach = 0.0  # largest interface displacement of the first stage that moved
         self.residuals: list[float] = []
 
@@ -45,7 +47,7 @@ class Ending:
         self.residuals.append(residual)
         if met:
             return "converged"
-        if not math.isfinite(residual) or moved > RUNAWAY * self.reach > 0:
+        if not math.isfinite(residual) or moved > self.runaway * self.reach > 0:
             return DIVERGED
         if springs:
             return "held by stabilisation alone"

@@ -23,11 +23,12 @@ from collections.abc import Mapping
 
 from orchestrator.method.stopping.law_residuals import LawResiduals
 
-# Of the tolerance, what springs that give way carry: the less is changed, the less is to be found anew. 125 grains at 1e-6, where
-# they carry 1.07 tolerances, take 12 iterations from there on; 22 with a half; with none bodies go far, and all that they touch.
+# Of the tolerance, what springs that give way carry: the less is changed, the less is to be found anew. 125 grains at 1e-6, with ε
+# a quarter of it, where they carry 1.07 tolerances, take 12 iterations from there on; 22 with a half; with none bodies go far,
+# and all that they touch.
 SHARE = 0.9
 DIGIT = 10.0  # what is left when they give way, over the tolerance; and the iterations that take a digit from it
-MOST = 100.0  # tolerances that they may carry: with ε a quarter of one, bodies then move by hundreds of times what they are deformed
+MOST = 100.0  # tolerances that they may carry: from there on they hold a load
 LESS = 0.5  # of what they carried above the tolerance when they last gave way, below which that has served
 
 

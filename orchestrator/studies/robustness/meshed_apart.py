@@ -107,15 +107,10 @@ def _bonded(study: Study, case: str, problem: Any, size: float) -> None:
 
 
 def _tightened(study: Study, folder: Path) -> None:
-    """Forces between the flanges, and of the bolt that differs most, nuts tightened and the neck pulled.
-
-    Springs of stabilisation hold what nothing holds before the nuts press; of a quarter of the tolerance they would carry more
-    than it allows. A twentieth changes no force by more than 2e-4, and converges.
-    """
+    """Forces between the flanges, and of the bolt that differs most, nuts tightened and the neck pulled."""
     forces = []
     for conforming in (True, False):
-        solved, seconds = _solved(assemblies.flange(folder, {"h": FLANGE_SIZE, "conforming": conforming}, False), 10 * TOLERANCE,
-                                  contact={"stabilisation": TOLERANCE / 2})
+        solved, seconds = _solved(assemblies.flange(folder, {"h": FLANGE_SIZE, "conforming": conforming}, False), 10 * TOLERANCE)
         fields, names = solved.interfaces, [s.name for s in solved.scene.subdomains]
         found: dict[tuple[str, ...], np.ndarray] = {}
         for pair, force in zip(fields.subdomains, np.linalg.norm(fields.resultant, axis=2).T):
@@ -139,8 +134,7 @@ def _gripped(study: Study) -> None:
     forces = []
     for conforming in (True, False):
         for h in GRIPPED_SIZES:
-            solved, seconds = _solved(_nuts({"step": AS1, "h": h, "conforming": conforming}), 10 * TOLERANCE,
-                                      contact={"stabilisation": TOLERANCE / 2})
+            solved, seconds = _solved(_nuts({"step": AS1, "h": h, "conforming": conforming}), 10 * TOLERANCE)
             names = [s.name for s in solved.scene.subdomains]
             pressed = [all(any(word in names[e] for e in pair) for word in ("nut", "plate")) for pair in solved.interfaces.subdomains]
             forces.append(float(np.linalg.norm(solved.interfaces.resultant[0, pressed], axis=1).sum()))
