@@ -22,7 +22,7 @@ from orchestrator.blackbox.pool.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.method.interface.factor import by_cholesky, by_superlu
+from orchestrator.method.interface.factor import Factorised, by_cholesky, by_superlu
 from orchestrator.registry import CODES
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "elastoplastic.py"
@@ -41,6 +41,8 @@ class TemplateSolver(Solver):
 
     def prepare(self, model: Model):
         free = np.flatnonzero(~model.fixed)
+        if not len(free):  # the layer that a foundation stands on
+            return free, Factorised(np.array, int)
         lower = sp.tril(self.stiffness(model)[free][:, free], format="csc")
         # scipy's SuperLU loses the memory of factors that another thread lets go than the one that made them
         return free, by_cholesky(lower, "amd") or by_superlu(lower)

@@ -556,8 +556,9 @@ def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
     faults.run(study, {"beam": tiny()}, kills=1, stages=0)
     (row,) = rows_of(tmp_path / "table.csv")
     assert row["fault"] == "killed" and row["exit"] == "0" and float(row["difference"]) <= faults.SAME
-    assert {target.what.partition(":")[0]: target.met for target in study.targets[:4]} == {"killed": True}
-    assert not study.targets[4].met and "two ranks" in study.targets[5].what
+    met = {target.what: target.met for target in study.targets}
+    assert all(well for what, well in met.items() if what.startswith("killed") and "two ranks" not in what)
+    assert met["disk full"] is False and any("two ranks" in what for what in met), "what was not tried is not met"
     assert (tmp_path / "faults.png").read_bytes().startswith(b"\x89PNG")
 
 
