@@ -121,6 +121,40 @@ def test_lines_that_say_more_or_less_than_is_asked(tmp_path, old, new):
     assert "SURFACE" not in new or "is passed over" in other.remarks[0]
 
 
+@pytest.mark.parametrize("whole, files", [
+    ("1, 0, 0, 0\n2, 1., 0, 0\n3, 0, 1.D0, 0\n", {"some.inc": "** nodes\n1, 0, 0, 0\n2, 1., 0, 0\n3, 0, 1.D0, 0\n"}),
+    ("2, 1., 0, 0\n", {"some.inc": "2, 1., 0, 0\n"}),  # and the card goes on below
+    ("2, 1., 0, 0\n3, 0, 1.D0, 0\n", {"some.inc": "2, 1., 0, 0\n*INCLUDE, INPUT=deep.inc", "deep.inc": "3, 0, 1.D0, 0"}),
+    ("10, 1, 2, 3, 4\n", {"some.inc": "10, 1, 2,\n3, 4"}), ("1, 3, 1\n", {"some.inc": "1, 3, 1\n"}),
+    ("lower, S2\n11, S3\n", {"some.inc": "lower, S2\n11, S3\n"}),
+    ("*NSET, NSET=base, GENERATE\n", {"some.inc": "*NSET, NSET=base, GENERATE\n"}),  # its data below
+    ("*STEP\n", {"some.inc": "*STEP\n"}),
+    ("*INCLUDE, INPUT=more.inc\n", {"some.inc": "*INCLUDE, INPUT='in/more.inc'\n", "in/more.inc": "*INCLUDE, INPUT=last.inc\n",
+                                   "last.inc": "*NODE\n5, 1, 1, 1\n"})])
+def test_lines_of_files_stand_where_they_are_included(tmp_path, whole, files):
+    """Data there continues the card above, as in CalculiX, which looks for all files beside the deck."""
+    plain = read(deck(tmp_path))
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert whole in DECK
+    other = read(deck(tmp_path, DECK.replace(whole, "*INCLUDE, INPUT=some.inc\n", 1)))
+    np.testing.assert_array_equal(other.nodes, plain.nodes)
+    assert {name: len(own) for name, own in other.surfaces.items()} == {name: len(own) for name, own in plain.surfaces.items()}
+    assert other.volumes == plain.volumes and other.remarks == plain.remarks
+
+
+def test_included_lines_that_could_be_read_two_ways_are_refused(tmp_path):
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "some.inc").write_text("*INCLUDE, INPUT=more.inc\n")
+    (tmp_path / "in" / "more.inc").write_text("*NODE\n5, 2, 2, 2\n")
+    for text, words in ((DECK.replace("more.inc", "in/some.inc"), "some.inc:1: two files of this name"),
+                        ("*INCLUDE, INPUT=bare.inc\n" + DECK, "bare.inc:2: data above the first card")):
+        (tmp_path / "bare.inc").write_text("\n6, 0, 0, 0\n")
+        with pytest.raises(InputError, match=words):
+            read(deck(tmp_path, text))
+
+
 @pytest.mark.parametrize("old, new, words", [
     ("*NODE", "*NODE, SYSTEM=C", "nodes in SYSTEM=C"), ("*MATERIAL", "*SYSTEM\n0., 0., 1.\n*MATERIAL", "*SYSTEM, which moves nodes"),
     ("3, 0, 1.D0, 0", "3.5, 0, 1., 0", "part.inp:7: '3.5' as the number of a node"),

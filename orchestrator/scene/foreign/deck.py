@@ -15,7 +15,7 @@ from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
-from orchestrator.scene.mesh.inp_cards import Row, cards, node_table, numbers
+from orchestrator.scene.mesh.inp_cards import Row, cards, cards_of_a_model, node_table, numbers
 from orchestrator.scene.mesh.splitting import FACES
 from orchestrator.scene.mesh.straightened import CORNERS, EDGES
 
@@ -82,7 +82,7 @@ class Deck:
         self.path, self.file = path, file
         check_deck(file, path, nonlinear)
         try:
-            self.cards = list(cards(file))
+            self.cards = cards_of_a_model(file)
         except InputError as error:
             raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
         tables = [node_table(options, rows) for card, options, rows in self.cards if card == "NODE"]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.mesh.inp_cards import Inclusion, Row, cards, includes
+from orchestrator.scene.mesh.inp_cards import Inclusion, Row, cards, heading
 
 # Cards of matter and conditions whose answers are not proportional to forces.
 NONLINEAR = {"PLASTIC", "CYCLIC HARDENING", "HYPERELASTIC", "HYPERFOAM", "CREEP", "DEFORMATION PLASTICITY", "MOHR COULOMB",
@@ -25,25 +25,17 @@ def headings(file: Path | Inclusion, path: KeyPath) -> Iterator[tuple[str, dict[
     """Keyword, options and place of every card, those without lines too; of files that are included as well."""
     try:
         deck = file if isinstance(file, Inclusion) else Inclusion(file)
-        lines = deck.lines()
+        for text, at, number in deck.spliced():
+            if text.startswith("*"):
+                yield *heading(text), f"{at}:{number}"
     except InputError as error:
         raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
-    for number, line in enumerate(lines, 1):
-        text = line.strip()
-        if not text.startswith("*") or text.startswith("**"):
-            continue
-        head, *rest = (word.strip() for word in text[1:].split(","))
-        options = {key.strip().upper(): value.strip() for key, _, value in (word.partition("=") for word in rest)}
-        card = " ".join(head.upper().split())
-        yield card, options, f"{deck.path}:{number}"
-        if includes(card):
-            yield from headings(deck.include(options, number), path)
 
 
 def files_of(file: Path) -> list[Path]:
     """A deck's file and those that it includes, as they are named."""
     deck = Inclusion(file)
-    for _ in headings(deck, ()):
+    for _ in deck.spliced():
         pass
     return deck.opened
 

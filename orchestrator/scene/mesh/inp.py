@@ -12,7 +12,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.inp_cards import Row, cards, node_table, numbers, problem
+from orchestrator.scene.mesh.inp_cards import Row, cards_of_a_model, node_table, numbers, problem
 
 # type of element → meshio's word, nodes
 _SHAPES = {4: ("tetra", 4), 10: ("tetra10", 10), 5: ("pyramid", 5), 6: ("wedge", 6), 15: ("wedge15", 15), 8: ("hexahedron", 8), 20: ("hexahedron20", 20)}
@@ -36,7 +36,7 @@ def read_inp(path: Path) -> meshio.Mesh:
     InputError : a line that cannot be read, told with its file and number; a file included that is not there
     """
     deck = _Deck()
-    for card, options, rows in cards(path):
+    for card, options, rows in cards_of_a_model(path):
         deck.take(card, options, rows)
     return deck.mesh()
 

@@ -106,39 +106,57 @@ class Inclusion:
             raise problem("", f"{self.path}: {error.strerror}", "a file that is there") from error
 
     def include(self, options: dict[str, str], line: int) -> Inclusion:
-        """The file that a line includes."""
-        return Inclusion(self.path.parent / options.get("INPUT", ""), f"{self.path}:{line}: ", self)
+        """The file that a line includes: beside the including file, or beside the deck, where CalculiX looks; raises InputError
+        for two different ones."""
+        where, name = f"{self.path}:{line}: ", options.get("INPUT", "").strip("\"'")
+        beside, main = self.path.parent / name, self.opened[0].parent / name
+        if main.is_file() and beside.is_file() and not main.samefile(beside):
+            raise problem(where, f"two files of this name, {beside} and {main}", "one: CalculiX reads the latter")
+        return Inclusion(main if main.is_file() else beside, where, self)
+
+    def spliced(self) -> Iterator[tuple[str, Path, int]]:
+        """Lines that say something, with file and number; those of an included file stand where *INCLUDE stood, as CalculiX
+        reads them: data there continues the card above, and a card there takes the data below."""
+        for number, line in enumerate(self.lines(), 1):
+            text = line.strip()
+            if not text or text.startswith("**"):
+                continue
+            if text.startswith("*"):
+                card, options = heading(text)
+                if card.replace(" ", "") == "INCLUDE":  # blanks do not count
+                    yield from self.include(options, number).spliced()
+                    continue
+            yield text, self.path, number
 
 
-def includes(card: str) -> bool:
-    """Whether a card is *INCLUDE, as CalculiX reads it: blanks do not count."""
-    return card.replace(" ", "") == "INCLUDE"
+def heading(text: str) -> tuple[str, dict[str, str]]:
+    """Keyword of a card's line, and its options."""
+    head, *rest = (part.strip() for part in text[1:].split(","))
+    return " ".join(head.upper().split()), {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
 
 
-def cards(path: Path | Inclusion) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
-    """Keyword, its options, its lines; of files that are included too."""
-    deck = path if isinstance(path, Inclusion) else Inclusion(path)
-    path, lines = deck.path, deck.lines()
+def cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
+    """Keyword, its options, its lines, up to the first *STEP; the keyword is empty for data above the first card."""
     card, options, rows = "", {}, []
-    for number, line in enumerate(lines, 1):
-        text = line.strip()
-        if not text or text.startswith("**"):
-            continue
+    for text, file, number in Inclusion(path).spliced():
         if not text.startswith("*"):
-            rows.append(Row(text.rstrip(", "), path, number))
+            rows.append(Row(text.rstrip(", "), file, number))
             continue
-        if card and rows:
+        if rows:
             yield card, options, rows
-        head, *rest = (part.strip() for part in text[1:].split(","))
-        card, rows = " ".join(head.upper().split()), []
-        options = {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
+        (card, options), rows = heading(text), []
         if card == "STEP":
             return
-        if includes(card):
-            yield from cards(deck.include(options, number))
-            card = ""
-    if card and rows:
+    if rows:
         yield card, options, rows
+
+
+def cards_of_a_model(path: Path) -> list[tuple[str, dict[str, str], list[Row]]]:
+    """The same of a file that may not begin with data; raises InputError where it does."""
+    found = list(cards(path))
+    if found and not found[0][0]:
+        found[0][2][0].fail("data above the first card", "a card first, such as *NODE")
+    return found
 
 
 def problem(where: str, found: str, expected: str) -> InputError:
