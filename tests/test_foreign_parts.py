@@ -497,3 +497,35 @@ def test_wrong_decks(tmp_path, kind):
     written, keys, message = WRONG_DECKS[kind]
     write_deck(tmp_path, **written)
     refused(data(deck(tmp_path, **keys)), message)
+
+
+@pytest.mark.parametrize("kind, cells", [("C3D8", (1, 4, 4)), ("C3D20", (1, 3, 3)), ("C3D4", (1, 4, 4)), ("C3D10", (1, 3, 3))])
+def test_nodes_forgotten_in_a_joint(tmp_path, kind, cells):
+    """Each node of the joint in turn; joints that end in the middle of a plane, or round a corner, are sound."""
+    x = write_deck(tmp_path, kind, cells)
+    text = (tmp_path / "part.inp").read_text()
+    plane = np.flatnonzero(x[:, 0] == SIZE[0])
+
+    def told(nodes):
+        head, tail = text.split("*NSET,NSET=FLANGE\n")
+        (tmp_path / "part.inp").write_text(head + "*NSET,NSET=FLANGE\n" + "".join(f"{i + 1},\n" for i in nodes) + tail[tail.index("*NSET"):])
+        return read_joints(config_from(data(deck(tmp_path))).parts[0].foreign, ("parts", 0), "hull").remarks
+
+    y, z = x[plane, 1:].T
+    for sound in (plane, np.flatnonzero((x[:, 0] == SIZE[0]) | (x[:, 1] == 0)), plane[y <= 0.7], plane[(y <= 0.7) | (z <= 0.7)]):
+        assert told(sound) == []
+    for lost in plane:
+        said = told(np.setdiff1d(plane, lost))
+        assert len(said) == 1 and f"but not {lost + 1}: are these forgotten?" in said[0], (x[lost], said)
+
+
+@pytest.mark.parametrize("own, block, material, told", [
+    (200e9, 200e3, None, "1e+06"), (70e9, 210e3, None, "3.33e+05"), (200, 200e3, None, "0.001"), (200e9, 200e3, 200e3, "1e+06"),
+    (200e9, 200e3, 210e9, None), (200e3, 70e3, None, None), (10, 200e3, None, None), (200e3, 1.5, None, None), (200e3, 20, None, None)])
+def test_units_of_a_decks_moduli(tmp_path, own, block, material, told):
+    """Rubber on steel is no other unit; what `material` says is asked before the neighbours."""
+    write_deck(tmp_path, matter=STEEL.replace("200e3", f"{own!r}"))
+    part = deck(tmp_path) | ({"material": {"young": material, "poisson": 0.3}} if material else {})
+    scene = build_scene(config_from(data(part, materials=[{"young": block, "poisson": 0.3}])))
+    said = [text for text in scene.warnings if "as between units" in text]
+    assert len(said) == (told is not None) and (told is None or f"{told} times" in said[0]), scene.warnings

@@ -97,9 +97,10 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
         [factors(entry, config) for entry in config.interfaces])
     bolts = join_bolts(cuts, interfaces, config.bolts, [factors(entry, config) for entry in config.bolts], problems)
     if mesh.foreign and not whole:
-        from orchestrator.scene.foreign.met import report_joints
+        from orchestrator.scene.foreign.met import report_joints, report_units
 
         report_joints(mesh, interfaces, numbering, problems)
+        report_units(mesh, interfaces, partition.subdomain, matter.young, problems)
     problems.warnings += loads_on_pairs(mesh, boundary, interfaces, numbering)
     if any(i.surfaces is not None for i in interfaces):
         from orchestrator.scene.interfaces.mortar.fitting import fitted

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
+from orchestrator.scene.foreign.forgotten import forgotten
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Row, cards, cards_of_a_model, node_table, numbers
 from orchestrator.scene.mesh.splitting import FACES
@@ -46,7 +48,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     members = [deck.nodes_of(joint, (*path, "joints", i)) for i, joint in enumerate(part.joints)]
     ids = np.unique(np.concatenate(members))
     points = deck.places(ids)
-    faces, joint = [], []
+    faces, joint, remarks = [], [], []
     for i, own in enumerate(members):
         tables = deck.faces_between(own)
         if not any(len(table) for table in tables):
@@ -55,6 +57,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
                                      "put every node of those faces in the set"))
         faces.append([np.searchsorted(ids, table) for table in tables])
         joint.append([np.full(len(table), i) for table in tables])
+        remarks += forgotten(deck.outer_faces, own, deck.ids, deck.points, f"joint {part.joints[i]} of '{name}'")
     flat = [table for tables in faces for table in tables]
     triangles, owner, face = cut_in_triangles(flat, points, path, f"'{name}'")
     for kind, options, rows in deck.cards:
@@ -65,7 +68,7 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
     if part.held != "auto":
         left = np.zeros((6, 0)) if part.held else np.eye(6)
     return Joints(ids, points, triangles, np.concatenate([j for own in joint for j in own])[owner], list(part.joints), held, left,
-                  any(table.shape[1] in (6, 8) for table in flat), face, [], *deck.moduli())
+                  any(table.shape[1] in (6, 8) for table in flat), face, remarks, *deck.moduli())
 
 
 class Deck:
@@ -129,8 +132,12 @@ class Deck:
         return self.points[at]
 
     def faces_between(self, ids: np.ndarray) -> list[np.ndarray]:
-        """Tables (f, 3, 4, 6 or 8) of the outer faces of solid elements whose nodes are all among the given ones, by number of
-        nodes."""
+        """Those of the outer faces whose nodes are all among the given ones."""
+        return [outer[np.isin(outer, ids).all(axis=1)] for outer in self.outer_faces]
+
+    @cached_property
+    def outer_faces(self) -> list[np.ndarray]:
+        """Tables (f, 3, 4, 6 or 8) of the outer faces of solid elements, by number of nodes."""
         found: dict[int, list[np.ndarray]] = {}
         for table in self._elements():
             for corners in _CORNERS[table.shape[1]]:
@@ -141,8 +148,7 @@ class Deck:
         for size, tables in sorted(found.items()):
             every = np.concatenate(tables)
             _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
-            outer = every[np.sort(first[count == 1])]
-            result.append(outer[np.isin(outer, ids).all(axis=1)])
+            result.append(every[np.sort(first[count == 1])])
         return result
 
     def _elements(self) -> Iterator[np.ndarray]:

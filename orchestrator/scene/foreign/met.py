@@ -12,6 +12,7 @@ from orchestrator.scene.partition.numbering import SplitNumbering
 
 # Units of length that models are mixed up in: m and mm, m and cm, inches and mm, feet and m, inches and m.
 UNITS = (1000.0, 100.0, 25.4, 1 / 0.3048, 1 / 0.0254, 10.0)
+STEP, NEAR = 3.0, 0.5  # decades between units of stress (Pa, kPa, MPa, GPa), and how near a ratio of moduli is to such steps
 ROOM = 0.01  # of the other parts' extent: joints within their box but for this may lie on them
 
 
@@ -36,6 +37,33 @@ def report_joints(mesh: Mesh, interfaces: list[Interface], numbering: SplitNumbe
                      "joints that lie on faces of other parts and look at them, and an entry of interfaces between them",
                      "name it under interfaces, move the other parts to it (parts: move), make units of length the same; faces are "
                      "given anticlockwise seen from outside, outward: points out of the part")
+
+
+def report_units(mesh: Mesh, interfaces: list[Interface], subdomain: np.ndarray, young: np.ndarray, problems: Problems) -> None:
+    """Adds a warning for each such part whose own modulus seems to be in another unit than the scene's.
+
+    Parameters
+    ----------
+    subdomain : (m,) int, of every tet; young : (m,) the modulus that the YAML, or the part itself, gives it
+    """
+    for stand in mesh.foreign:
+        cells = np.flatnonzero(mesh.volume == stand.volume)
+        if stand.matter is None or not len(cells):
+            continue
+        own, name, beside = stand.matter[0], mesh.volumes[stand.volume], "the material: of its entry"
+        others = young[cells[:1]]
+        if others[0] == own:
+            pairs = np.array([i.subdomains for i in interfaces], dtype=int).reshape(-1, 2)
+            met = np.setdiff1d(pairs[(pairs == subdomain[cells[0]]).any(axis=1)], subdomain[cells[0]])
+            others, beside = young[np.isin(subdomain, met)], "the nearest of the parts that it meets"
+        with np.errstate(divide="ignore", invalid="ignore"):
+            decades = np.log10(own / others)
+        decades = decades[np.isfinite(decades)]
+        if not len(decades):
+            continue
+        off = decades[np.abs(decades).argmin()]
+        if abs(off) >= STEP - NEAR and abs(off - STEP * np.round(off / STEP)) <= NEAR:
+            problems.warnings.append(f"{name!r} has a modulus of {own:.4g}, {10**off:.3g} times {beside}, as between units of stress")
 
 
 def _beside(points: np.ndarray, others: np.ndarray) -> str:
