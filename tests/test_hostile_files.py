@@ -3,16 +3,19 @@
 Each would leave a mark if it were executed. The lines of the table in ``docs/security.md`` name these tests.
 """
 
+import base64
 import json
 import os
 import pickle
 import re
+import struct
 import subprocess
 import sys
 from pathlib import Path
 
 import gmsh
 import in_process  # noqa: F401 - the code that runs in this process
+import meshio
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -21,6 +24,7 @@ import orchestrator
 from orchestrator import build_scene
 from orchestrator.cli import app
 from orchestrator.errors import InputError
+from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import page
 from orchestrator.scene.mesh import gmsh_child
@@ -364,6 +368,43 @@ def test_sizes_that_files_declare_are_asked_before_they_are_taken(tmp_path, name
     (tmp_path / name).write_text(content)
     with pytest.raises(InputError, match="GB of memory"):
         read(tmp_path / name)
+
+
+@pytest.mark.parametrize("mode, coded", [("Appended", False), ("Appended", True), ("Binary", True)])
+def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mode, coded):
+    """Lengths, and blocks of compressed arrays: VTK itself would end the program."""
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
+
+    name, points = tmp_path / "tet.vtu", np.vstack([np.zeros(3), np.eye(3)])
+    meshio.Mesh(points, {"tetra": [[0, 1, 2, 3]]}).write(name)
+    source, writer = vtkXMLUnstructuredGridReader(), vtkXMLUnstructuredGridWriter()
+    source.SetFileName(str(name))
+    source.Update()
+    writer.SetInputData(source.GetOutput())
+    writer.SetFileName(str(name))
+    getattr(writer, f"SetDataModeTo{mode}")()
+    writer.SetEncodeAppendedData(coded)
+    writer.SetHeaderTypeToUInt64()
+    for compressed in (True, False):
+        if not compressed:
+            writer.SetCompressorTypeToNone()
+        writer.Write()
+        assert len(read(name).cells) == 1
+        sound, start = name.read_bytes(), rb"<AppendedData[^>]*>\s*_" if mode == "Appended" else rb"<DataArray[^>]*>\s*"
+        at = re.search(start, sound).end()
+        for words in [(2**60, 1 << 15, 0), (1, 2**60, 0), (1, 1 << 15, 2**60), (2**33, 2**33, 0)] if compressed else [(2**60,)]:
+            head = struct.pack(f"<{len(words)}Q", *words)
+            head = base64.b64encode(head)[: None if compressed else 10] if coded else head  # what follows is in the same text
+            name.write_bytes(sound[:at] + head + sound[at + len(head):])
+            with pytest.raises(InputError, match="declares more than the file has|GB of memory"):
+                read(name)
+
+
+def test_fields_that_unpack_to_more_than_the_memory_are_refused(tmp_path, monkeypatch):
+    np.savez_compressed(tmp_path / "fields.npz", nodes=np.zeros(10**6))
+    monkeypatch.setattr("orchestrator.scene.mesh.size.memory_left", lambda: 1e6)
+    with pytest.raises(InputError, match="takes about 0.008 GB of memory"):
+        read_npz(tmp_path)
 
 
 @pytest.mark.parametrize("head", ["array real general\n100000000 100000000", "coordinate real symmetric\n3 3 100000000000"])

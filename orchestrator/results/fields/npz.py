@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -24,6 +25,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
+from orchestrator.scene.mesh.size import check_memory
 
 NAME = "fields.npz"
 _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
@@ -56,18 +58,20 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
 
     Raises
     ------
-    InputError : fields.npz is there but cannot be read
+    InputError : fields.npz is there but cannot be read, or does not fit in memory
     """
     path = Path(directory) / NAME
     if not path.is_file():
         return None
     try:
+        with zipfile.ZipFile(path) as packed:  # a few bytes may unpack to any size
+            check_memory(sum(entry.file_size for entry in packed.infolist()), DIRECTORY_KEY, str(path), "check the file: is it this run's?")
         with np.load(path, allow_pickle=False) as data:
             count = sum(name.startswith(_SIDES) for name in data)
             return Fields(*(data[name] for name in _ALWAYS), [data[f"{_SIDES}{e}"] for e in range(count)] or None,
                           _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
                           parts=tuple(data["parts"].tolist()))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, MemoryError, zlib.error, zipfile.BadZipFile) as error:
         raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}",
                                  f"arrays {', '.join(_ALWAYS)}, as a run writes them",
                                  "run the configuration again")) from error

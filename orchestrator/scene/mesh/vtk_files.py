@@ -7,7 +7,6 @@ of two numbers, tag and dimension, that are called as gmsh's physical names are.
 from __future__ import annotations
 
 import html
-import mmap
 import re
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.recognised import check_content
-from orchestrator.scene.mesh.size import check_memory
+from orchestrator.scene.mesh.vtk_sizes import check_room
 
 # VTK's numbers of cell types → meshio's words; of those that are missing the number is told
 TYPES = {1: "vertex", 3: "line", 4: "line", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 13: "wedge", 14: "pyramid",
@@ -27,8 +26,6 @@ FLAT = {"vertex", "line", "line3", "triangle", "triangle6", "quad", "quad8", "qu
 # Those whose nodes are numbered along the axes.
 ALONG_AXES = {8: ("quad", [0, 1, 3, 2]), 11: ("hexahedron", [0, 1, 3, 2, 4, 5, 7, 6])}
 # Cell arrays that say which group a cell is in, the most telling first; case and _ do not matter.
-# sizes that files of XML, and the older ones, declare
-_SIZES = re.compile(rb"(?:NumberOf|\n)(Points|Cells|POINTS|CELLS)(?:\s*=\s*[\"']|[ \t]+)(\d{1,30})")
 GROUPS = ("physicalname", "gmsh:physical", "physicalids", "physicalid", "medit:ref", "volume", "volumes", "part", "parts", "partid", "group",
           "groups", "groupid", "region", "regionid", "materialid", "materialids", "material", "cellentityids", "gmsh:geometrical",
           "subdomain")
@@ -44,7 +41,7 @@ def read_vtk(path: Path) -> meshio.Mesh:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     for piece in _pieces(path) if path.suffix.lower() == ".pvtu" else [path]:
-        _check_room(piece)
+        check_room(piece)
     grid = _grid(path)
     if not grid.GetNumberOfCells():
         raise _problem(path, "no cells", "a grid with tetrahedra")
@@ -89,15 +86,6 @@ def _pieces(path: Path) -> list[Path]:
             raise _problem(path, f"piece {i} is not there", "all pieces that it names", "save it again, with its pieces")
         check_content(piece, ("mesh", "file"))
     return [path.parent / name for name in names]
-
-
-def _check_room(path: Path) -> None:
-    """Raises InputError where the sizes that a file declares do not fit in memory: VTK would end this program."""
-    if path.stat().st_size == 0:
-        return
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
-        wanted = sum(int(n) * (24 if kind in (b"Points", b"POINTS") else 9) for kind, n in _SIZES.findall(text))
-    check_memory(wanted, ("mesh", "file"), f"{path}, by the sizes that it declares", "check the file: are these its true sizes?")
 
 
 def _grid(path: Path) -> Any:
