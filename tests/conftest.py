@@ -1,12 +1,16 @@
 """Fixtures shared by all tests."""
 
+from functools import cache
 from pathlib import Path
 
 import orchestrator  # noqa: F401 - before numpy, as in a run: it asks for one BLAS thread
 import pytest
+import typer.testing
 from processes import end_all, hear_signals
 
 hear_signals()
+# The command line is built once in each process, not at every call: that takes longer than most of what they ask.
+typer.testing._get_command = cache(typer.testing._get_command)
 
 
 @pytest.fixture(autouse=True)
