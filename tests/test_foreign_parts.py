@@ -21,6 +21,7 @@ from orchestrator.results.figures.look import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
+from orchestrator.scene.foreign.deck_cards import period
 from orchestrator.scene.foreign.flat import of_plane
 from orchestrator.scene.foreign.read import read_joints
 from orchestrator.scene.mesh.geometry import area_vectors
@@ -529,3 +530,13 @@ def test_units_of_a_decks_moduli(tmp_path, own, block, material, told):
     scene = build_scene(config_from(data(part, materials=[{"young": block, "poisson": 0.3}])))
     said = [text for text in scene.warnings if "as between units" in text]
     assert len(said) == (told is not None) and (told is None or f"{told} times" in said[0]), scene.warnings
+
+
+def test_the_line_of_static_may_be_included(tmp_path):
+    (tmp_path / "loads.inp").write_text("** loads\n*INCLUDE, INPUT=time.inc\n*CLOAD\nFLANGE,3,-5.\n")
+    for text, lasts in (("** as CalculiX splices it\n.5, 2.\n", 2.0), ("*CLOAD\nFLANGE,2,1.\n", 1.0)):
+        (tmp_path / "time.inc").write_text(text)
+        assert period(tmp_path / "loads.inp", ()) == lasts
+    (tmp_path / "time.inc").write_text("1., -2.\n")
+    with pytest.raises(InputError, match="time.inc:1: no length of time"):
+        period(tmp_path / "loads.inp", ())

@@ -62,7 +62,7 @@ def period(file: Path, path: KeyPath) -> float:
     ------
     InputError : no length of time
     """
-    number, line = _first(file)
+    where, line = _first(file)
     if line.startswith("*"):
         return 1.0
     word = (line.split(",") + [""])[1].strip()
@@ -71,7 +71,7 @@ def period(file: Path, path: KeyPath) -> float:
     except ValueError:
         lasts = -1.0
     if not 0 <= lasts < float("inf"):
-        raise InputError(Problem(path, f"{file}:{number}: no length of time", "an increment and the length of the step, the line after "
+        raise InputError(Problem(path, f"{where}: no length of time", "an increment and the length of the step, the line after "
                                  "*STATIC, or a card", "mend that line, or leave it out"))
     return lasts or 1.0
 
@@ -114,10 +114,9 @@ def _new(options: dict[str, str]) -> bool:
     return options.get("OP", "").upper() == "NEW"
 
 
-def _first(file: Path) -> tuple[int, str]:
-    """The first line that says something, with its number."""
-    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-    return next(((i, text.strip()) for i, text in enumerate(lines, 1) if text.strip() and not text.startswith("**")), (1, "*"))
+def _first(file: Path) -> tuple[str, str]:
+    """Where the first line is that says something, in files included too, and the line; a card where there is none."""
+    return next(((f"{at}:{number}", text) for text, at, number in Inclusion(file).spliced()), (f"{file}:1", "*"))
 
 
 def _refuse_nonlinear(card: str, options: dict[str, str], where: str, path: KeyPath, nonlinear: bool) -> None:
