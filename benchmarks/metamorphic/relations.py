@@ -55,8 +55,8 @@ def loaded_more(data: dict, rng: np.random.Generator) -> Variant | None:
            for e in data.get("interfaces", [])) or any(e.get("pairing") for e in data.get("interfaces", [])):
         return None
     opens = any(e["law"] == "contact" or e.get("tension_only") for e in data.get("interfaces", []))
-    spins = any("spin" in e for e in data.get("loads", []))
-    factor = float(rng.choice([0.01, 3.0, 50.0] if opens or spins else [0.01, 3.0, -1.0]))
+    one_way = opens or "bolts" in data or any("spin" in e for e in data.get("loads", []))  # bolts pull, turning bodies are pulled out
+    factor = float(rng.choice([0.01, 3.0, 50.0] if one_way else [0.01, 3.0, -1.0]))
     return Variant(loaded(data, factor), factor=factor, force=1.0)
 
 
