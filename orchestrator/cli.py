@@ -188,7 +188,8 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
           resume: Annotated[bool, typer.Option("--resume", help="repeat no run that the folder has")] = False) -> None:
     """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
     def action() -> int:
-        from orchestrator.studies import STUDIES, run_study
+        _find_benchmarks()
+        from benchmarks.registry import STUDIES, run_study
 
         all_there()
         if name in STUDIES:
@@ -204,6 +205,16 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
                                  nearest(name, list(STUDIES), otherwise="take one of these")))
 
     guarded(action)
+
+
+def _find_benchmarks() -> None:
+    """Let the folder ``benchmarks`` beside this package be imported; InputError where there is none, as in a wheel."""
+    clone = Path(__file__).resolve().parents[1]
+    if not (clone / "benchmarks" / "registry.py").is_file():
+        raise InputError(Problem((), "a study in an installation without the folder benchmarks",
+                                 "a clone of the project: studies are in its repository, wheels do not have them",
+                                 "run it in a clone, after `make setup`"))
+    sys.path.insert(0, str(clone))
 
 
 @app.command()

@@ -15,7 +15,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.scene.partition.bolts import fitted
-from orchestrator.studies.kit.calculix_whole import displacements
+from benchmarks.kit.calculix_whole import displacements
 
 PULL = 300.0
 FLAT, OBLIQUE = {"plane": "z", "at": 1.5}, {"plane": [0.1, 0, 1], "at": [0.5, 0.5, 1.4]}

@@ -177,7 +177,7 @@ def test_doctor(monkeypatch):
 
 def test_studies_are_listed_and_run(room):
     seen = []
-    room("orchestrator.studies", STUDIES={"fig7": "convergence", "fig10": "soles"},
+    room("benchmarks.registry", STUDIES={"fig7": "convergence", "fig10": "soles"},
          run_study=lambda *asked: seen.append(asked))
     assert "fig7" in call("study").stdout and call("study").exit_code == 0
     assert call("study", "fig7").exit_code == 0 and seen == [("fig7", None, [], False)]

@@ -14,8 +14,8 @@ from orchestrator.config import config_from, load_config
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems.assemblies import stack_of_three
-from orchestrator.studies.robustness.codes import APART
+from benchmarks.problems.assemblies import stack_of_three
+from benchmarks.studies.codes import APART
 
 ROOT = Path(__file__).parents[1]
 TEMPLATE = str(ROOT / "orchestrator" / "blackbox" / "codes" / "template.py")

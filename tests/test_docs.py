@@ -15,11 +15,11 @@ import pytest
 from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
+from benchmarks.registry import STUDIES
 from orchestrator.cli import app
 from orchestrator.config import config_from
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
-from orchestrator.studies import STUDIES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "orchestrator"
@@ -29,6 +29,11 @@ BY_NAME = [path.stem for path in DOCUMENTS]
 # `file.py` `name`, `Class.name` …
 MENTIONED = re.compile(r"`([\w/]+\.py)`((?:(?:, | and | )?`[\w.]+`)*)")
 COMMAND = re.compile(r"(?:^|`| )orchestrator ((?:run|check|report|study|conformance|doctor|inspect|init|schema)\b[^`\n#…*]*)")
+
+
+def place(file: str) -> Path:
+    """A file that a document names: of the package, or of the folder of studies beside it."""
+    return (ROOT if file.startswith("benchmarks/") else PACKAGE) / file
 
 
 @cache
@@ -64,8 +69,8 @@ def test_every_place_exists(name):
     places = MENTIONED.findall((ROOT / "docs" / name).read_text(encoding="utf-8"))
     assert len(places) > 50
     for file, names in places:
-        assert (PACKAGE / file).is_file(), f"{name}: no file {file}"
-        known = names_in(PACKAGE / file)
+        assert place(file).is_file(), f"{name}: no file {file}"
+        known = names_in(place(file))
         for wanted in re.findall(r"`([\w.]+)`", names):
             assert wanted in known, f"{name}: {file} has no {wanted}"
 
@@ -79,7 +84,7 @@ def test_every_equation_of_the_paper_has_its_place():
         if meaning == "–":
             assert where.startswith("not used: ") and len(where) > len("not used: ") + 10, number
             continue
-        files = [PACKAGE / file for file, _ in MENTIONED.findall(where)]
+        files = [place(file) for file, _ in MENTIONED.findall(where)]
         assert files, f"eq. {number} has no place"
         named = any(re.search(rf"\beq\. {number}\b", file.read_text(encoding="utf-8")) for file in files)
         assert named, f"no file of {where} says eq. {number}"

@@ -13,7 +13,7 @@ from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
 from orchestrator.parallel.team import ALONE
-from orchestrator.studies.performance.prediction import macro_pattern
+from benchmarks.studies.prediction import macro_pattern
 
 SIDE = 5  # cubes along it: 2,700 unknowns, beyond ``factor.ORDERED``
 

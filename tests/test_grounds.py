@@ -12,7 +12,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.patch import node_areas
-from orchestrator.studies.kit.calculix_whole import displacements
+from benchmarks.kit.calculix_whole import displacements
 
 ELEMENTS = ("P1", "P2")
 HELD = {"on": "zmin", "displacement": [0, 0, 0]}

@@ -23,8 +23,8 @@ from orchestrator.method.solver import iterate
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.robustness.hard_scenes import slices
-from orchestrator.studies.robustness.rounded_traces import traces_of
+from benchmarks.problems.hard_scenes import slices
+from benchmarks.kit.rounded_traces import traces_of
 from orchestrator.timing import Stopwatch
 
 # Stands in front of FreeFEM, lets it work, then changes the displacements in its last reply.

@@ -10,7 +10,7 @@ from orchestrator.errors import InputError
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.kit.calculix_whole import displacements
+from benchmarks.kit.calculix_whole import displacements
 
 STEEL = {"young": 200e3, "poisson": 0.3, "expansion": 1.2e-5}
 LINEAR = {"at": [0, 0, 0], "value": 10.0, "gradient": [30.0, -20.0, 50.0]}

@@ -6,7 +6,7 @@ from in_process import IN_PROCESS
 
 from orchestrator.config import config_from
 from orchestrator.run import solve
-from orchestrator.studies.problems import assemblies
+from benchmarks.problems import assemblies
 
 
 def solved(problem: dict, error: float):

@@ -9,7 +9,7 @@ from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, one_piece, pat
 from orchestrator.config import config_from
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems import assemblies
+from benchmarks.problems import assemblies
 
 SLIDES = {"law": "contact", "friction": 0.3}
 

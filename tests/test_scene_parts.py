@@ -12,7 +12,7 @@ from orchestrator.parallel.placement import ranks_of
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.part import overview, part_of
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.studies.problems.cases import cube
+from benchmarks.problems.cases import cube
 
 
 @pytest.fixture(scope="module", params=["perfect", "contact", "contact on ten nodes"])

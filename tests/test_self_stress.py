@@ -10,7 +10,7 @@ from orchestrator.config import config_from
 from orchestrator.method.coarse.node_loops import node_loops
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems.cases import pressed_cubes
+from benchmarks.problems.cases import pressed_cubes
 
 
 @pytest.fixture(scope="module")

@@ -18,9 +18,9 @@ from orchestrator.config import config_from
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.run import solve
-from orchestrator.studies import FUNCTIONS, STUDIES, run_study
-from orchestrator.studies.kit.framework import Study
-from orchestrator.studies.robustness import falsified
+from benchmarks.registry import FUNCTIONS, STUDIES, run_study
+from benchmarks.kit.study import Study
+from benchmarks.studies import falsified
 
 
 def rows_of(path):
@@ -29,7 +29,7 @@ def rows_of(path):
 
 
 def tiny(slices=2):
-    from orchestrator.studies.problems.cases import beam
+    from benchmarks.problems.cases import beam
 
     return {**beam(slices), "mesh": {"beam": {"size": [8, 2, 2], "h": 1}},
             "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
@@ -40,7 +40,7 @@ def test_listing_is_quick_and_complete():
     done = CliRunner().invoke(app, ["study"])
     assert done.exit_code == 0
     assert all(name in done.stdout and line in done.stdout for name, line in STUDIES.items())
-    loaded = subprocess.run([sys.executable, "-c", "import sys, orchestrator.studies; print('numpy' in sys.modules)"],
+    loaded = subprocess.run([sys.executable, "-c", "import sys, benchmarks.registry; print('numpy' in sys.modules)"],
                             capture_output=True, text=True)
     assert loaded.stdout.strip() == "False"
 
@@ -59,9 +59,9 @@ def test_unknown_name():
 
 
 def test_matrix_of_two_cases(tmp_path, capsys, saved_figures):
-    from orchestrator.studies.convergence.stages import picture
-    from orchestrator.studies.kit.framework import Case, Study
-    from orchestrator.studies.problems.cases import defaults, paper, with_method
+    from benchmarks.studies.stages import picture
+    from benchmarks.kit.study import Case, Study
+    from benchmarks.problems.cases import defaults, paper, with_method
 
     study = Study("tiny", "a tiny matrix", tmp_path)
     first = study.solve(Case(with_method(tiny(), defaults()), {"case": "defaults"}))
@@ -91,8 +91,8 @@ def test_matrix_of_two_cases(tmp_path, capsys, saved_figures):
 
 
 def test_a_failing_case_leaves_the_others(tmp_path, monkeypatch):
-    from orchestrator.studies.kit import framework
-    from orchestrator.studies.problems.cases import defaults, with_method
+    from benchmarks.kit import study as framework
+    from benchmarks.problems.cases import defaults, with_method
 
     study = framework.Study("tiny", "a tiny matrix", tmp_path)
     study.solve(framework.Case(with_method(tiny(), defaults(error=1e-2)), {"case": "good"}))
@@ -107,7 +107,7 @@ def test_a_failing_case_leaves_the_others(tmp_path, monkeypatch):
 
 
 def test_first():
-    from orchestrator.studies.kit.framework import first
+    from benchmarks.kit.study import first
 
     history = [SimpleNamespace(iteration=i, true_error=e) for i, e in ((1, np.nan), (2, 1e-3), (3, 1e-7), (4, 1e-6))]
     assert first(history, "true_error", 1e-6).iteration == 3
@@ -119,7 +119,7 @@ def test_alternating_beam_fills_the_box(tmp_path):
 
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.paper.alternating import alternating_beam
+    from benchmarks.problems.alternating import alternating_beam
 
     path = alternating_beam(tmp_path, (4, 2, 2), 2.0)
     mesh = meshio.read(path)
@@ -133,13 +133,13 @@ def test_alternating_beam_fills_the_box(tmp_path):
 
 
 def few_grains(count=4, h=0.3):
-    from orchestrator.studies.problems.cases import grains
+    from benchmarks.problems.cases import grains
 
     return grains(count, h)
 
 
 def test_a_trail_keeps_some_of_all_components_and_measures_distances():
-    from orchestrator.studies.kit import following
+    from benchmarks.kit import following
 
     rng = np.random.default_rng(0)
     end = rng.normal(size=(2, 3 * following._KEPT - 7))
@@ -158,7 +158,7 @@ def test_the_rigid_motion_of_loose_bodies_is_no_error_their_deformation_is():
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
     from orchestrator.scene.conditions.rigid import motions
-    from orchestrator.studies.kit import following
+    from benchmarks.kit import following
 
     config = config_from({**few_grains(), "blackbox": IN_PROCESS})
     scene = build_scene(config)
@@ -186,9 +186,9 @@ def test_the_rigid_motion_of_loose_bodies_is_no_error_their_deformation_is():
 
 
 def test_a_run_is_continued_to_where_it_tends(tmp_path):
-    from orchestrator.studies.kit.following import follow, sweeps_to
-    from orchestrator.studies.kit.framework import Case, Study
-    from orchestrator.studies.problems.cases import contact_defaults, paper_contact, with_method
+    from benchmarks.kit.following import follow, sweeps_to
+    from benchmarks.kit.study import Case, Study
+    from benchmarks.problems.cases import contact_defaults, paper_contact, with_method
 
     study = Study("tiny", "tiny contact", tmp_path)
     ours = follow(study, Case(with_method(few_grains(), contact_defaults()), {"settings": "defaults"}))
@@ -210,8 +210,8 @@ def test_a_run_is_continued_to_where_it_tends(tmp_path):
 
 @pytest.mark.long
 def test_contact_studies(tmp_path, monkeypatch, saved_figures):
-    from orchestrator.studies.convergence import contact
-    from orchestrator.studies.kit.framework import Study
+    from benchmarks.studies import contact
+    from benchmarks.kit.study import Study
 
     monkeypatch.setattr(contact, "LONG", 8)
     monkeypatch.setattr(contact, "pressed_cubes", lambda friction, make=contact.pressed_cubes: make(friction, 2, 2))
@@ -236,8 +236,8 @@ def test_contact_studies(tmp_path, monkeypatch, saved_figures):
 
 @pytest.mark.long
 def test_ten_grains_from_the_command_line(tmp_path, monkeypatch, saved_figures):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import ten_grains
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import ten_grains
 
     small, measured = {**ten_grains.problem(), "mesh": few_grains()["mesh"], "output": {"figures": False}}, []
     run = ten_grains.whole_command
@@ -265,8 +265,8 @@ def test_ten_grains_from_the_command_line(tmp_path, monkeypatch, saved_figures):
 
 
 def test_ten_grains_tells_why_a_run_failed(tmp_path):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import ten_grains
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import ten_grains
 
     with pytest.raises(BlackBoxError, match="subdomains"):
         ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.problem(), "subdomains": "grans"})
@@ -274,8 +274,8 @@ def test_ten_grains_tells_why_a_run_failed(tmp_path):
 
 @pytest.mark.long
 def test_polycrystal_in_small(tmp_path, monkeypatch, saved_figures):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.paper import polycrystal
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import polycrystal
 
     for name, value in (("SMALL_GRAINS", 4), ("SMALL_H", 0.3), ("CUT", 10)):
         monkeypatch.setattr(polycrystal, name, value)
@@ -300,8 +300,8 @@ def test_polycrystal_in_small(tmp_path, monkeypatch, saved_figures):
 
 @pytest.mark.long
 def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.robustness import polycrystals
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import polycrystals
 
     study = Study("polycrystals", "few grains", tmp_path)
     polycrystals.run(study, polycrystals.Settings(counts=[6, 3], seeds=[3, 14], elements=[2.2]))
@@ -324,8 +324,8 @@ def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
 @pytest.mark.long
 def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
     """The whole study on cubes of two elements a side, macro problems of a few."""
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import prediction, scaling
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import prediction, scaling
 
     monkeypatch.setattr(scaling, "without_ranks", lambda: "not in this test")
     monkeypatch.setattr(scaling, "measure_macro", lambda: prediction.measure_macro((2, 3)))
@@ -345,9 +345,9 @@ def test_scaling_of_tiny_cubes(tmp_path, monkeypatch, saved_figures):
 
 @pytest.mark.long
 def test_floor_of_small_runs(tmp_path, monkeypatch, saved_figures):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import floor
-    from orchestrator.studies.problems.cases import beam, cube, grains
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import floor
+    from benchmarks.problems.cases import beam, cube, grains
 
     nothing = {"output": {"fields": False, "figures": False}}
     monkeypatch.setattr(floor, "beam", lambda count: beam(count // 16) | nothing)
@@ -374,8 +374,8 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.performance.prediction import macro_pattern, rigid_pattern
-    from orchestrator.studies.problems.cases import cube
+    from benchmarks.studies.prediction import macro_pattern, rigid_pattern
+    from benchmarks.problems.cases import cube
 
     config = config_from(cube(3, 2))
     with case.box_of(config) as blackbox:
@@ -388,7 +388,7 @@ def test_macro_problem_that_is_predicted_is_that_of_a_run():
 def test_prediction_adds_up():
     from dataclasses import replace
 
-    from orchestrator.studies.performance.prediction import Costs, MacroCosts, largest, limit, predict, ranks_of
+    from benchmarks.studies.prediction import Costs, MacroCosts, largest, limit, predict, ranks_of
 
     costs = Costs(start=1, scene=0.01, hand_out=0.001, bytes=1e6, prepare=0.5, factorise=2, solve=0.1, message=0.01, own=0.02, results=0.03,
                   iterations=10, sweeps=12, trace=300)
@@ -418,8 +418,8 @@ def test_prediction_adds_up():
 
 @pytest.mark.long
 def test_in_one_piece_in_small(tmp_path, saved_figures):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import in_one_piece
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import in_one_piece
 
     study = Study("large", "small", tmp_path)
     in_one_piece.run(study, 2, 4, (2, 5), 4, (6,))
@@ -458,8 +458,8 @@ def test_large_in_small(tmp_path, saved_figures):
 
 
 def test_large_judges_energies_and_seconds(tmp_path):
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance.large import judge
+    from benchmarks.kit.study import Study
+    from benchmarks.studies.large import judge
 
     ours = {"method": "ours", "failed": False, "energy": 1.0, "seconds": 4.0, "cpu_seconds": 5.0}
     rival = {"method": "PETSc, GAMG", "failed": False, "energy": 1.0, "seconds": 5.0, "cpu_seconds": 6.0, "assembly": 2.0}
@@ -480,8 +480,8 @@ def test_large_judges_energies_and_seconds(tmp_path):
 @pytest.mark.long
 def test_large_within_too_little_memory(tmp_path):
     from orchestrator.blackbox.codes.freefem import FreeFem
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import in_one_piece
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import in_one_piece
 
     study = Study("large", "small", tmp_path)
     result = in_one_piece._direct(study, FreeFem(), 20, "CHOLMOD", 260 * 2**20)
@@ -494,9 +494,9 @@ def test_large_within_too_little_memory(tmp_path):
 def test_time_vs_error_in_small(tmp_path, saved_figures):
     from dataclasses import replace
 
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.performance import time_vs_error
-    from orchestrator.studies.performance.error_cases import MODELS
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import time_vs_error
+    from benchmarks.problems.error_cases import MODELS
 
     small = {"beam in bending": ((4,), (1,), (1, 2, 4)), "blocks in frictional contact": ((2, 4), (), (8,))}
     models = {name: replace(MODELS[name], sizes={"P1": one, "P2": two}, exact=exact)
@@ -527,7 +527,7 @@ def test_true_errors_of_an_exact_solution():
     """Two fields whose distance is known: the one carried to the other's mesh, and the energies' balance."""
     from orchestrator.config import config_from
     from orchestrator.scene.build import build_scene
-    from orchestrator.studies.kit.true_errors import _carried
+    from benchmarks.kit.true_errors import _carried
 
     for element in ("P1", "P2"):
         box = {"name": "t", "mesh": {"box": {"size": [2, 1, 1], "cells": [4, 2, 2]}}, "subdomains": {"grid": [2, 1, 1]},
@@ -548,8 +548,8 @@ def test_true_errors_of_an_exact_solution():
 
 def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
     """A run that is killed is resumed and compared; what could not be tried is a target that is not met."""
-    from orchestrator.studies.kit.framework import Study
-    from orchestrator.studies.robustness import faults
+    from benchmarks.kit.study import Study
+    from benchmarks.studies import faults
 
     monkeypatch.setattr(faults, "without_ranks", lambda: "not in this test")
     study = Study("faults", "tiny", tmp_path)
@@ -581,7 +581,7 @@ def test_a_falsified_reply_is_never_silently_wrong(tmp_path, monkeypatch, kind, 
 
 
 def grains_study(folder, **settings):
-    from orchestrator.studies.performance import grains
+    from benchmarks.studies import grains
 
     study = Study("grains", "few grains", folder)
     grains.run(study, grains.Settings(elements=2.0, seeds=[1], **settings), resume=True)
@@ -591,7 +591,7 @@ def grains_study(folder, **settings):
 
 @pytest.mark.long
 def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
-    from orchestrator.studies.performance import grains
+    from benchmarks.studies import grains
 
     undrawn = {"output": {"figures": False}}  # each takes a second
     monkeypatch.setattr(grains, "problem", lambda *asked, of=grains.problem: {**of(*asked), **undrawn})
@@ -623,7 +623,7 @@ def test_grains_are_kept_and_not_repeated(tmp_path, monkeypatch, saved_figures):
 
 def test_targets_of_grains(tmp_path):
     """What each target asks for, on rows of every kind."""
-    from orchestrator.studies.performance.grains_targets import judge
+    from benchmarks.studies.grains_targets import judge
 
     def judged(*rows):
         study = Study("grains", "rows", tmp_path)

@@ -91,3 +91,8 @@ def test_doctor_sees_the_scripts(installed, folder):
         hidden.rename(scripts[0])
     assert ill.returncode == 2 and f"missing script {scripts[0]}" in ill.stdout
     assert refused.returncode == 2 and f"no file {scripts[0]}" in refused.stderr
+
+
+def test_a_study_is_refused_with_the_place_where_studies_are(installed, folder):
+    done = call(installed / "orchestrator", "study", "slices", cwd=folder)
+    assert done.returncode == 2 and "its repository" in done.stderr and "Traceback" not in done.stderr

@@ -20,7 +20,7 @@ from orchestrator.results.summary.summary import write_summary
 from orchestrator.results.summary.workload import Workload, idle_share, joined
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.studies.problems.cases import grains
+from benchmarks.problems.cases import grains
 from orchestrator.timing import Stopwatch
 
 

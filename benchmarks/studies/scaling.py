@@ -1,0 +1,223 @@
+"""Strong and weak scaling on this machine, and what the measured costs predict for a cluster.
+
+Every run is the whole command in processes of its own. Nothing is skipped, so that runs differ in the cores alone.
+The *floor* is what the code needs by its own clock if all cores share it evenly.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from orchestrator.blackbox.pool.pool import default_workers
+from orchestrator.config import config_from
+from orchestrator.errors import CONVERGED
+from orchestrator.results.figures.plotting import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
+from orchestrator.results.summary.summary import blackbox_seconds
+from orchestrator.results.summary.workload import idle_share
+from orchestrator.scene.build import build_scene
+from benchmarks.kit.commands import whole_command, without_ranks
+from benchmarks.kit.study import Study
+from benchmarks.studies.prediction import (
+    BANDWIDTH,
+    FIELDS,
+    LATENCY,
+    Costs,
+    MacroCosts,
+    largest,
+    limit,
+    measure_macro,
+    predict,
+    ranks_of,
+)
+from benchmarks.problems.cases import STEEL
+
+ELEMENTS = 16  # along the side of a cube
+REPEATS = 3  # runs of which the least of each cost is taken for the prediction
+STRONG = (2, 2, 2)  # cubes
+SPEEDUP, BALANCE = 1.7, 0.95  # wanted of two workers
+CLUSTER = (1_000, 10_000, 100_000)  # subdomains
+COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
+           "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others")
+_COLOURS = (GREY, SKY, ORANGE, BROWN, GREEN, PURPLE, BLUE, RED)
+
+
+def cubes(counts: Sequence[int], elements: int) -> dict[str, Any]:
+    """Unit cubes in a row, a layer or a block, clamped at x = 0 and pulled; each is factorised by itself."""
+    return {
+        "name": "cubes", "mesh": {"box": {"size": list(counts), "cells": [elements * c for c in counts]}},
+        "subdomains": {"grid": list(counts)}, "materials": STEEL,
+        "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},
+                     {"on": {"plane": "x", "at": counts[0]}, "traction": [10, 0, 10]}],
+        "method": {"skip": {"congruent": False, "repeated": False, "compliance": False}},
+        "output": {"fields": False, "figures": False},
+    }
+
+
+def run(study: Study, elements: int = ELEMENTS, repeats: int = REPEATS) -> None:
+    """All rows, the targets, the prediction and the figure."""
+    study.columns = COLUMNS
+    missing = without_ranks()
+    rows = [("strong", STRONG, 1, 1), ("strong", STRONG, 1, 2), ("weak", (1, 2, 2), 1, 1), ("weak", STRONG, 1, 2)]
+    if missing is None:
+        rows += [("strong", STRONG, 2, 1), ("strong", STRONG, 4, 1), ("weak", STRONG, 2, 1), ("weak", (4, 2, 2), 4, 1)]
+    else:
+        study.console.print(f"  ranks 2 and 4 are left out: {missing}")
+    summaries = [_row(study, *row, elements) for row in rows]
+    _targets(study)
+    alone, scene = summaries[:1], build_scene(config_from(cubes(STRONG, elements)))
+    alone += [_measured_run(study, "alone", STRONG, 1, 1, elements)[0] for _ in range(repeats - 1)]
+    costs = Costs.least([Costs.of(summary, scene) for summary in alone])
+    macro, measured = measure_macro()
+    dofs = summaries[0]["dofs_decomposed"] // summaries[0]["subdomains"]
+    study.folder.write("prediction.md", text(costs, macro, measured, dofs, study.rows[0]["others"]))
+    study.figure(picture(study.rows, costs, macro))
+    for count in CLUSTER:
+        parts = predict(costs, macro, count)
+        set_up, loop, end = (sum(parts[p].values()) for p in ("set_up", "iterations", "end"))
+        name, share = largest(parts)
+        study.console.print(f"  {count:,} subdomains on as many cores, predicted: set-up {set_up:.3g} s, iterations "
+                            f"{loop:.3g} s, of which the code solves {parts['iterations']['solve']:.3g} s, end {end:.3g} s; "
+                            f"{100 * share:.0f} % for {name}")
+    study.console.print(f"  the macro problem outweighs the code's own work from {limit(costs, macro):,} subdomains on; see "
+                        "prediction.md")
+
+
+def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int, elements: int) -> dict[str, Any]:
+    """Run one configuration, add its row; its summary."""
+    others = os.getloadavg()[0]
+    summary, seconds = _measured_run(study, case, counts, ranks, workers, elements)
+    row = {"case": case, "ranks": ranks, "workers": workers, **measured(summary, seconds), "others": round(others, 1)}
+    row["efficiency"] = efficiency(row, next((r for r in study.rows if r["case"] == case), row))
+    study.rows.append(row)
+    study.write()
+    study.console.print(f"  {len(study.rows):3}  {case}, {ranks} rank(s) of {workers} worker(s): {row['iterations']} "
+                        f"iterations, {seconds:.1f} s, efficiency {row['efficiency']:.2f}, others' load {others:.1f}")
+    return summary
+
+
+def _measured_run(study: Study, case: str, counts: Sequence[int], ranks: int, workers: int,
+                  elements: int) -> tuple[dict[str, Any], float]:
+    """Summary and wall seconds of one configuration."""
+    return whole_command(study, f"{case}-{ranks}-{workers}", {**cubes(counts, elements), "blackbox": {"workers": workers}}, ranks,
+                         accepted=(CONVERGED,))
+
+
+def measured(summary: dict[str, Any], seconds: float) -> dict[str, Any]:
+    """Columns of a row: seconds; ``floor`` and ``busiest_factorising`` on the code's clock, ``balance`` of the workers.
+
+    Parameters
+    ----------
+    summary : of the run; seconds : its wall time
+    """
+    setup, loop = (summary["workload"][period] for period in ("set_up", "iterations"))
+    every = len(setup["workers"])
+    code = [sum(w[stage] for w in pair for stage in ("assemble", "factorise", "solve"))
+            for pair in zip(setup["workers"], loop["workers"])]
+    loading = [w["assemble"] + w["factorise"] for w in setup["workers"]]
+    floor = blackbox_seconds(summary["timing"]) / min(every, default_workers())
+    return {"subdomains": summary["subdomains"], "dofs": summary["dofs"], "iterations": summary["iterations"],
+            "seconds": seconds, "floor": floor, "over_floor": seconds / floor, "factorising": summary["timing"]["load"],
+            "busiest_factorising": max(loading), "balance": sum(code) / every / max(code), "idle": idle_share(loop)}
+
+
+def efficiency(row: dict[str, Any], alone: dict[str, Any]) -> float:
+    """Speed-up over the run on one core per core used; for weak scaling per subdomain and iteration too.
+
+    More workers than the machine has cores use no more than these.
+    """
+    cores = min(row["ranks"] * row["workers"], default_workers())
+    work = row["subdomains"] * row["iterations"] / alone["subdomains"] / alone["iterations"]
+    return alone["seconds"] / row["seconds"] * work / cores
+
+
+def _targets(study: Study) -> None:
+    one, two = study.rows[:2]
+    speedup = one["factorising"] / two["factorising"]
+    study.target("2 workers against 1: assembling and factorising (both cores free)",
+                 f"at least {SPEEDUP} times as fast",
+                 f"{speedup:.2f}; others' load {max(one['others'], two['others']):.1f}", speedup >= SPEEDUP)
+    own = one["busiest_factorising"] / two["busiest_factorising"]
+    study.target("the same by the code's own clock of the busiest worker, whatever else the cores do",
+                 f"at least {SPEEDUP}", f"{own:.2f}", own >= SPEEDUP)
+    study.target("balance of the whole run: mean over busiest worker, by the code's clock", f"at least {BALANCE}",
+                 f"{two['balance']:.3f}", two["balance"] >= BALANCE)
+
+
+def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs: int, others: float) -> str:
+    """The prediction with its assumptions, as Markdown.
+
+    Parameters
+    ----------
+    measured : of the macro problem; dofs : of a subdomain; others : load of the machine by other work
+    """
+    found = [predict(costs, macro, count) for count in CLUSTER]
+    each = [ranks_of(costs, macro, count) for count in CLUSTER]
+    lines = [
+        "# A cluster, predicted from costs measured on this machine", "",
+        f"N cubes of {dofs:,} dofs in a block, one to a core, a block of them to a rank; the run takes as many iterations as the "
+        f"one measured, {costs.iterations}: the macro problem makes them independent of N (`study cubes`). "
+        f"While it was measured, other work loaded the machine with {others:g} processes. Factorise and solve are on the code's own "
+        "clock, hand out and the macro problem are CPU seconds, prepare, own and message the lesser of wall and CPU seconds, and each "
+        "is the least of all repetitions; start, scene and results, wall seconds, still grow with that.", "",
+        "| measured, seconds | |", "| --- | ---: |",
+        *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
+        f"The macro problem has {FIELDS} unknowns per interface. A rank factorises and solves what it alone sees. Measured on "
+        "matrices of its pattern, with the ordering of a run:", "",
+        "| subdomains | unknowns | factorise s | solve s | entries of the factor | repositioning: unknowns | factorise s | solve s |",
+        "| ---: " * 8 + "|",
+        *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} | "
+          f"{r['rigid_unknowns']:,} | {r['rigid_factorise']:.3g} | {r['rigid_solve']:.3g} |" for r in measured), "",
+        "They grow with the number of subdomains to the power " + ", ".join(
+            f"{getattr(macro, q)[1]:.2f} ({q.replace('_', ': ').replace('rigid', 'repositioning')})"
+            for q in ("factorise", "solve", "entries", "rigid_factorise", "rigid_solve")) +
+        "; nested dissection would give 2, 1.33 and 1.33 for many. The n unknowns on the borders between ranks are a dense "
+        f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve.", "",
+        f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
+        "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
+        "measured; the rank works for its subdomains one after the other. One rank makes the whole scene and hands out its parts, "
+        "as it does today.", "",
+        "| seconds | " + " | ".join(f"{count:,} subdomains" for count in CLUSTER) + " |",
+        "| --- |" + " ---: |" * len(CLUSTER),
+        "| subdomains to a rank, the best number | " + " | ".join(f"{m:,}" for m, _, _ in each) + " |",
+        "| unknowns on borders (GB on each rank) | " + " | ".join(f"{n:,.0f} ({gb:.2g})" for _, n, gb in each) + " |"]
+    for period, name in (("set_up", "set-up"), ("iterations", "iterations"), ("end", "end")):
+        for what in found[0][period]:
+            lines.append(f"| {name}: {what} | " + " | ".join(f"{f[period][what]:.3g}" for f in found) + " |")
+    total = [sum(sum(part.values()) for part in f.values()) for f in found]
+    code = [f["iterations"]["solve"] + f["set_up"]["factorise"] + f["set_up"]["macro columns"] for f in found]
+    lines += ["| in all | " + " | ".join(f"{seconds:.3g}" for seconds in total) + " |",
+              "| the code's share | " + " | ".join(f"{100 * c / t:.2g} %" for c, t in zip(code, total)) + " |",
+              "| the largest term | " + " | ".join("{} ({:.0f} %)".format(n, 100 * s) for n, s in map(largest, found)) + " |"]
+    lines += ["", f"From {limit(costs, macro):,} subdomains on the macro problem takes longer than the code's own work. What limits "
+              "a run is named in the last row: the scene as long as one rank makes it for all; the borders, dense and on every rank, and "
+              "repositioning, sparse and on every rank too, would have to be decomposed in their turn.", ""]
+    return "\n".join(lines)
+
+
+def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts) -> bytes:
+    """Efficiencies as bars; seconds of the predicted parts over the number of subdomains."""
+    figure = new_figure(11.0, 4.0)
+    left, right = figure.subplots(1, 2)
+    names = [f"{r['case']}\n{r['ranks']}×{r['workers']}" for r in rows]
+    left.bar(names, [r["efficiency"] for r in rows], color=[BLUE if r["case"] == "strong" else ORANGE for r in rows])
+    left.axhline(1, color=GREY, linewidth=1, linestyle=":")
+    left.set_title("Efficiency per core used; ranks × workers", fontsize=10)
+    counts = [10**(k / 4) for k in range(4, 21)]
+    found = [predict(costs, macro, int(count)) for count in counts]
+    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
+             ("set_up", "repositioning, on every rank"), ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
+             ("iterations", "macro problem: borders")]
+    for (period, what), colour in zip(shown, _COLOURS):
+        right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour,
+                     label=what)
+    right.set_title("Predicted seconds, one subdomain per core", fontsize=10)
+    right.set_xlabel("subdomains", fontsize=9)
+    right.legend(fontsize=7.5, frameon=False)
+    for axes in (left, right):
+        axes.tick_params(labelsize=8)
+        tidy(axes)
+    figure.tight_layout()
+    return png(figure)

@@ -1,0 +1,211 @@
+"""Wall time against true error: what accuracy costs with which element, mesh, method and tolerance.
+
+Seconds are wall time from the configuration to the displacements: mesh, set-up, iterations, no files. Errors are
+true ones, of the mesh and of the iterations together, relative; ``true_errors`` says how they are measured.
+
+- *energy*: the displacement in the energy norm.
+- *deflection*: the work of the loads, f·ũ, which is the mean deflection where they act, weighted by them.
+- *stress*: the largest von Mises stress of the recovered nodal stresses away from edges where the exact one is
+  unbounded, against that on the finest mesh.
+
+Methods: FreeFEM in one piece with CHOLMOD, the quickest of its direct solvers (study ``large``); the paper's settings
+(a one-sided sole after its eq. 15, relaxation, no acceleration) at three values of its indicator, at most 70
+iterations; our defaults at two fixed tolerances and at ``error: auto``. With contact the direct solution is left out:
+FreeFEM's direct solvers are linear.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, RED, new_figure, png, tidy
+from orchestrator.run import solve
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.model import Scene
+from benchmarks.kit.drawing import plain_ticks
+from benchmarks.kit.study import Case, Study
+from benchmarks.kit.true_errors import Exact, direct, extrapolated, finer
+from benchmarks.problems.error_cases import MODELS, Model
+from benchmarks.problems.cases import CUT, paper, paper_contact
+
+TOLERANCES = (1e-3, 1e-6, "auto")
+INDICATORS = (1e-3, 1e-4, 1e-5)
+FINE = 1e-6  # tolerance of the reference with contact
+DIRECT, PAPER, FIXED, AUTO = "FreeFEM, undecomposed", "paper's settings", "defaults", "defaults, error: auto"
+COLOURS = {DIRECT: ORANGE, PAPER: RED, FIXED: BLUE, AUTO: GREEN}
+DEFLECTION, FASTER = 0.01, 10.0  # accuracy of the beam's deflection, P2 over P1
+ADDED = 0.02  # error that ``error: auto`` may add to the mesh's
+LARGEST_PAPER = 60_000  # dofs from which the paper's 70 iterations are left out
+LABELS = ("case", "element", "k", "method", "tolerance")
+
+
+def run(study: Study, models: Mapping[str, Model] = MODELS) -> None:
+    """All problems, elements, meshes, methods and tolerances."""
+    study.columns = ("case", "element", "k", "dofs", "method", "tolerance", "iterations", "energy_error",
+                     "deflection_error", "stress_error", "estimate", "stop_reason", "seconds")
+    folder = Path(study.folder.path)
+    for name, model in models.items():
+        contact = len(model.exact) == 1
+        with study.console.status(f"{name}: what is exact"):
+            if contact:
+                method = {"tolerance": {"error": FINE}}
+                exact = finer(_problem(model, folder, *model.exact, "P1", method), model.watched)
+            else:
+                exact = extrapolated([_problem(model, folder, k, "P2", {}) for k in model.exact], model.watched)
+        study.console.print(f"{name}: ‖u‖² = {exact.energy:.8g}" + (
+            "" if contact else f", of which {exact.uncertain:.1e} extrapolated"))
+        for element, sizes in model.sizes.items():
+            for k in sizes:
+                _compare(study, folder, name, model, element, k, exact)
+                if (element, k) == ("P2", model.exact[-1]):  # the mesh that the stress is compared with
+                    for row in study.rows:
+                        if (row["case"], row["element"], row["k"]) == (name, element, k):
+                            row["stress_error"] = math.nan
+        _auto(study, name)
+    if "beam in bending" in models:
+        _deflection(study)
+    study.figure(_picture(study, list(models)))
+
+
+def _problem(model: Model, folder: Path, k: int, element: str, method: Mapping[str, Any]) -> dict[str, Any]:
+    return {**model.problem(folder, k), "method": dict(method), "blackbox": {"element": element},
+            "output": {"fields": False, "figures": False}}
+
+
+def _compare(study: Study, folder: Path, name: str, model: Model, element: str, k: int, exact: Exact) -> None:
+    """All methods on one mesh."""
+    def case(method: str, tolerance: Any, settings: Mapping[str, Any]) -> Case:
+        labels = dict(zip(LABELS, (name, element, k, method, tolerance)))
+        return Case(_problem(model, folder, k, element, settings), labels)
+
+    contact = exact.scene is not None
+    whole = case(DIRECT, "", {})
+    if contact:
+        _leave_out(study, whole, "contact is not linear")
+    else:
+        begin = time.perf_counter()
+        scene, displacement = direct(whole.config)
+        row = {"iterations": 0, "stop_reason": "solved", "seconds": time.perf_counter() - begin}
+        _add(study, whole, scene, [displacement], exact, row, [])
+    ratio = model.brick / k / model.length  # eq. 15
+    settings = paper_contact(ratio=ratio) if contact else paper("equilibrium", modulus_ratio=ratio)
+    if not contact:
+        settings["sole"]["thickness"] = "auto"
+    for indicator in INDICATORS:
+        _solve(study, case(PAPER, f"η {indicator:g}", {**settings, "tolerance": {"indicator": indicator},
+                                                       "max_iterations": CUT}), exact)
+    for tolerance in TOLERANCES:
+        method = AUTO if tolerance == "auto" else FIXED
+        _solve(study, case(method, tolerance, {"tolerance": {"error": tolerance}}), exact)
+
+
+def _solve(study: Study, case: Case, exact: Exact) -> None:
+    """One decomposed run, as a row; what cannot be is left out with its reason."""
+    with study.console.status(str(case)), np.errstate(over="ignore", invalid="ignore"):  # some of the paper's diverge
+        begin = time.perf_counter()
+        try:
+            config = config_from(dict(case.config))
+            scene = build_scene(config)
+        except InputError as error:
+            _leave_out(study, case, error.problems[0].found)
+            return
+        if case.labels["method"] == PAPER and 3 * len(scene.mesh.nodes) > LARGEST_PAPER:
+            _leave_out(study, case, f"more than {LARGEST_PAPER} dofs")
+            return
+        solved = solve(config, scene)
+        row = {"iterations": solved.iterations, "stop_reason": solved.stop_reason,
+               "error_bound": solved.summary["error_bound"], "estimate": solved.summary["discretisation_error"],
+               "seconds": time.perf_counter() - begin}
+        _add(study, case, scene, solved.sides, exact, row, solved.iterated.history)
+
+
+def _leave_out(study: Study, case: Case, reason: str) -> None:
+    study.rows.append({**case.labels, "stop_reason": f"left out: {reason}"})
+    study.histories.append([])
+    study.console.print(f"  {len(study.rows):3}  {case}: left out: {reason}")
+
+
+def _add(study: Study, case: Case, scene: Scene, sides: list[np.ndarray], exact: Exact, row: dict[str, Any],
+         history: list) -> None:
+    """Measure the errors of a finished run and add its row."""
+    errors = exact.errors(scene, sides)
+    study.add(case, {"dofs": 3 * len(scene.mesh.nodes), **errors, **row}, history,
+              f"energy error {errors['energy_error']:.1e}, stress error {errors['stress_error']:.1e}")
+
+
+def _deflection(study: Study) -> None:
+    """The quickest run of each element that finds the beam's deflection."""
+    quickest = {}
+    for element in ("P1", "P2"):
+        good = [row for row in study.rows if row["case"] == "beam in bending" and row["element"] == element
+                and row.get("deflection_error", 1.0) <= DEFLECTION
+                and row["energy_error"] <= math.sqrt(DEFLECTION)]  # the same but for luck before convergence
+        quickest[element] = min(good, key=lambda row: row["seconds"], default=None)
+    one, two = quickest["P1"], quickest["P2"]
+    shown = ", ".join(f"{element} {row['method']} {row['tolerance']} k = {row['k']}: {row['seconds']:.2f} s" if row else
+                      f"{element}: none" for element, row in quickest.items())
+    ratio = one["seconds"] / two["seconds"] if one and two else 0.0
+    study.target(f"beam, deflection to {DEFLECTION:.0%}: quickest P1 over quickest P2", f"at least {FASTER:g}",
+                 f"{ratio:.1f}: {shown}", ratio >= FASTER)
+
+
+def _auto(study: Study, name: str) -> None:
+    """What ``error: auto`` adds to the error of the mesh, and what it saves."""
+    rows = [row for row in study.rows if row["case"] == name and row.get("energy_error") is not None]
+    tight = {(r["element"], r["k"]): r for r in rows if r["method"] == FIXED and r["tolerance"] == min(TOLERANCES[:2])}
+    pairs = [(r, tight[r["element"], r["k"]]) for r in rows if r["method"] == AUTO and (r["element"], r["k"]) in tight]
+    if not pairs:
+        return
+    added = max(a["energy_error"] / t["energy_error"] - 1 for a, t in pairs)
+    stages = [sum(row["iterations"] for row in side) for side in zip(*pairs)]
+    study.target(f"{name}: error: auto beside {min(TOLERANCES[:2]):g}",
+                 f"at most {ADDED:.0%} more error in fewer stages",
+                 f"{100 * added:.1f} % more; {stages[0]} stages, not {stages[1]}",
+                 added <= ADDED and stages[0] < stages[1])
+
+
+def _front(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows that no other beats in both time and error, by time."""
+    front: list[dict[str, Any]] = []
+    for row in sorted(rows, key=lambda row: (row["seconds"], row["energy_error"])):
+        if not front or row["energy_error"] < front[-1]["energy_error"]:
+            front.append(row)
+    return front
+
+
+def _picture(study: Study, names: list[str]) -> bytes:
+    """A column per problem: energy error and stress error over seconds, with the Pareto front of each."""
+    figure = new_figure(3.6 * len(names) + 0.6, 7.0)
+    axes = figure.subplots(2, len(names), squeeze=False, sharex="col")
+    for column, name in enumerate(names):
+        rows = [row for row in study.rows if row["case"] == name and math.isfinite(row.get("energy_error", math.nan))]
+        for line, quantity in enumerate(("energy_error", "stress_error")):
+            panel = axes[line, column]
+            front = _front([{**row, "energy_error": row[quantity]} for row in rows])
+            panel.loglog([r["seconds"] for r in front], [r["energy_error"] for r in front], color=GREY, linewidth=1,
+                         drawstyle="steps-post", label="best so far")
+            for method, colour in COLOURS.items():
+                for element, marker in (("P1", "o"), ("P2", "s")):
+                    mine = [r for r in rows if r["method"] == method and r["element"] == element]
+                    panel.loglog([r["seconds"] for r in mine], [r[quantity] for r in mine], marker, color=colour,
+                                 markersize=5, markerfacecolor="none" if element == "P1" else colour,
+                                 label=f"{method}, {element}")
+            tidy(panel)
+            plain_ticks(panel)
+            panel.tick_params(labelsize=8)
+        axes[0, column].set_title(name, fontsize=11)
+        axes[1, column].set_xlabel("wall time [s]", fontsize=9)
+    for panel, label in zip(axes[:, 0], ("true error, energy norm", "true error of the largest stress")):
+        panel.set_ylabel(label, fontsize=9)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, frameon=False, ncols=len(names) + 1, loc="lower center")
+    figure.tight_layout(rect=(0, 0.07, 1, 1))
+    return png(figure)

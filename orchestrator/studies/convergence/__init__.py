@@ -1,1 +1,0 @@
-"""How many stages or sweeps runs need, and what the bound says of the true error."""

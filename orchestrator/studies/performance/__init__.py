@@ -1,1 +1,0 @@
-"""Wall time: of whole runs, against the error, over workers and ranks, of large problems."""

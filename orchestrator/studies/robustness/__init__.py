@@ -1,1 +1,0 @@
-"""Hard cases, and the same cases through other codes: nothing silently wrong."""
