@@ -14,7 +14,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.structured import bricks
 
 LENGTH, RADIUS = 1.0, 2.0

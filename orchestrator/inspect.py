@@ -17,7 +17,7 @@ from orchestrator.scene.inspection.pairs import pairs_of_mesh, pairs_of_scene
 from orchestrator.scene.inspection.tables import pair_table, surface_table, volume_table
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 CAD = {".stp", ".step", ".brep"}
 

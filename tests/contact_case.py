@@ -18,7 +18,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 BOTTOM = {"on": {"plane": "z", "at": 0.0}, "displacement": [0.0, 0.0, 0.0]}
 TOP = {"plane": "z", "at": 1.0}

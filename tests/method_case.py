@@ -12,7 +12,8 @@ from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.model import Mesh, Scene
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.timing import Stopwatch

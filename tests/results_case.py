@@ -10,7 +10,8 @@ from orchestrator.method.events import HISTORY_COLUMNS, Iteration
 from orchestrator.results.fields.fields import Fields
 from orchestrator.registry import LAWS
 from orchestrator.scene.mesh.faces import LOCAL_FACES
-from orchestrator.scene.model import Material, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Material
 
 STEEL = Material(200e3, 0.3)
 

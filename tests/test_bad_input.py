@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from orchestrator.blackbox.codes.freefem import installation
 from orchestrator.cli import app
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.structured import bricks
 
 GOOD = {

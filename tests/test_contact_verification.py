@@ -7,7 +7,7 @@ from benchmarks.monolithic import SLIP, STICK
 
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.conditions.rigid import rigid_modes
 
 YOUNG = 200e3

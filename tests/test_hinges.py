@@ -8,7 +8,7 @@ from orchestrator.config import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 BASE = [(i, j, 0) for i in range(2) for j in range(2)]
 EDGE = [*BASE, (0, 0, 1), (1, 1, 1)]  # two voxels on a base, that share an edge

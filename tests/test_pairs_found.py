@@ -26,7 +26,7 @@ from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.placing import joined, moved
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 AS1 = "gmsh:as1-tu-203.stp"
 

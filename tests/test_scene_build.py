@@ -18,7 +18,7 @@ from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.partition.metis import _gather_strays
 from orchestrator.scene.partition.numbering import split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition

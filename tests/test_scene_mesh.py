@@ -17,7 +17,7 @@ from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.quality import checked
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 def from_file(path, **more):

@@ -13,7 +13,7 @@ from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.overlap import Solid, contained
 from orchestrator.scene.interfaces.pairing import REACH, Body, close_bodies
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.make import make_soles
 

@@ -10,7 +10,7 @@ import meshio
 import numpy as np
 
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 STEEL = [{"young": 200e3, "poisson": 0.3}]
 

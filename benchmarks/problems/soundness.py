@@ -7,7 +7,7 @@ import numpy as np
 from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_EDGES, edges_of
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 ROUNDING = 1e-12  # of the volume, of a side's area
 

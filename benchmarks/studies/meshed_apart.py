@@ -21,7 +21,7 @@ from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.placing import joined
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from benchmarks.kit.study import Case, Study
 from benchmarks.problems import assemblies
 from benchmarks.problems.cases import STEEL

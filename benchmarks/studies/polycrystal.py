@@ -23,7 +23,7 @@ from orchestrator.results.figures.painting import show
 from orchestrator.results.figures.plotting import BLUE, GREEN, ORANGE, new_figure, png, tidy
 from orchestrator.results.figures.view import Camera, View
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from benchmarks.kit.drawing import Curve, draw
 from benchmarks.kit.following import Followed, follow
 from benchmarks.kit.study import Case, Study, first

@@ -16,7 +16,7 @@ from orchestrator.errors import InputError
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.log import Damaged, OtherVersion, append, records
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 NAME = "checkpoint/mesh.log"
 DEAR = 1.0  # seconds of meshing from which it is worth keeping

@@ -24,7 +24,8 @@ from orchestrator.scene.mesh.patch import node_areas
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
-from orchestrator.scene.model import BoundaryEntry, Interface, Material, Mesh, Scene, Subdomain
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface, Material, Scene, Subdomain
 from orchestrator.scene.names import look_alike
 from orchestrator.scene.partition.bolts import cut_bolts
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering

@@ -7,96 +7,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
+from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.elasticity import lame
+from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import tet_volumes
-
-if TYPE_CHECKING:
-    from orchestrator.scene.soles.difficulty import Difficulty
-    from orchestrator.scene.conditions.frames import Cylindrical
-    from orchestrator.scene.interfaces.mortar.moving import Moving
-
-
-@dataclass(frozen=True)
-class StandIn:
-    """What a volume is that stands for a part whose mesh is not ours, see ``foreign.standin``.
-
-    Parameters
-    ----------
-    volume : index of the volume
-    first : its first node; its nodes follow each other, those of its joints first
-    joints : how many of them are the joints'
-    held : (m, 3) bool, of its nodes, components that the part's own supports hold
-    triangles : (k, 3) int, nodes of the joints' faces, outward
-    size : a length, the extent of its joints
-    quadratic : whether the part's own faces have nodes in the middle of edges
-    matter : representative modulus and ratio, where the part tells them
-    """
-
-    volume: int
-    first: int
-    joints: int
-    held: np.ndarray
-    triangles: np.ndarray
-    size: float
-    quadratic: bool
-    matter: tuple[float, float] | None = None
-
-    @property
-    def nodes(self) -> slice:
-        """All its nodes."""
-        return slice(self.first, self.first + len(self.held))
-
-
-@dataclass
-class Mesh:
-    """A conforming mesh of four- or ten-node tetrahedra with named volumes and surfaces.
-
-    Parameters
-    ----------
-    nodes : (n, 3) float, coordinates
-    cells : (m, 4 or 10) int, node indices, positively oriented; the corners first, see ``quadratic``
-    volume : (m,) int, index into ``volumes``
-    volumes : names of the volumes (parts, solids, physical volumes); at least one
-    surfaces : name → (k, 3) int, corners of the boundary triangles of each named surface
-    source : what it was made from, for messages
-    remarks : sentences on how it differs from what was asked for
-    smooth : names of the surfaces that are each a single face of a CAD model, without a crease
-    foreign : the volumes that stand for parts whose mesh is not ours
-    """
-
-    nodes: np.ndarray
-    cells: np.ndarray
-    volume: np.ndarray
-    volumes: list[str]
-    surfaces: dict[str, np.ndarray] = field(default_factory=dict)
-    source: str = ""
-    remarks: list[str] = field(default_factory=list)
-    smooth: list[str] = field(default_factory=list)
-    foreign: list[StandIn] = field(default_factory=list)
-
-    def is_foreign(self, cells: np.ndarray) -> np.ndarray:
-        """Bool, of the same shape as cells (int), which of them stand for parts whose mesh is not ours."""
-        known = np.zeros(len(self.volumes), dtype=bool)
-        known[[stand.volume for stand in self.foreign]] = True
-        return known[self.volume[cells]]
-
-    @property
-    def one_body(self) -> list[np.ndarray]:
-        """(k, 2) int each, cells that belong together though they share no face: of a part whose mesh is not ours."""
-        found = [np.flatnonzero(self.volume == stand.volume) for stand in self.foreign]
-        return [np.column_stack([np.full(len(cells), cells[0]), cells]) for cells in found]
-
-    def __repr__(self) -> str:
-        return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "
-                f"{len(self.volumes)} volumes, {len(self.surfaces)} surfaces)")
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 @dataclass
@@ -287,6 +209,22 @@ class PlacedBolt:
     interface: Interface
     axis: np.ndarray
     point: np.ndarray
+
+
+@dataclass(frozen=True)
+class Difficulty:
+    """What is difficult about a scene.
+
+    Parameters
+    ----------
+    mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
+    incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
+    soft : (subdomains,) bool, those of them that affine macro functions do not do for
+    """
+
+    mixed_moduli: np.ndarray
+    incompressible_or_slender: np.ndarray
+    soft: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.scene.conditions.loose import loose_bodies
-from orchestrator.scene.model import BoundaryEntry, Interface, Mesh, Overview, Scene, Subdomain
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.overlap import first_row
 

@@ -17,7 +17,8 @@ from orchestrator.scene.conditions.boundary import reach
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.wording import some
 

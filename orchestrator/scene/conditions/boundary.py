@@ -16,7 +16,8 @@ from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 # Two entries agree when their values differ by rounding only.

@@ -8,7 +8,8 @@ import numpy as np
 
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import Problems
-from orchestrator.scene.model import Mesh, Subdomain
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Subdomain
 from orchestrator.scene.names import matching, suggestion
 from orchestrator.wording import some
 

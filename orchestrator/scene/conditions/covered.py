@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 

@@ -21,7 +21,8 @@ from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition
 

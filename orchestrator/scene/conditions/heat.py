@@ -24,7 +24,8 @@ from orchestrator.scene.mesh.geometry import shape_gradients, tet_volumes
 from orchestrator.scene.mesh.quadratic import quadratic_slopes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Material, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Material
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where

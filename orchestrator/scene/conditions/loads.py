@@ -12,7 +12,8 @@ from orchestrator.scene.conditions.affine import nodal
 from orchestrator.scene.conditions.materials import cells_loaded
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_MOMENTS, TET_SHARES, TRIANGLE_SHARES
-from orchestrator.scene.model import BoundaryEntry, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 

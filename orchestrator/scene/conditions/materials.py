@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.model import Material, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Material
 from orchestrator.scene.names import matching, patterns_of, suggestion
 from orchestrator.wording import some
 

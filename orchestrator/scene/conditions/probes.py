@@ -14,7 +14,8 @@ from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
 from orchestrator.wording import some
 

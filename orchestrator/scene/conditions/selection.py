@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion
 
 # Planes and boxes are met within this share of the mesh's diagonal: digits of the YAML and of files. But not where that is

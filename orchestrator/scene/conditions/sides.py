@@ -12,7 +12,8 @@ from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import BoundaryEntry, Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import BoundaryEntry, Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 CURVED = 0.2  # of a jump, what may point into a curved side: normals at nodes are means of facets

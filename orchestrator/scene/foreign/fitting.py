@@ -15,7 +15,7 @@ from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import local_size
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 PASSES = 50  # in each of them a triangle takes part in one exchange of diagonals
 

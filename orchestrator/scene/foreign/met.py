@@ -6,7 +6,8 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.names import INSIDE
 from orchestrator.scene.partition.numbering import SplitNumbering
 

@@ -13,7 +13,7 @@ import numpy as np
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.joints import Joints, components_held
 from orchestrator.scene.mesh.patch import local_size
-from orchestrator.scene.model import Mesh, StandIn
+from orchestrator.scene.mesh.mesh import Mesh, StandIn
 from orchestrator.scene.soles.facets import Facets
 from orchestrator.scene.soles.prisms import prisms
 

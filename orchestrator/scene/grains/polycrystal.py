@@ -16,7 +16,7 @@ from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, l
 from orchestrator.scene.mesh.mending import mend
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
 from orchestrator.scene.mesh.tets import dihedral_angles, dihedral_range, roundness
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 PATH = ("mesh", "polycrystal")
 # How many seeds are tried, one after another.

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.scene.inspection.shapes import Shape, shape_of
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 # Largest extents of what is built and made, in metres: beyond, one unit is meant for another.

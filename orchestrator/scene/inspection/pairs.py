@@ -14,7 +14,8 @@ from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
-from orchestrator.scene.model import Interface, Mesh, Scene
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface, Scene
 
 SHARED, COINCIDENT, APART = "shared", "matching", "not matching"
 

@@ -8,7 +8,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.pairing import Body, nearest
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.partition.partition import Partition
 from orchestrator.wording import some
 

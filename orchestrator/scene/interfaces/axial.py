@@ -15,7 +15,8 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import govern
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh, PlacedBolt
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface, PlacedBolt
 from orchestrator.scene.partition.bolts import BoltCut
 
 ALONG = 1e-6  # share of the axis that a prescribed component may have

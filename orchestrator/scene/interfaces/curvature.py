@@ -11,7 +11,7 @@ import numpy as np
 
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 # Facets beside each other that turn by less than this are one smooth face: a circle of seven chords is a circle, the side
 # of a hexagonal nut is plane.

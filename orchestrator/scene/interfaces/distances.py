@@ -15,7 +15,8 @@ from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.mesh.patch import local_size, node_normals
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 

@@ -9,7 +9,8 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.shared_normals import share_normals
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 

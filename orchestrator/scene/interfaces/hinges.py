@@ -16,7 +16,8 @@ from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from orchestrator.scene.conditions.rigid import Hinge, left_over
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.partition import Partition
 
 SHARED = "an edge that bodies share is a hinge, and a corner less"

@@ -11,7 +11,7 @@ from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.pairing import close_bodies, match, outer_bodies
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 def report_loose_pieces(mesh: Mesh, faces: Faces, piece: np.ndarray, problems: Problems) -> None:

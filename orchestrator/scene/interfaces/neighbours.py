@@ -25,7 +25,8 @@ from orchestrator.scene.interfaces.pairing import Body, close_bodies
 from orchestrator.scene.interfaces.proximity import Near, near
 from orchestrator.scene.mesh.faces import Faces, components, pack, pieces
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 

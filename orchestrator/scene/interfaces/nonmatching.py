@@ -20,7 +20,8 @@ from orchestrator.scene.interfaces.proximity import may_face
 from orchestrator.scene.interfaces.skins import Skin, Skins
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.patch import local_size
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.scene.mesh.faces import Faces, edge_patches, pack
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 # Nodes closer than this share of the local mesh size h = √(2 × facet area) coincide.
 COINCIDE = 1e-3

@@ -20,7 +20,8 @@ from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_b
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.partition.partition import Partition
 

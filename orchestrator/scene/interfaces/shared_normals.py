@@ -10,7 +10,8 @@ import numpy as np
 
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.patch import node_normals
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
 
 

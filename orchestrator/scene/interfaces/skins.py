@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
 from orchestrator.scene.interfaces.pairing import Body
 from orchestrator.scene.mesh.faces import Faces, pack
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True)

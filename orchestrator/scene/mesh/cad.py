@@ -15,7 +15,7 @@ from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.recognised import check_content
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 
 # Labels that programs write where nobody has named a solid.

@@ -14,7 +14,8 @@ import numpy as np
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TET_MOMENTS, edges_of
-from orchestrator.scene.model import Material, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Material
 
 # Unknowns of ten-node tets beyond which they are not taken unasked: some 8 kB each, measured (assembly, 186,000 unknowns,
 # 1.8 GB), a dozen GB. A number, not what is free here and now: the same input gives the same result everywhere.

@@ -22,7 +22,7 @@ from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.splitting import in_tets
 from orchestrator.scene.mesh.straightened import straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 # Where the formats keep the number of each cell's group, the most telling first.
 TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "flac3d:group", "tetgen:ref",

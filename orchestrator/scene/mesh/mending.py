@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.scene.mesh.stars import IN_PLANE, Stars
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 # How good tets (m, 4) of nodes (n, 3) are: below 1 they are bad, without volume not above 0.
 Fitness = Callable[[np.ndarray, np.ndarray], np.ndarray]

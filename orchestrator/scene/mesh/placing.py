@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.config.parts import Move
 from orchestrator.config.turning import Rotate, unit
 from orchestrator.scene.mesh.geometry import cross
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import INSIDE
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from orchestrator.scene.mesh.faces import Faces
 
 if TYPE_CHECKING:  # what draws needs no scene
-    from orchestrator.scene.model import Mesh
+    from orchestrator.scene.mesh.mesh import Mesh
 
 # Ends of the edges behind nodes 4 … 9 of a tet, and behind nodes 3 … 5 of a triangle.
 TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])

@@ -9,7 +9,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import tet_volumes
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 # A tet is flat when its volume is below this share of its longest edge cubed.
 FLAT = 1e-10

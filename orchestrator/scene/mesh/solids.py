@@ -24,7 +24,7 @@ from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.scene.mesh.cad import ATTEMPTS, check_h, leave_out, locate, product, read_model
 from orchestrator.scene.mesh.gmsh_session import TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.size import DENSITY
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.wording import some
 

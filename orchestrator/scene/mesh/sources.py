@@ -12,7 +12,7 @@ from orchestrator.scene.foreign.asked import check_asked
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.placing import joined, placed
 from orchestrator.scene.mesh.quality import checked
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.wording import visible
 
 if TYPE_CHECKING:

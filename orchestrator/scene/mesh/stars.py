@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 # Directions this close to a plane (sine of the angle) lie in it; components this small are rounding.
 IN_PLANE, ROUNDING = 1e-6, 1e-12

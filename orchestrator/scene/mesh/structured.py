@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.size import check_size, coarser
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 def beam(mesh: Any) -> Mesh:

@@ -12,7 +12,7 @@ from orchestrator.config.turning import unit
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition.partition import Partition
 

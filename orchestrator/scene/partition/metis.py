@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 
 def metis(mesh: Mesh, faces: Faces, count: int) -> tuple[np.ndarray, np.ndarray]:

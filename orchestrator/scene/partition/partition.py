@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 
 PATH = ("subdomains",)
 AXES = "xyz"

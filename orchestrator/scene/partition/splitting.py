@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.cost import EXPONENT, predicted_cost
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.model import Mesh
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import unique_names
 from orchestrator.scene.partition.metis import cut
 from orchestrator.scene.partition.numbering import split_numbering

@@ -8,11 +8,10 @@ cells are mixed, where the matter is nearly incompressible, where the subdomain 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.model import Scene
+from orchestrator.scene.model import Difficulty, Scene
 from orchestrator.scene.soles.overlap import INCOMPRESSIBLE, first_row
 
 CONTRAST = 10.0  # of moduli in one side's first row of cells
@@ -22,22 +21,6 @@ SLACK = 1e-6
 # ways to move resist. With ν = .499, .045 of it, soft modes save 12 of 64 stages for 416 back-substitutions per subdomain at
 # set-up; with ν = .4999, .014, they save 46 of 110 for 220. The limit lies between.
 YIELDING = 0.03
-
-
-@dataclass(frozen=True)
-class Difficulty:
-    """What is difficult about a scene.
-
-    Parameters
-    ----------
-    mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
-    incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
-    soft : (subdomains,) bool, those of them that affine macro functions do not do for
-    """
-
-    mixed_moduli: np.ndarray
-    incompressible_or_slender: np.ndarray
-    soft: np.ndarray
 
 
 def difficulty(scene: Scene) -> Difficulty:

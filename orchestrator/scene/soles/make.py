@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.scene.congruence import first_congruent
-from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.soles.difficulty import Difficulty, difficulty
+from orchestrator.scene.model import Difficulty, Interface, Scene
+from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.facets import Facets, facets_of
 from orchestrator.scene.soles.layers import layers
 from orchestrator.scene.soles.overlap import overlap

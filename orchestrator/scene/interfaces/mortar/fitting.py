@@ -20,7 +20,8 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.patch import local_size
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.model import Interface, Mesh
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.model import Interface
 
 # Each pass leaves a small share of what was off, as P changes with the nodes.
 PASSES = 3
