@@ -11,6 +11,7 @@ from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
 from orchestrator.config import Config
+from orchestrator.method.history import History
 from orchestrator.method.coarse.correction import MANY, kind_of
 from orchestrator.method.events import Subscriber
 from orchestrator.parallel.team import Team
@@ -62,7 +63,7 @@ def test_moments_do_the_work_of_the_fields(coarse, steps):
     T = np.concatenate([pairs.transfer.first(U), -pairs.transfer.second(U)]).transpose(2, 1, 0)
     free = pairs.free.T
     assert np.abs(at.at_pairs()[free] - T[free]).max() < 1e-12 * np.abs(T).max()
-    answer = pairs.force(steps[0][0], np.zeros((3, len(pairs))), 0, derivative=True)
+    answer = pairs.force(steps[0][0], History.none(len(pairs)), 0, derivative=True)
     assert len(answer.active)
     carried = np.einsum("pif,ip->f", T, answer.force)
     weight = np.ones(len(pairs))
@@ -74,12 +75,12 @@ def test_moments_do_the_work_of_the_fields(coarse, steps):
 @pytest.mark.parametrize("reach", [0.0, 1e-3, 1.0])
 def test_pairs_left_out_come_back_when_they_matter(coarse, steps, reach):
     """However small the fields were believed to be, the solution is that with all pairs."""
-    problem, previous = coarse.problem, np.zeros((3, len(coarse.pairs)))
+    problem, before = coarse.problem, History.none(len(coarse.pairs))
     for step, (F0, resultant) in enumerate(steps):
         problem._reach = {}
-        exact, force = problem.solve(step, step, F0, resultant, previous, 1.0)
+        exact, force = problem.solve(step, step, F0, resultant, before, 1.0)
         problem._reach = {step: np.full(1, reach)}
-        found, same = problem.solve(step, step, F0, resultant, previous, 1.0)
+        found, same = problem.solve(step, step, F0, resultant, before, 1.0)
         assert np.abs(exact).max() > 0
         assert found == pytest.approx(exact, abs=1e-6 * np.abs(exact).max())
         assert same == pytest.approx(force, abs=1e-6 * np.abs(force).max())

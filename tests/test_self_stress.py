@@ -55,7 +55,7 @@ def test_it_brings_forces_nearer_to_the_laws(eight):
     def left(fields):
         at = pairs.traces(*fields.extended)
         F, q = at.predicted()[0], at.force[0]
-        force = pairs.settled(pairs.force(F, d.local.previous, 0).force, F, d.local.previous)[0]
+        force = pairs.settled(pairs.force(F, d.local.before, 0).force, F, d.local.before.jump)[0]
         return [np.linalg.norm(f.sums((q - force)[:, own.chosen].T)[:, :, 0], axis=1) for f in own.families]
 
     for one, two in zip(left(before), left(after)):

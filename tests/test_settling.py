@@ -8,6 +8,7 @@ import pytest
 from orchestrator.laws.contact import Contact
 from orchestrator.laws.points import Points
 from orchestrator.method.coarse.settling import Body
+from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs, Run
 from orchestrator.method.interface.transfer import Matching
 
@@ -30,7 +31,7 @@ def pushed_body(friction: float = 0.0) -> Body:
 
 
 def settled(body: Body, rho: np.ndarray, radius: float) -> np.ndarray:
-    return body.settle(np.zeros((3, 1)), np.zeros((3, 1)), 0, rho, 1e-10, radius)
+    return body.settle(np.zeros((3, 1)), History.none(1), 0, rho, 1e-10, radius)
 
 
 def test_a_pushed_body_comes_to_rest_at_the_wall():

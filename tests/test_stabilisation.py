@@ -8,6 +8,7 @@ from method_case import box_of, prepared
 from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
+from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.load_cases import load_cases
@@ -89,7 +90,7 @@ def test_the_local_stage_blends_the_laws_with_the_step_before(decomposed):
     keq = pairs.points.stiffness
     assert len(set(local.status.ravel())) == 3
     for t in range(d.steps):
-        law = pairs.force(F[t], before[t], t).force
+        law = pairs.force(F[t], History(before[t]), t).force
         assert local.force[t] == pytest.approx(0.95 * law + 0.05 * (F[t] - keq(before[t])), abs=1e-9 * np.abs(F).max())
         assert keq(local.jump[t]) == pytest.approx(F[t] - local.force[t], abs=1e-9 * np.abs(F).max())
         assert local.lawful[t] == pytest.approx(law)
@@ -103,9 +104,9 @@ def test_the_coarse_problem_blends_them_alike(decomposed):
     F0 = 100 * rng.normal(size=(3, len(pairs)))
     previous, resultant = 1e-4 * rng.normal(size=F0.shape), rng.normal(size=(2, 12))
     y = 1e-2 * rng.normal(size=(2, 12))
-    step = LoadStep(problem.bodies, 0, F0, resultant, previous, np.full(1, np.inf))
+    step = LoadStep(problem.bodies, 0, F0, resultant, History(previous), np.full(1, np.inf))
     T, F = at.at_pairs(), at.predicted(F0, y)
-    force = 0.95 * pairs.force(F, previous, 0).force + 0.05 * (F - pairs.points.stiffness(previous))
+    force = 0.95 * pairs.force(F, History(previous), 0).force + 0.05 * (F - pairs.points.stiffness(previous))
     carried = np.einsum("pif,ip->f", T, force).reshape(2, 12)
     rho = resultant + np.einsum("bij,bj->bi", problem.bodies.K0, y) - carried
     assert step.residual(y) == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
@@ -122,7 +123,7 @@ def test_the_work_along_a_line_is_that_of_the_imbalance(decomposed, reach):
     F0 = 100 * rng.normal(size=(3, len(coarse.pairs)))
     y, dy, resultant = 1e-4 * rng.normal(size=(2, 12)), 0.1 * rng.normal(size=(2, 12)), rng.normal(size=(2, 12))
     before = 1e-4 * rng.normal(size=F0.shape)
-    step = LoadStep(coarse.problem.bodies, 0, F0, resultant, before, np.full(1, reach))
+    step = LoadStep(coarse.problem.bodies, 0, F0, resultant, History(before), np.full(1, reach))
     step.residual(y)
     near = step.F0_near.shape[1]
     work = step.along(y, dy)

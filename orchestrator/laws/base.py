@@ -7,7 +7,8 @@ whose points are joined: these methods are static and find the parameters in ``P
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -46,6 +47,7 @@ class Stages:
     force, jump : (T, 3, P) force on side 1 and jump u₂ − u₁ of the linear stage
     answered : (T, 3, P) jump of the local stage; before : (3, P) the jump before the first step
     status : (T, P) int
+    own : name → (T, P) the law's own variables at the end of each step
     """
 
     force: np.ndarray
@@ -53,12 +55,14 @@ class Stages:
     answered: np.ndarray
     before: np.ndarray
     status: np.ndarray
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def at(self, step: int) -> Stages:
         """One of the load steps alone."""
         one = slice(step, step + 1)
         return Stages(self.force[one], self.jump[one], self.answered[one],
-                      self.answered[step - 1] if step else self.before, self.status[one])
+                      self.answered[step - 1] if step else self.before, self.status[one],
+                      {name: x[one] for name, x in self.own.items()})
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,7 @@ class Written:
     shear : (T, n, 3) tangential traction on side 1
     chosen : (n,) int, where these nodes are among the interface's
     length : (n,) what is left of the unit normal within the components that are free
+    own : name → (T, n) the law's own variables at the end of each step
     """
 
     opening: np.ndarray
@@ -81,6 +86,21 @@ class Written:
     shear: np.ndarray
     chosen: np.ndarray
     length: np.ndarray
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A number that a law remembers of each pair from load step to load step: 0 before the first one.
+
+    Parameters
+    ----------
+    name : in ``points[name]``, in ``Answer.own`` and in the files of the interfaces
+    meaning : in the report
+    """
+
+    name: str
+    meaning: str
 
 
 class Law:
@@ -103,6 +123,7 @@ class Law:
     homogeneous : λ times the load has λ times the solution, λ ≥ 0
     statuses : what its pairs can do
     measures : of its residuals
+    variables : what it remembers of each pair beside its jump, such as a damage
 
     Notes
     -----
@@ -150,6 +171,7 @@ class Law:
     homogeneous: bool = False
     statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
     measures: ClassVar[tuple[Measure, ...]] = ()
+    variables: ClassVar[tuple[Variable, ...]] = ()
 
     @classmethod
     def of(cls, entry: Entry, count: int, direction: float, distance: np.ndarray | None = None) -> Law:

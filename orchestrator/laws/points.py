@@ -5,7 +5,7 @@ Vectors are rows of components, (3, P): numpy is several times faster along long
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,6 +23,10 @@ class Points:
     own : name → (…, P), the law's parameters
     stepped : name → (T, …, P), those of them that differ from load step to load step, at all steps of the scene
     interface : (P,) int, which interface each is on, for laws whose pairs answer together
+
+    Notes
+    -----
+    ``points[name]`` is a parameter, or one of the law's own variables at the end of the load step before.
     """
 
     normal: np.ndarray
@@ -45,11 +49,12 @@ class Points:
                       *({name: values[..., part] for name, values in own.items()} for own in (self.own, self.stepped)),
                       interface=self.interface[part] if len(self.interface) else self.interface)
 
-    def at(self, step: int) -> Points:
-        """With the law's parameters at a load step of the scene, counted from 0."""
-        if not self.stepped:
+    def at(self, step: int, before: Mapping[str, np.ndarray] | None = None) -> Points:
+        """With the law's parameters at a load step of the scene, counted from 0, and its variables ``before`` it."""
+        if not self.stepped and not before:
             return self
-        return replace(self, own=self.own | {name: values[step] for name, values in self.stepped.items()}, stepped={})
+        own = self.own | {name: values[step] for name, values in self.stepped.items()} | dict(before or {})
+        return replace(self, own=own, stepped={})
 
     @property
     def search(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -84,6 +89,7 @@ class Answer:
     active : (Q,) pairs whose force changes with F, only if the derivative is asked for
     derivative : (3, 3, Q) ∂f̂/∂F at these
     collective : what else F changes, where pairs answer together; None: nothing
+    own : name → (P,) the law's own variables at the end of the load step, all of ``Law.variables``
     """
 
     force: np.ndarray
@@ -91,6 +97,7 @@ class Answer:
     active: np.ndarray | None = None
     derivative: np.ndarray | None = None
     collective: Collective | None = None
+    own: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass

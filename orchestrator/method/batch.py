@@ -232,7 +232,7 @@ class Batch:
         if self.d.following is None:
             return []
         local = self.d.local
-        return [Paired(local.pairs, {i.index: i.mortar for i in self.d.following.interfaces}, local.previous)]
+        return [Paired(local.pairs, {i.index: i.mortar for i in self.d.following.interfaces}, local.before)]
 
     def _slid_on(self, fields: Admissible, verdict: Verdict) -> bool:
         """Whether sides that follow have slid so far since they were paired that they are to be paired anew."""

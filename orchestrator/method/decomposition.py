@@ -15,6 +15,7 @@ from orchestrator.blackbox.models.extended import extended_model, sides_by_subdo
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.following import Following
+from orchestrator.method.history import History
 from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
 from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
@@ -99,13 +100,13 @@ class Decomposition:
         """Number of load steps that are solved together."""
         return len(self.loading.boundary)
 
-    def batch(self, steps: slice | np.ndarray, previous: np.ndarray | None = None) -> "Decomposition":
+    def batch(self, steps: slice | np.ndarray, before: History | None = None) -> "Decomposition":
         """The same decomposition for some of the load steps.
 
         Parameters
         ----------
         steps : slice or (r,) int
-        previous : (3, P) jump of the pairs that are not perfect at the end of the step before; None at the start
+        before : what the step before has left; None at the start
         """
         loading = self.loading.batch(steps)
         one = None if self.nonlinear is None else AtStep(self.nonlinear, range(self.steps)[steps][0])
@@ -113,8 +114,8 @@ class Decomposition:
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:
             local.pairs = local.pairs.batch(steps)
-        if previous is not None:
-            local.previous = previous
+        if before is not None:
+            local.before = before
         if coarse is not None:
             coarse.start_from(local)
         bound = self.bound and self.bound.batch(steps, stage, loading)
@@ -135,7 +136,7 @@ class Decomposition:
     def paired(self, place: np.ndarray) -> "Decomposition":
         """The same with sides paired where traces (1, D) have brought them."""
         pairs = replace(self.following.pair(place), targets=self.local.pairs.targets, numbers=self.local.pairs.numbers)
-        local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.previous), self.coarse
+        local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.before), self.coarse
         if coarse is not None:
             coarse = coarse.paired(pairs)
             coarse.start_from(local)

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from orchestrator.method.history import History
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -57,8 +58,8 @@ class Following:
         self.first = {i.index: i.mortar for i in self.interfaces}
         self.place = np.zeros((1, self.space.size))
 
-    def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> np.ndarray:
-        """(3, P) the jump with which a load step begins, where another one has ended; points that carry nothing keep theirs.
+    def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> History:
+        """What a load step begins with where another one has ended: points that carry nothing keep their jumps.
 
         Parameters
         ----------
@@ -66,7 +67,8 @@ class Following:
         """
         w, f = fields.extended
         self._before = w[-1:], pairs.traces(w[-1:], f[-1:]).jump[-1]
-        return np.where(pairs.free, local.jump[-1], self._before[1])
+        left = local.left()
+        return History(np.where(pairs.free, left.jump, self._before[1]), left.own)
 
     def pair(self, place: np.ndarray) -> Pairs:
         """The pairs where traces (1, D) have brought the sides; scene and numbering have them, too."""

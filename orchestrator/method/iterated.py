@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.method.events import Iteration
+from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
@@ -24,12 +25,12 @@ class Paired:
     ----------
     pairs : that are not perfect
     mortars : operators by the interface's place in the scene
-    before : (3, P) jump at the beginning of the load step
+    before : what the load step before has left
     """
 
     pairs: Pairs
     mortars: dict[int, Mortar]
-    before: np.ndarray
+    before: History
 
 
 @dataclass(frozen=True)

@@ -61,15 +61,15 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     told_of_all = LengthScale(d).told if len(batches) > 1 and not d.all_perfect else 0.0
     begun: int | None = None  # iterations of earlier runs
     for number, steps in enumerate(batches):
-        previous = ended[-1].local.jump[-1] if ended else None
+        before = ended[-1].local.left() if ended else None
         if d.following is not None and ended:
-            previous = d.following.begin(batch.d.local.pairs, ended[-1].fields, ended[-1].local)
+            before = d.following.begin(batch.d.local.pairs, ended[-1].fields, ended[-1].local)
             d = d.paired_as(batch.d)
         if d.nonlinear is not None:
             d = d.foreseen(number)
         view, listener = d, told
         if len(batches) > 1 or d.nonlinear is not None:
-            view = d.batch(steps, previous)
+            view = d.batch(steps, before)
             listener = _PartOfAll(told, state, steps)
         batch = Batch(view, method, (number, len(batches), d.steps), numbers[steps], watch, true_error, estimate, placing)
         if told_of_all:

@@ -28,6 +28,7 @@ from orchestrator.method.coarse.kernels import carried_along
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.history import History
 from orchestrator.method.memory import Memory
 from orchestrator.method.coarse.pair_fields import AFFINE, MONOMIALS, PairFields
 from orchestrator.method.interface.pairs import Pairs
@@ -138,10 +139,8 @@ class CoarseCorrection:
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
-        previous = np.zeros((3, len(self.pairs)))
-        previous[:, : len(local.pairs)] = local.previous  # perfect ones come last
         steps = replace(self.pairs, numbers=local.pairs.numbers, targets=local.pairs.targets)
-        self.predict = LawStage(self.stage.direction, steps, previous)
+        self.predict = LawStage(self.stage.direction, steps, local.before.among(len(self.pairs)))  # perfect ones come last
 
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
@@ -170,7 +169,7 @@ class CoarseCorrection:
     def let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
         """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
         stage. Nothing of it is remembered."""
-        aside, before = copy(self), self.predict.previous
+        aside, before = copy(self), self.predict.before.jump
         aside.problem, aside.predict = self.problem.aside(), copy(self.predict)
         rest = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
         rest[..., : jump.shape[2]] = jump
@@ -182,13 +181,13 @@ class CoarseCorrection:
         """(T, bodies, n) y."""
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
-        previous = self.predict.previous
+        before = self.predict.before
         F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(len(y)):
-            number, anchor = self.predict.pairs.numbers[t], self.predict.anchor(t, previous)
-            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], previous, self.radius, anchor)
-            force = self.pairs.force(F, previous, number).force
-            previous = self.pairs.settled(force, F, anchor)[1]
+            number, anchor = self.predict.pairs.numbers[t], self.predict.anchor(t, before)
+            y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, self.radius, anchor)
+            answer = self.pairs.force(F, before, number)
+            before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)
         return y
 
     @staticmethod

@@ -24,6 +24,7 @@ from orchestrator.laws.points import Answer
 from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.kernels import along
 from orchestrator.method.coarse.pair_fields import PairFields
+from orchestrator.method.history import History
 from orchestrator.parallel.team import Team
 
 RESOLVED = 100 * float(np.finfo(np.float32).eps)  # ε above which the springs alone are told apart in single precision
@@ -113,7 +114,7 @@ class LoadStep:
     number : of the load step in the scene
     F0 : (3, P) predicted forces
     resultant : (bodies, n) Uᵀf
-    previous : (3, P) jump at the end of the load step before
+    before : what the load step before has left
     reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
     anchor : (3, P) jump at which springs carry nothing; None: the one before
 
@@ -123,14 +124,14 @@ class LoadStep:
     F, stiff, sprung : (3, Q) forces, (bodies, n) K₀ y and this rank's ΣTᵀε L y, with which ρ was formed last
     """
 
-    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
+    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
                  reach: np.ndarray, anchor: np.ndarray | None = None):
         self.bodies, self.number, self.F0, self.resultant = bodies, number, F0, resultant
-        self.previous, self.reach = previous, reach
+        self.before, self.reach = before, reach
         self.seen = np.zeros_like(reach)
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
-            resisted = pairs.resisted(F0, previous if anchor is None else anchor)
+            resisted = pairs.resisted(F0, before.jump if anchor is None else anchor)
             self.resisted = bodies.fields.carried(resisted, bodies.resisting, bodies.count)
         self._choose()
 
@@ -141,7 +142,10 @@ class LoadStep:
             near = np.flatnonzero(self.bodies.theirs & ~fields.pairs.idle(self.F0, change, self.number))
             if len(near) <= (1 - LEFT_OUT) * len(chosen):
                 chosen, self.fields = near, fields.some(near)
-        self.F0_near, self.before = ((x if len(chosen) == x.shape[1] else x.take(chosen, axis=1)) for x in (self.F0, self.previous))
+        if len(chosen) == self.F0.shape[1]:
+            self.F0_near, self.before_near = self.F0, self.before
+        else:
+            self.F0_near, self.before_near = self.F0.take(chosen, axis=1), self.before.take(chosen)
 
     def _reach_for(self, y: np.ndarray) -> bool:
         """Take in the size of fields; whether pairs came back for it."""
@@ -158,7 +162,7 @@ class LoadStep:
         self._reach_for(y)
         self.F = self.fields.predicted(self.F0_near, y)
         self.stiff, self.sprung = self._linear(y)
-        return self._imbalance(self.fields.pairs.force(self.F, self.before, self.number).force)
+        return self._imbalance(self.fields.pairs.force(self.F, self.before_near, self.number).force)
 
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
@@ -187,7 +191,7 @@ class LoadStep:
     def matrix(self) -> np.ndarray | bool:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
         bodies = self.bodies
-        answer = self.fields.pairs.force(self.F, self.before, self.number, derivative=True)
+        answer = self.fields.pairs.force(self.F, self.before_near, self.number, derivative=True)
         slopes = self.fields.slopes(answer, bodies.weight)
         everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
         if not everyone:
@@ -234,7 +238,7 @@ class Line:
         at = self.at
         at.F = self.there
         in_parts(along, at.F.shape[1], self.F, theta, self.dF, at.F, part=WORTH)
-        self.force, self.theta = at.fields.pairs.force(at.F, at.before, at.number).force, theta
+        self.force, self.theta = at.fields.pairs.force(at.F, at.before_near, at.number).force, theta
         team, work = at.bodies.team, np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1]
         if team.size > 1:  # most lines end at their first point: what ρ needs there travels along
             work, self.carried = team.sum(work, at.carried(self.force, at.sprung + theta * self.sprung))

@@ -24,6 +24,7 @@ from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.settling import Body
+from orchestrator.method.history import History
 from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import Team
 
@@ -68,7 +69,7 @@ class CoarseProblem:
         self._kept: dict[int, KeptFactors] = {}
         self._alone: dict[int, Body] = {}
 
-    def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, previous: np.ndarray,
+    def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
               radius: float, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
@@ -77,11 +78,11 @@ class CoarseProblem:
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
         F0 : (3, P) predicted forces
         resultant : (bodies, n) Uᵀf
-        previous : (3, P) jump at the end of the load step before
+        before : what the load step before has left
         radius : longest move of a body in one Newton step
         anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
-        at = LoadStep(self.bodies, number, F0, resultant, previous,
+        at = LoadStep(self.bodies, number, F0, resultant, before,
                       self._reach.get(step, np.full(len(self.fields.bodies), np.inf)), anchor)
         y, size, start, end = self._newton(at, radius) if self.bodies.springs is None else self._searched(step, at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
@@ -190,7 +191,7 @@ class CoarseProblem:
         for e in np.flatnonzero(self.own == body):
             if body not in self._alone:
                 self._alone[body] = self._body(body, self.W[e])
-            change[e] = self._alone[body].settle(F, newton.at.previous, newton.at.number, newton.rho[body], goal, radius)
+            change[e] = self._alone[body].settle(F, newton.at.before, newton.at.number, newton.rho[body], goal, radius)
         return self._of_all(change)
 
     def _body(self, body: int, W: np.ndarray) -> Body:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.method.coarse.node_loops import Groups, node_loops
+from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.stage import Admissible
@@ -118,41 +119,41 @@ class SelfStress:
         local : the laws, at these load steps; the jumps before the first
         """
         w, f = fields.extended
-        at, pairs, previous = self.pairs.traces(w, f), self.pairs, local.previous.take(self.chosen, axis=1)
+        at, pairs, before = self.pairs.traces(w, f), self.pairs, local.before.take(self.chosen)
         F, q, f = at.predicted(), at.force, f.copy()
         one, two, free = pairs.transfer.one[pairs.free], pairs.transfer.two[pairs.free], pairs.free
         for t, number in enumerate(local.pairs.numbers):
-            anchor = previous if local.rest is None else previous + local.rest[t].take(self.chosen, axis=1)
-            change = self._step(F[t], q[t], previous, anchor, number)
-            answer = pairs.force(F[t] + change, previous, number)
-            previous = pairs.settled(answer.force, F[t] + change, anchor)[1]
+            anchor = before.jump if local.rest is None else before.jump + local.rest[t].take(self.chosen, axis=1)
+            change = self._step(F[t], q[t], before, anchor, number)
+            answer = pairs.force(F[t] + change, before, number)
+            before = History(pairs.settled(answer.force, F[t] + change, anchor)[1], answer.own)
             f[t, one] += change[free]
             f[t, two] -= change[free]
         s = fields.s + (f - fields.extended[1])[:, : self.size]
         return Admissible.of_extended(s, fields.u, fields.alpha, w, f, fields.space)
 
-    def _step(self, F: np.ndarray, q: np.ndarray, previous: np.ndarray, anchor: np.ndarray, number: int) -> np.ndarray:
+    def _step(self, F: np.ndarray, q: np.ndarray, before: History, anchor: np.ndarray, number: int) -> np.ndarray:
         """(3, Q) δq in one load step, from the predicted forces F and the forces q (3, Q)."""
-        answer = self.pairs.force(F, previous, number, derivative=True)
+        answer = self.pairs.force(F, before, number, derivative=True)
         share = np.ones(F.shape[1]) if self.pairs.stabilisation is None else 1 - self.pairs.stabilisation
         slope = np.repeat(np.eye(3)[None], F.shape[1], axis=0)
         slope[answer.active] -= answer.derivative.transpose(2, 0, 1)
         slope *= share[:, None, None]
-        left = self._left(F, q, previous, anchor, number, answer.force)
+        left = self._left(F, q, before, anchor, number, answer.force)
         everyones = self._of_all([x for f in self.families for x in (f.sums(left), f.slopes(slope))])
-        before, slopes = everyones[::2], everyones[1::2]
-        steps = [-np.linalg.solve(J + _shift(J) * np.eye(J.shape[1]), phi) for J, phi in zip(slopes, before)]
+        sums, slopes = everyones[::2], everyones[1::2]
+        steps = [-np.linalg.solve(J + _shift(J) * np.eye(J.shape[1]), phi) for J, phi in zip(slopes, sums)]
         change = self._change(steps, F.shape[1])
-        left = self._left(F + change, q + change, previous, anchor, number)
+        left = self._left(F + change, q + change, before, anchor, number)
         after = self._of_all([f.sums(left) for f in self.families])
-        taken = [_size(new) <= (1 - GAIN) * _size(old) for new, old in zip(after, before)]
+        taken = [_size(new) <= (1 - GAIN) * _size(old) for new, old in zip(after, sums)]
         return self._change([step * good[:, None, None] for step, good in zip(steps, taken)], F.shape[1])
 
-    def _left(self, F: np.ndarray, q: np.ndarray, previous: np.ndarray, anchor: np.ndarray, number: int,
+    def _left(self, F: np.ndarray, q: np.ndarray, before: History, anchor: np.ndarray, number: int,
               lawful: np.ndarray | None = None) -> np.ndarray:
         """(Q, 3) q − f̂(F); ``lawful`` is law(F) where it is known."""
         if lawful is None:
-            lawful = self.pairs.force(F, previous, number).force
+            lawful = self.pairs.force(F, before, number).force
         return (q - self.pairs.settled(lawful, F, anchor)[0]).T
 
     def _change(self, steps: list[np.ndarray], count: int) -> np.ndarray:

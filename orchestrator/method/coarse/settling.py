@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
 
 STEPS = 120
@@ -43,18 +44,18 @@ class Body:
     K: np.ndarray
     W: np.ndarray
 
-    def settle(self, F: np.ndarray, previous: np.ndarray, number: int, rho: np.ndarray, goal: float, radius: float) -> np.ndarray:
+    def settle(self, F: np.ndarray, before: History, number: int, rho: np.ndarray, goal: float, radius: float) -> np.ndarray:
         """(n,) change of the body's fields that brings the size of its ρ to ``goal``, or as far as it may go.
 
         Parameters
         ----------
-        F, previous : (3, P) predicted forces and jumps before the load step, of all pairs
+        F : (3, P) predicted forces; before : what the load step before has left, of all pairs
         number : of the load step in the scene
         rho : (n,) imbalance of the body there
         radius : longest move
         """
-        start, previous = F[:, self.chosen], previous[:, self.chosen]
-        carried = rho + self._sum(self.pairs.force(start, previous, number).force)
+        start, before = F[:, self.chosen], before.take(self.chosen)
+        carried = rho + self._sum(self.pairs.force(start, before, number).force)
         v, best = np.zeros(len(rho)), np.zeros(len(rho))
         F, size, least, step = start, np.linalg.norm(rho), np.linalg.norm(rho), FIRST
         slope = None
@@ -62,14 +63,14 @@ class Body:
             if size <= goal:
                 break
             if slope is None:
-                slope = self._slope(F, previous, number)
+                slope = self._slope(F, before, number)
             dv = np.linalg.solve(slope + np.eye(len(rho)) / step, -rho)
             left = radius - np.abs(self.W @ v).max(initial=0.0)
             far = np.abs(self.W @ dv).max(initial=0.0) > left
             if far:
                 dv *= left / np.abs(self.W @ dv).max()
             F_new = start + (self.L @ (v + dv)).T
-            rho_new = carried + self.K @ (v + dv) - self._sum(self.pairs.force(F_new, previous, number).force)
+            rho_new = carried + self.K @ (v + dv) - self._sum(self.pairs.force(F_new, before, number).force)
             size_new = np.linalg.norm(rho_new)
             if not size_new <= JUMP * size and step > 1 / FIRST:
                 step /= 4
@@ -86,9 +87,9 @@ class Body:
         """(n,) Tᵀ of forces (3, Q)."""
         return np.tensordot(self.T, force, axes=((1, 0), (0, 1)))
 
-    def _slope(self, F: np.ndarray, previous: np.ndarray, number: int) -> np.ndarray:
+    def _slope(self, F: np.ndarray, before: History, number: int) -> np.ndarray:
         """(n, n) derivative of ρ."""
-        answer = self.pairs.force(F, previous, number, derivative=True)
+        answer = self.pairs.force(F, before, number, derivative=True)
         slope = self.K - np.tensordot(self.T[answer.active], answer.derivative.transpose(2, 0, 1) @ self.L[answer.active],
                                       axes=((0, 1), (0, 1)))
         if answer.collective is not None:

@@ -49,7 +49,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     own, whole = (np.sqrt(dot(x, x)) for x in (springs, law))
     epsilon, largest, carried = team.max(pairs.stabilisation.max(initial=0.0), (own / pairs.points.area).max(initial=0.0),
                                          (whole / pairs.points.area).max(initial=0.0))
-    moved = np.diff(local.jump, axis=0, prepend=d.local.previous[None])
+    moved = np.diff(local.jump, axis=0, prepend=d.local.before.jump[None])
     ends = np.repeat(np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2), np.diff(pairs.bounds), axis=0)
     sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
     for magnitudes, result in zip((own, whole), sums):

@@ -11,6 +11,7 @@ from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Collective, Points
 from orchestrator.laws.status import Status
+from orchestrator.method.history import History
 from orchestrator.method.interface import pair_loops
 from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.node_compliance import NodeCompliance
@@ -102,21 +103,24 @@ class Pairs:
         linear = self if self.slid is None else replace(self, slid=None)
         return tuple(linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
-    def force(self, F: np.ndarray, previous: np.ndarray, step: int, derivative: bool = False) -> Answer:
+    def force(self, F: np.ndarray, before: History, step: int, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law.
 
         Parameters
         ----------
+        before : what the load step before has left
         step : of the scene, one of ``numbers``
         """
-        parts = [(run.part, run.law.force(run.points.at(step), F[:, run.part], previous[:, run.part], derivative))
-                 for run in self.runs]
+        parts = [(run.part, run.law.force(run.points.at(step, self._own(run, before)), F[:, run.part],
+                                          before.jump[:, run.part], derivative)) for run in self.runs]
         if not parts:
             return _nothing(derivative)
         if len(parts) == 1 and self._all_free:
             return parts[0][1]
         force = np.where(self.free, np.concatenate([a.force for _, a in parts], axis=1), 0.0)
-        answer = Answer(force, np.concatenate([a.status for _, a in parts]))
+        answer = Answer(force, np.concatenate([a.status for _, a in parts]), own={
+            name: np.concatenate([a.own.get(name, np.zeros(len(a.status))) for _, a in parts])
+            for name in dict.fromkeys(name for _, a in parts for name in a.own)})
         if derivative:
             answer.active = np.concatenate([a.active + part.start for part, a in parts])
             free = self.free[:, answer.active]
@@ -124,6 +128,12 @@ class Pairs:
             answer.derivative = np.where(free[:, None] & free, slope, 0.0)
             answer.collective = self._collective([(part, a.collective) for part, a in parts if a.collective is not None])
         return answer
+
+    @staticmethod
+    def _own(run: Run, before: History) -> dict[str, np.ndarray]:
+        """The law's own variables at its points, as the load step before has left them."""
+        return {v.name: before.own[v.name][run.part] if v.name in before.own else np.zeros(len(run.points))
+                for v in run.law.variables}
 
     def _collective(self, parts: list[tuple[slice, Collective]]) -> Collective | None:
         """Those of several laws, whose groups are their own."""

@@ -22,6 +22,7 @@ import numpy as np
 
 from orchestrator.laws.points import Answer, dot
 from orchestrator.laws.status import BONDED
+from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.search_direction import SearchDirection, conditioning
 from orchestrator.method.linear.stage import Admissible
@@ -42,31 +43,31 @@ class LawStage:
     ----------
     direction : search direction k⁻
     pairs : node pairs that a law answers for: those of all interfaces that are not perfect
-    previous : (3, P) jump before the first load step
+    before : what the load step before the first one has left; None: nothing was before
 
     Attributes
     ----------
     rest : (T, 3, P) change of the jumps in each load step at which springs of stabilisation carry nothing; None: none
     """
 
-    def __init__(self, direction: SearchDirection, pairs: Pairs, previous: np.ndarray | None = None):
+    def __init__(self, direction: SearchDirection, pairs: Pairs, before: History | None = None):
         self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
-        self.previous = np.zeros((3, len(pairs))) if previous is None else previous
+        self.before = History.none(len(pairs)) if before is None else before
         self.rest: np.ndarray | None = None
 
     def yielding(self, w: np.ndarray, most: float) -> LawStage:
         """The same with springs that have given way until they carry ``most``, force per area, where they would carry more
         with pairs where traces w (T, D + G) have brought them."""
         result, points = copy(self), self.pairs.points
-        moved = np.diff(self.pairs.traces(w, np.zeros_like(w)).jump, axis=0, prepend=self.previous[None])
+        moved = np.diff(self.pairs.traces(w, np.zeros_like(w)).jump, axis=0, prepend=self.before.jump[None])
         pull = points.stiffness(moved)
         pull = self.pairs.stabilisation * np.sqrt(dot(pull, pull)) / points.area
         result.rest = moved * (1 - most / np.maximum(pull, most))[:, None]
         return result
 
-    def anchor(self, t: int, previous: np.ndarray) -> np.ndarray:
-        """(3, P) jump at which springs carry nothing in one of the load steps, from that at the end of the one before."""
-        return previous if self.rest is None else previous + self.rest[t]
+    def anchor(self, t: int, before: History) -> np.ndarray:
+        """(3, P) jump at which springs carry nothing in one of the load steps, from what the one before has left."""
+        return before.jump if self.rest is None else before.jump + self.rest[t]
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
@@ -101,16 +102,17 @@ class LawStage:
         pairs, steps = self.pairs, len(fields.s)
         w, f = fields.extended
         at = pairs.traces(w, f)
-        F, previous = at.predicted(), self.previous
+        F, before, own = at.predicted(), self.before, []
         force, jump, status = np.empty_like(F), np.empty_like(F), np.empty((steps, len(pairs)), dtype=int)
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
-            answer = pairs.force(F[t], previous, pairs.numbers[t])
-            force[t], jump[t] = pairs.settled(answer.force, F[t], self.anchor(t, previous))
+            answer = pairs.force(F[t], before, pairs.numbers[t])
+            force[t], jump[t] = pairs.settled(answer.force, F[t], self.anchor(t, before))
             if pairs.nodes is not None:
-                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], previous, t)
+                answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], before, t)
             lawful[t], status[t] = answer.force, answer.status
-            previous = jump[t]
+            before = History(jump[t], answer.own)
+            own.append(answer.own)
         w_hat, f_hat = at.hats(force, jump)
         tied = pairs.tied
         w_hat[:, tied] = pairs.targets
@@ -124,9 +126,10 @@ class LawStage:
         s = f_hat + k_hat
         if len(alone):
             s[:, alone] = exchanged
-        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status, at)
+        return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
+                          {name: np.stack([each[name] for each in own]) for name in own[0]}, at)
 
-    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, previous: np.ndarray,
+    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, before: History,
                  t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
         """What the laws answer, f̂ and d, (3, P) each, where points feel each other through the nodes they share:
 
@@ -137,18 +140,18 @@ class LawStage:
         Parameters
         ----------
         F, q : (3, P) predicted forces F = q* + keq d*, and q*
-        force : f̂ = law(F) to begin with; previous : jump at the end of the load step before
+        force : f̂ = law(F) to begin with; before : what the load step before has left
         t : of the load steps here
         """
         pairs, coupling = self.pairs, self.pairs.nodes.coupling
-        alone, anchor = pairs.points.compliance(F - q), self.anchor(t, previous)
+        alone, anchor = pairs.points.compliance(F - q), self.anchor(t, before)
 
         def moved(force: np.ndarray) -> np.ndarray:
             return pairs.masked(alone - (coupling @ (force - q).ravel()).reshape(force.shape))
 
         for _ in range(COUPLED):
             F = force + pairs.points.stiffness(moved(force))
-            answer = pairs.force(F, previous, pairs.numbers[t])
+            answer = pairs.force(F, before, pairs.numbers[t])
             force = pairs.settled(answer.force, F, anchor)[0]
         return answer, force, moved(force)
 
@@ -156,7 +159,7 @@ class LawStage:
     def at_rest(self) -> np.ndarray:
         """(P,) int, status of pairs that nothing has moved."""
         nothing = np.zeros((3, len(self.pairs)))
-        return self.pairs.force(nothing, nothing, 0).status
+        return self.pairs.force(nothing, History.none(len(self.pairs)), 0).status
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps."""

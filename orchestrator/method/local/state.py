@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from orchestrator.method.history import History
 from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
 
 
@@ -22,6 +23,7 @@ class LocalState:
     lawful : (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
     jump : (T, 3, P) its jump d
     status : (T, P) int, what its law says it does
+    own : name → (T, P) the laws' own variables at the end of each load step
     at : the fields that it was made of at these pairs, for who measures it next
     """
 
@@ -31,15 +33,22 @@ class LocalState:
     lawful: np.ndarray | None = None
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
+    own: dict[str, np.ndarray] = field(default_factory=dict)
     at: PairTraces | GeneralTraces | None = field(default=None, repr=False)
+
+    def left(self, step: int = -1) -> History:
+        """What one of these load steps, the last one, leaves to the next."""
+        return History(self.jump[step], {name: x[step] for name, x in self.own.items()})
 
     def steps(self, chosen: slice) -> LocalState:
         """Of some of the load steps, where interfaces are not perfect."""
         return LocalState(self.s[chosen], tuple(x[chosen] for x in self.hats),
-                          *(x[chosen] for x in (self.force, self.lawful, self.jump, self.status)))
+                          *(x[chosen] for x in (self.force, self.lawful, self.jump, self.status)),
+                          own={name: x[chosen] for name, x in self.own.items()})
 
     @classmethod
     def joined(cls, batches: Sequence[LocalState]) -> LocalState:
         """The state of all load steps from those of batches of them, in order, where interfaces are not perfect."""
         return cls(np.vstack([b.s for b in batches]), tuple(np.vstack(hats) for hats in zip(*(b.hats for b in batches))),
-                   *(np.concatenate(parts) for parts in zip(*((b.force, b.lawful, b.jump, b.status) for b in batches))))
+                   *(np.concatenate(parts) for parts in zip(*((b.force, b.lawful, b.jump, b.status) for b in batches))),
+                   own={name: np.concatenate([b.own[name] for b in batches]) for name in batches[0].own})

@@ -219,7 +219,7 @@ class LawCriterion:
         stage = self.d.local
         products, = self.d.space.team.sum(*self.early(fields)) if early is None else early
         deformation, loose = self.lengths.deformed(self._apart, products)
-        self._begun, self._apart = (LawMeasure(stage.pairs, *fields.extended, local, stage.previous), loose), None
+        self._begun, self._apart = (LawMeasure(stage.pairs, *fields.extended, local, stage.before), loose), None
         return [self._begun[0].sums], [deformation, *self._begun[0].largest]
 
     def __call__(self, fields: Admissible, local: LocalState, measures: Callable[[], Measures]) -> Verdict:
@@ -244,10 +244,10 @@ class LawCriterion:
     def laws(self, d: Decomposition, iterated: Iterated) -> LawResiduals:
         """How well the laws and equilibrium hold on the interfaces in the end, in all load steps."""
         lengths, local, found = self.lengths(iterated.fields.u), iterated.local, []
-        begun = [paired.before for paired in iterated.paired] or [self.d.local.previous]
-        for (t, pairs), previous in zip(d.by_pairing(iterated), begun):
+        begun = [paired.before for paired in iterated.paired] or [self.d.local.before]
+        for (t, pairs), before in zip(d.by_pairing(iterated), begun):
             w, f = (x[t] for x in iterated.fields.extended)
-            found.append(LawMeasure(pairs, w, f, local.steps(t), previous))
+            found.append(LawMeasure(pairs, w, f, local.steps(t), before))
         return law_residuals(found, lengths, d.space.team)
 
     def _delivered(self, fields: Admissible) -> Bound:

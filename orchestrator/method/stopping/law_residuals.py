@@ -23,6 +23,7 @@ import numpy as np
 
 from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Stages
+from orchestrator.method.history import History
 from orchestrator.method.interface.pair_loops import largest_tractions
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
@@ -79,7 +80,7 @@ class LawMeasure:
 
     Parameters
     ----------
-    first_previous : (3, P) jump before the first step
+    before : what the load step before the first one has left
 
     Attributes
     ----------
@@ -87,7 +88,7 @@ class LawMeasure:
     largest : numbers of which the largest over the ranks are to be found
     """
 
-    def __init__(self, pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, first_previous: np.ndarray):
+    def __init__(self, pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, before: History):
         at, local.at = local.at, None  # it is large
         if at is None or at.w is not w or at.f is not f:
             at = pairs.traces(w, f)
@@ -97,9 +98,9 @@ class LawMeasure:
         tied = pairs.tied
         if len(tied):
             top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
-        self.sums, self.largest = np.array([top, bottom, unbalanced, stiff]), self._largest(at, local, first_previous)
+        self.sums, self.largest = np.array([top, bottom, unbalanced, stiff]), self._largest(at, local, before)
 
-    def _largest(self, at: PairTraces | GeneralTraces, local: LocalState, before: np.ndarray) -> list[float]:
+    def _largest(self, at: PairTraces | GeneralTraces, local: LocalState, before: History) -> list[float]:
         """Per law its stiffness over area, its pressure, its measures; then of the springs."""
         pairs, largest = self.pairs, []
         here = {run.law: run for run in pairs.runs}
@@ -107,8 +108,8 @@ class LawMeasure:
             found = [0.0] * (2 + len(law.measures))
             if law in here:
                 part, points = here[law].part, here[law].points
-                stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before[:, part],
-                                local.status[:, part])
+                stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before.jump[:, part],
+                                local.status[:, part], {v.name: local.own[v.name][:, part] for v in law.variables})
                 each = [(points, stages)] if not points.stepped else [
                     (points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
                 told = [(pressure, *(values[measure.name] for measure in law.measures))
