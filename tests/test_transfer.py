@@ -1,13 +1,14 @@
 """Whatever crosses an interface goes through its transfer: with products in the place of index arrays, the same results."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from contact_case import contact
 from in_process import IN_PROCESS
 from method_case import CUBES, SLICES, config, method
-from orchestrator.method.interface import traces
-from orchestrator.method.interface.general_transfer import General
+from orchestrator.method.interface.transfer import Transfer
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 
@@ -23,7 +24,8 @@ from orchestrator.scene.build import build_scene
 ], ids=["equilibrium", "mono-scale", "continuity", "contact", "contact of ten-node tets", "two laws"])
 def test_products_give_what_index_arrays_give(case, monkeypatch):
     picked = solve(case, build_scene(case))
-    monkeypatch.setattr(traces, "make_transfer", General.of)
+    by_index = Transfer.of
+    monkeypatch.setattr(Transfer, "of", lambda *sides: replace(found := by_index(*sides), base=found.products))
     multiplied = solve(case, build_scene(case))
     assert multiplied.summary["iterations"] == picked.summary["iterations"]
     size = np.abs(picked.displacement).max()

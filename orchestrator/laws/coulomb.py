@@ -25,7 +25,7 @@ OPENS, STICKS, SLIPS = 0, 1, 2
 def answer(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, force, status):
     """f̂ (3, P) and status (P,) at predicted forces F (3, P), of pairs from start to stop; the parameters as in ``Points`` and
     ``Contact``."""
-    part = slice(start, stop)  # see ``pair_loops``
+    part = slice(start, stop)  # of the points
     normal, F, previous, force = normal[:, part], F[:, part], previous[:, part], force[:, part]
     stiff_n, stiff_t, gap, friction, status = stiff_n[part], stiff_t[part], gap[part], friction[part], status[part]
     for q in range(stop - start):

@@ -104,7 +104,7 @@ class CoarseCorrection:
         K0[:, np.arange(self.sweeps), np.arange(self.sweeps)] += dropped  # fields a body lacks stay at rest
 
         self.K0 = self._of_all(K0)
-        if pairs.nodes is None:
+        if pairs.transfer.picks:
             L, ends = self._seen(pairs)
             at_pairs = PairFields(pairs, *self._monomials(scene, frames, self._of_all(R), ends), L, ends)
         else:

@@ -16,7 +16,7 @@ Among ranks, groups that several of them have bodies at are summed and solved by
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -83,8 +83,7 @@ class SelfStress:
         known = np.concatenate([np.empty(0, int), *(g.slots.reshape(-1) for g in groups)])
         self.chosen = np.unique(known[known >= 0])
         some = pairs.some(self.chosen)
-        one, two, free = (np.ascontiguousarray(x) for x in (some.transfer.one, some.transfer.two, some.free))  # as loops are compiled for
-        self.pairs = replace(some, transfer=replace(some.transfer, one=one, two=two, exists=free), free=free)
+        self.pairs = some
         points, mine = self.pairs.points, self.pairs.mine
         upright = points.normal.T[:, :, None] * points.normal.T[:, None, :]
         yields = upright / points.stiff_n[:, None, None] + (np.eye(3) - upright) / points.stiff_t[:, None, None]
@@ -105,7 +104,7 @@ class SelfStress:
     def of(cls, space: TraceSpace, local: LawStage) -> SelfStress | None:
         """Where nodes match everywhere and none is tied to others; None where there is no self-stress."""
         pairs = local.pairs
-        if pairs.nodes is not None or space.ties is not None:
+        if not pairs.transfer.picks or space.ties is not None:
             return None
         groups = node_loops(space, pairs)
         anywhere, = space.team.max(bool(groups))

@@ -1,6 +1,6 @@
-"""What the nodes of both sides give way where they do not match, C = (k⁺)⁻¹, and the search direction that it makes of points.
+"""What the nodes of both sides give way, C = (k⁺)⁻¹, and the search direction that it makes of points whose nodes do not match.
 
-Blocks of C belong to nodes, and points share nodes: d changes with f̂ by −S, S = B C Bᵀ, which is not diagonal.
+Blocks of C belong to nodes, and such points share nodes: d changes with f̂ by −S, S = B C Bᵀ, which is not diagonal.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import Points
+from orchestrator.method.interface.transfer import Transfer
 
 # λ is known to a hundredth: what a step may overshoot by costs nothing.
 KNOWN = 1e-2
@@ -27,40 +28,49 @@ class NodeCompliance:
     ----------
     compliance : (D + G, D + G) sparse, blocks of 3 × 3
     there : (D + G,) bool, traces of these interfaces
-    coupling : (3P, 3P) sparse S = B C Bᵀ at their points
-    of_laws : the same of the interfaces that are not perfect alone
+    coupling : (3P, 3P) sparse S = B C Bᵀ at their points; None where nodes match on all of them: keq⁻¹ says it
     """
 
     compliance: sp.csr_array
     there: np.ndarray
     coupling: sp.csr_array | None = None
-    of_laws: NodeCompliance | None = None
 
     @classmethod
-    def of_interfaces(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, bool]], size: int) -> NodeCompliance:
-        """From the nodes of interfaces and sides: dofs (n, 3), blocks (n, 3, 3), which dofs there are (n, 3), and whether a
-        law other than the perfect one governs them."""
-        result = cls._of([n[:3] for n in nodes], size)
-        lawful = [n[:3] for n in nodes if n[3]]
-        result.of_laws = result if len(lawful) == len(nodes) else cls._of(lawful, size)
-        return result
-
-    @classmethod
-    def _of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], size: int) -> NodeCompliance:
-        at = np.concatenate([np.zeros((0, 3), int), *(dofs for dofs, _, _ in nodes)])
-        values = np.concatenate([np.zeros((0, 3, 3)), *(blocks for _, blocks, _ in nodes)])
+    def of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray]], size: int, transfer: Transfer) -> NodeCompliance:
+        """From the nodes of sides: dofs (n, 3), −1 where there is none, and blocks (n, 3, 3)."""
+        at = np.concatenate([np.zeros((0, 3), int), *(dofs for dofs, _ in nodes)])
+        values = np.concatenate([np.zeros((0, 3, 3)), *(blocks for _, blocks in nodes)])
         rows, columns = np.repeat(at[:, :, None], 3, axis=2), np.repeat(at[:, None, :], 3, axis=1)
-        filled = values != 0
+        filled = (values != 0) & (rows >= 0) & (columns >= 0)
         matrix = sp.csr_array((values[filled], (rows[filled], columns[filled])), shape=(size, size))
         there = np.zeros(size, dtype=bool)
-        for dofs, _, exist in nodes:
-            there[dofs[exist]] = True
-        return cls(matrix, there)
+        there[at[at >= 0]] = True
+        return cls(matrix, there, None if transfer.picks else sp.csr_array(transfer.B @ matrix @ transfer.B.T))
 
     @cached_property
     def root(self) -> sp.csr_array:
         """C^½."""
         return _root(self.compliance)
+
+    def some(self, traces: np.ndarray, points: np.ndarray, count: int) -> NodeCompliance:
+        """Of some of the interfaces: traces (D + G,) bool, points (R,) int of all that there are."""
+        at = (np.arange(3)[:, None] * count + points).ravel()
+        kept = sp.diags_array(traces.astype(float))
+        return NodeCompliance(sp.csr_array(kept @ self.compliance), self.there & traces,
+                              None if self.coupling is None else sp.csr_array(self.coupling[at][:, at]))
+
+    def own(self, size: int) -> sp.csr_array:
+        """(D, D) the part without ghosts."""
+        return self.compliance if size == len(self.there) else sp.csr_array(self.compliance[:size, :size])
+
+
+def node_blocks(matrix: sp.csr_array, dofs: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) diagonal blocks of a matrix at nodes with dofs (n, 3); zero where there is none, −1."""
+    if not len(dofs):
+        return np.zeros((0, 3, 3))
+    row, column = np.repeat(dofs[:, :, None], 3, axis=2), np.repeat(dofs[:, None, :], 3, axis=1)
+    values = np.asarray(matrix[row.ravel(), column.ravel()]).reshape(-1, 3, 3)
+    return np.where((row >= 0) & (column >= 0), values, 0.0)
 
 
 def inverses(blocks: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Node pairs of interfaces that a law answers for, and where their traces are; ``pairing`` makes them."""
+"""Points of interfaces that a law answers for, and where their traces are; ``pairing`` makes them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Collective, Points
 from orchestrator.laws.status import Status
 from orchestrator.method.history import History
-from orchestrator.method.interface import pair_loops
-from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.node_compliance import NodeCompliance
-from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
-from orchestrator.method.interface.transfer import Matching
+from orchestrator.method.interface.point_traces import PointTraces
+from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Interface
 
@@ -39,30 +36,27 @@ class Run:
 
 @dataclass
 class Pairs:
-    """All node pairs of a set of interfaces, interface after interface; those of perfect interfaces come last.
+    """All points of a set of interfaces, interface after interface; those of perfect interfaces come last.
 
     Parameters
     ----------
     interfaces : the interfaces, in order
-    bounds : (interfaces + 1,) int, where each one's pairs start
-    transfer : between the sides, with points (3, P); none where prescribed. Some pairs of a general one have none
-    free : (3, P) bool, components that are not prescribed
+    transfer : between the sides, with points (3, P); none where prescribed, or where the other side is out of reach
+    nodes : (k⁺)⁻¹ of all these interfaces
     runs : the laws and their points, in order
-    mine : (P,) bool, pairs of interfaces whose first side is on this rank
+    mine : (P,) bool, points of interfaces whose first side is on this rank
     laws : all laws of the scene that have measures
     statuses : all that its laws know
-    stabilisation : (P,) ε of every pair, see ``stabilisation``; None where contacts are not stabilised
-    tied : (q,) int, this rank's trace dofs that follow the pairs' (see ``ties``), with targets (T, q) and k⁺
+    stabilisation : (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
+    tied : (q,) int, this rank's trace dofs that follow the points' (see ``ties``), with targets (T, q) and k⁺
         tie_stiffness (q,)
     numbers : (T,) int, which load steps of the scene these are
-    nodes : (k⁺)⁻¹ of all these interfaces, where the nodes of some do not match
     slid : (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
     """
 
     interfaces: list[Interface]
-    bounds: np.ndarray
-    transfer: Matching | General | None
-    free: np.ndarray
+    transfer: Transfer
+    nodes: NodeCompliance
     runs: list[Run]
     mine: np.ndarray
     laws: list[type[Law]]
@@ -72,11 +66,20 @@ class Pairs:
     targets: np.ndarray
     tie_stiffness: np.ndarray
     numbers: np.ndarray
-    nodes: NodeCompliance | None = None
     slid: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.mine)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """(interfaces + 1,) int, where each one's points start."""
+        return self.transfer.bounds
+
+    @property
+    def free(self) -> np.ndarray:
+        """(3, P) bool, components that there are: not those that are prescribed."""
+        return self.transfer.exists
 
     @cached_property
     def points(self) -> Points:
@@ -88,15 +91,12 @@ class Pairs:
         return Points(*(np.concatenate([getattr(points, name) for points in [none, *own]], axis=-1)
                         for name in ("normal", "stiff_n", "stiff_t", "area")))
 
-    def traces(self, w: np.ndarray, f: np.ndarray) -> PairTraces | GeneralTraces:
-        """Traces (T, D + G) at the pairs."""
-        return (PairTraces if self.nodes is None else GeneralTraces)(self, w, f)
+    def traces(self, w: np.ndarray, f: np.ndarray) -> PointTraces:
+        """Traces (T, D + G) at the points."""
+        return PointTraces(self.transfer, self.points, self.nodes, self.slid, w, f)
 
     def responses(self, W: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What fields W, F (m, D + G) of the bodies change F by, those of the first sides and of the second: (m, 3, P) each."""
-        if self.nodes is None:
-            transfer, keq = self.transfer, self.points.stiffness
-            return (0.5 * transfer.first(F) - keq(transfer.first(W)), keq(transfer.second(W)) - 0.5 * transfer.second(F))
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
@@ -153,17 +153,12 @@ class Pairs:
         lawful : law(F); F : as for ``force``
         anchor : (3, P) jump at which springs carry nothing: d_before, or where they have been let go
         """
-        force, jump = np.empty_like(F), np.empty_like(F)
-        epsilon = np.empty(0) if self.stabilisation is None else self.stabilisation
-        in_parts(pair_loops.settled, len(self), self.free, *self.points.search, epsilon, F, anchor,
-                 np.ascontiguousarray(lawful), force, jump)
-        return force, jump
+        force = lawful if self.stabilisation is None else lawful + self.stabilisation * (self.resisted(F, anchor) - lawful)
+        return force, self.masked(self.points.compliance(F - force))
 
     def resisted(self, F: np.ndarray, anchor: np.ndarray) -> np.ndarray:
-        """(3, P) F − keq d_anchor: the force that leaves pairs where springs carry nothing."""
-        result = np.empty(F.shape)
-        in_parts(pair_loops.resisted, len(self), self.free, *self.points.search, F, anchor, result)
-        return result
+        """(3, P) F − keq d_anchor: the force that leaves points where springs carry nothing."""
+        return self.masked(F - self.points.stiffness(anchor))
 
     def weakest(self, team: Team) -> float:
         """The smallest ε of springs of stabilisation, of all ranks; infinite where there are none."""
@@ -172,26 +167,28 @@ class Pairs:
         return -team.max(-self.stabilisation[self.stabilisation > 0].min(initial=np.inf))[0]
 
     def some(self, chosen: np.ndarray) -> Pairs:
-        """Some of the pairs (Q,) int, ascending, of the same interfaces, without ties."""
+        """Some of the points (Q,) int, ascending, of the same interfaces, without ties."""
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
         runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
-        transfer = self.transfer.some(chosen) if self.nodes is None else None  # laws need none, and products are dear
-        return replace(self, transfer=transfer, free=self.free[:, chosen], mine=self.mine[chosen], runs=runs,
-                       bounds=np.searchsorted(chosen, self.bounds), stabilisation=_at(self.stabilisation, chosen), slid=_at(self.slid, chosen),
+        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs,
+                       stabilisation=_at(self.stabilisation, chosen), slid=_at(self.slid, chosen),
                        tied=self.tied[:0], targets=self.targets[:, :0], tie_stiffness=self.tie_stiffness[:0])
 
     @cached_property
     def lawful(self) -> Pairs:
-        """The pairs that are not perfect."""
+        """The points of interfaces that are not perfect."""
         count = sum(not i.law.perfect for i in self.interfaces)
         if count == len(self.interfaces):
             return self
-        first = np.arange(self.bounds[count])
-        return replace(self, interfaces=self.interfaces[:count], bounds=self.bounds[: count + 1], free=self.free[:, first],
-                       transfer=self.transfer.some(first), mine=self.mine[first], stabilisation=_at(self.stabilisation, first), slid=_at(self.slid, first),
-                       nodes=None if self.nodes is None else self.nodes.of_laws,
-                       runs=[run for run in self.runs if not run.law.perfect])
+        first, traces = np.arange(self.bounds[count]), np.zeros(self.transfer.total, dtype=bool)
+        for i in self.interfaces[:count]:
+            for side in self.transfer.sides[i.index]:
+                traces[side] = True
+        transfer = replace(self.transfer.some(first), bounds=self.bounds[: count + 1])
+        return replace(self, interfaces=self.interfaces[:count], transfer=transfer, mine=self.mine[first],
+                       nodes=self.nodes.some(traces, first, len(self)), stabilisation=_at(self.stabilisation, first),
+                       slid=_at(self.slid, first), runs=[run for run in self.runs if not run.law.perfect])
 
     def idle(self, F: np.ndarray, change: np.ndarray, step: int) -> np.ndarray:
         """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""

@@ -30,8 +30,7 @@ import scipy.sparse as sp
 from orchestrator.method.interface.row_products import compiled_times
 from orchestrator.method.interface.rows import narrow, times
 from orchestrator.method.interface.ties import Ties, make_ties, traced
-from orchestrator.method.interface.general_transfer import General, make_transfer
-from orchestrator.method.interface.transfer import Matching
+from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene, Subdomain
 
@@ -69,7 +68,7 @@ class TraceSpace:
     boundary: list[slice]
     global_dof: np.ndarray
     gather: np.ndarray
-    transfer: Matching | General
+    transfer: Transfer
     sides: list[tuple[np.ndarray, np.ndarray]]
     owner: np.ndarray
     perfect: list[bool]
@@ -123,8 +122,8 @@ class TraceSpace:
         for (_, interface, side), a, b in zip(listed, stop[:-1].tolist(), stop[1:].tolist()):
             own_sides[interface.index][side] = number[a:b]
         perfect = [i.law.perfect for i in scene.interfaces]
-        transfer = make_transfer(scene.interfaces, own_sides, count)
-        label = _labels(transfer.matching, perfect, gather, int(ends[-1]))
+        transfer = Transfer.of(scene.interfaces, own_sides, count)
+        label = _labels(transfer, perfect, gather, int(ends[-1]))
         return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
                    [tuple(s) for s in own_sides], owner, perfect, np.arange(count),
                    np.arange(ends[-1]), count, len(sides),
@@ -319,9 +318,9 @@ def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     return 3 * np.searchsorted(nodes, dofs // 3) + dofs % 3
 
 
-def _labels(transfer: Matching, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
+def _labels(transfer: Transfer, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
     """(B,) int, number of the class of each boundary dof."""
-    bonded = np.repeat(np.array(perfect, bool), np.diff(transfer.bounds))
+    bonded = np.repeat(np.array(perfect, bool), np.diff(transfer.bounds)) & transfer.at_pairs
     one, two = (gather[side[bonded]] for side in (transfer.one, transfer.two))
     graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(size, size))
     return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)

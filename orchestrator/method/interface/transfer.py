@@ -1,12 +1,12 @@
-"""How the two sides of an interface meet: jumps at points, forces of the points on either side (paper, eq. 5).
+"""How the two sides of interfaces meet: jumps at points, forces of the points on either side (paper, eq. 5).
 
 Whatever crosses an interface goes through a transfer. With the traces w of all sides in one vector and Q points,
 
-    first(w) = G₁ w,    second(w) = G₂ w,    jump(w) = G₂ w − G₁ w = B w,    spread(q₁, q₂) = G₁ᵀ q₁ + G₂ᵀ q₂
+    first(w) = G₁ w,    second(w) = G₂ w,    jump(w) = G₂ w − G₁ w = B w,    opposed(q) = −Bᵀ q
 
-so that a force q on the first side and −q on the second, ``spread(q, −q)``, works in the jump alone, and forces
-(f₁, f₂) are in balance where first(f) + second(f) = A f vanishes. Where the meshes of both sides match, the points
-are their common nodes and G₁, G₂ pick entries: ``Matching`` holds index arrays, and no product is formed.
+so that a force q on the first side and −q on the second works in the jump alone. Where nodes match, the points are the
+common nodes, and every row of G₁ and G₂ has one entry, which is 1. Where they match on all interfaces no product is formed:
+rows pick by index. Elsewhere G₁ and G₂ are sparse (dual mortar, see ``scene.interfaces.mortar``).
 """
 
 from __future__ import annotations
@@ -18,20 +18,29 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import narrow
+from orchestrator.method.interface.products import Products, of_mortar, of_pairs, stacked, unit_rows
+from orchestrator.method.interface.rows import times
+from orchestrator.scene.interfaces.mortar.operators import Mortar
+from orchestrator.scene.model import Interface
+
+Sides = Sequence[tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
-class Matching:
-    """Transfer between sides whose nodes match: a permutation.
+class Transfer:
+    """Transfer between the sides of all interfaces of a scene, or of some.
 
     Parameters
     ----------
-    one, two : int arrays of any shape, here called Q: the trace dof of each point on side 1 and on side 2, below
-        D + G; anything where the point has none
+    one : int array of any shape, here called Q: the trace dof, below D + G, of each point's own node on side 1; −1: there is no
+        such point
+    two : the same on side 2 where nodes match, and once more that on side 1 elsewhere
     size, total : number of trace dofs D, and with ghosts D + G
-    bounds : (interfaces + 1,) int, where the points of each interface of the scene start, along the last axis
-    exists : bool, same shape; False where a component is prescribed and nothing crosses. None: all are there
+    bounds : (interfaces + 1,) int, where the points of each interface start, along the last axis
+    sides : per interface of the scene, the trace dofs of side 1 and of side 2
+    matched : (interfaces of the scene,) bool, whose nodes match
+    base : operators of flat points; None where nodes match everywhere
+    row : shape Q, which of these each point is, −1 for none; None: all, as they come
     """
 
     one: np.ndarray
@@ -39,33 +48,57 @@ class Matching:
     size: int
     total: int
     bounds: np.ndarray
-    exists: np.ndarray | None = None
+    sides: Sides
+    matched: np.ndarray
+    base: Products | None = None
+    row: np.ndarray | None = None
 
     @classmethod
-    def of(cls, sides: Sequence[tuple[np.ndarray, np.ndarray]], size: int) -> Matching:
-        """Of interfaces, for each the trace dofs of side 1 and of side 2 in the order of their common nodes."""
-        none = [np.empty(0, int)]
-        one, two = (np.concatenate(none + [pair[side] for pair in sides]) for side in (0, 1))
-        return cls(one, two, size, size, np.cumsum([0] + [len(a) for a, _ in sides]))
+    def of(cls, interfaces: Sequence[Interface], sides: Sides, size: int) -> Transfer:
+        """Of all interfaces of a scene, with a flat point for every component that both sides share."""
+        one, two, blocks, none = [np.empty(0, int)], [np.empty(0, int)], [], np.empty(0, int)
+        matched = np.array([i.mortar is None for i in interfaces], dtype=bool)
+        for interface, (first, second) in zip(interfaces, sides):
+            own = first if interface.mortar is None else first[interface.mortar.dofs]
+            one.append(own)
+            two.append(second if interface.mortar is None else own)
+            if not matched.all():
+                blocks.append(of_pairs(first, second, size) if interface.mortar is None else of_mortar(interface.mortar, first, second, size))
+        base = None if matched.all() else stacked(blocks)
+        bounds = np.cumsum([0] + [len(a) for a in one[1:]])
+        return cls(np.concatenate([none, *one]), np.concatenate([none, *two]), size, size, bounds, list(sides), matched, base)
+
+    def paired(self, mortars: dict[int, Mortar]) -> Transfer:
+        """The same with other operators of some interfaces, of as many points, by their place in the scene."""
+        blocks = [self.base.rows(np.arange(a, b)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
+        for index, mortar in mortars.items():
+            blocks[index] = of_mortar(mortar, *self.sides[index], self.total)
+        return replace(self, base=stacked(blocks))
 
     # ---- fields --------------------------------------------------------------------------------
 
     def first(self, x: np.ndarray) -> np.ndarray:
-        """(…, Q) of traces (…, D + G), on side 1; zero where there is none."""
-        return self._there(x.take(self.one, axis=-1))
+        """(…, Q) G₁ of traces (…, D + G)."""
+        return self._picked(x, self.one) if self.picks else self._times(self.products.G1, x)
 
     def second(self, x: np.ndarray) -> np.ndarray:
-        """(…, Q) of traces (…, D + G), on side 2; zero where there is none."""
-        return self._there(x.take(self.two, axis=-1))
+        """(…, Q) G₂ of traces (…, D + G)."""
+        return self._picked(x, self.two) if self.picks else self._times(self.products.G2, x)
 
     def jump(self, x: np.ndarray) -> np.ndarray:
         """(…, Q) second(x) − first(x)."""
-        return self.second(x) - self.first(x)
+        return self.second(x) - self.first(x) if self.picks else self._times(self.B, x)
+
+    def carried(self, f: np.ndarray) -> np.ndarray:
+        """(…, Q) forces of the points that stand behind forces (…, D + G): the mean of both sides where nodes match, else what
+        the first side's say, which is right wherever forces come from points."""
+        return 0.5 * (self.first(f) - self.second(f)) if self.picks else self._times(self.products.E, f)
 
     def spread(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        """(…, D + G) of values (…, Q) on side 1 and on side 2; zero on traces of other interfaces."""
-        rows = one.shape[: one.ndim - self.one.ndim]
-        result = np.zeros((*rows, self.total))
+        """(…, D + G) G₁ᵀ one + G₂ᵀ two of values (…, Q)."""
+        if not self.picks:
+            return self._turned(self.products.G1, one) + self._turned(self.products.G2, two)
+        result = np.zeros((*one.shape[: one.ndim - self.one.ndim], self.total))
         for at, values in ((self.one, one), (self.two, two)):
             if self._whole:
                 result[..., at] = values
@@ -73,133 +106,185 @@ class Matching:
                 result[..., at[self.exists]] = values[..., self.exists]
         return result
 
+    def opposed(self, q: np.ndarray) -> np.ndarray:
+        """(…, D + G) −Bᵀ q: forces q (…, Q) on the first sides, −q on the second."""
+        return self.spread(q, -q) if self.picks else -self._turned(self.B, q)
+
     def across(self, x: np.ndarray) -> np.ndarray:
-        """(…, D) of traces (…, D + G): at every trace dof what the other side has there."""
-        return x.take(self.partner, axis=-1)
+        """(…, D) what the other side has there, of traces (…, D + G), where nodes match; zero elsewhere."""
+        there = x.take(self.partner, axis=-1)
+        return there if self.picks else np.where(self._met, there, 0.0)
 
     def mismatch(self, w: np.ndarray) -> np.ndarray:
-        """(…, D) what the sides of traces (…, D + G) are apart, at both nodes of a pair."""
-        return self.across(w) - w[..., : self.size]
+        """(…, D) what the sides of traces (…, D + G) are apart: at both nodes of a pair, or √2 times at a point's own."""
+        apart = self.across(w) - w[..., : self.size]
+        if self.picks:
+            return apart
+        points = self._turned(self.own_nodes, np.where(self.at_pairs, 0.0, self.jump(w)))
+        return np.where(self._met, apart, np.sqrt(2.0) * points[..., : self.size])
 
     def imbalance(self, f: np.ndarray) -> np.ndarray:
-        """(…, D) what the sides' forces (…, D + G) do not cancel, at both nodes of a pair."""
-        return f[..., : self.size] + self.across(f)
+        """(…, D) what the sides' forces (…, D + G) do not cancel: at both nodes of a pair, or √2 times on the second side."""
+        both = f[..., : self.size] + self.across(f)
+        if self.picks:
+            return both
+        return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
 
     def opposed_traces(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A place (D,) for every trace dof, and two arrays that have there what the other side's w and f are, so that
         ``mismatch`` and ``imbalance`` of traces (…, D + G) need not be formed."""
-        return self.partner, w, f
+        if self.picks:
+            return self.partner, w, f
+        return np.arange(self.size), w[..., : self.size] + self.mismatch(w), self.imbalance(f) - f[..., : self.size]
 
     # ---- matrices ------------------------------------------------------------------------------
 
+    @property
+    def picks(self) -> bool:
+        """Whether nodes match on all interfaces, so that rows pick by index."""
+        return self.base is None
+
+    @cached_property
+    def B(self) -> sp.csr_array:
+        """(Q, D + G) G₂ − G₁."""
+        return sp.csr_array(self.products.G2 - self.products.G1)
+
+    @cached_property
+    def own_nodes(self) -> sp.csr_array:
+        """(Q, D + G) 0/1: the points' own dofs on the first side."""
+        return unit_rows(self.one.ravel(), self.total)
+
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:
-        """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it."""
-        return sp.csr_array(matrix[self.partner][:, self.partner])
+        """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it where nodes match; zero elsewhere."""
+        there = sp.csr_array(matrix[self.partner][:, self.partner])
+        if self.picks:
+            return there
+        kept = sp.diags_array(self._met.astype(float))
+        return sp.csr_array(kept @ there @ kept)
 
     def rows(self, fields: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × m of sparse columns (D + G, m), on side 1 and on side 2."""
-        return fields[self.one], fields[self.two]
+        if self.picks:
+            return fields[self.one], fields[self.two]
+        return sp.csr_array(self.products.G1 @ fields), sp.csr_array(self.products.G2 @ fields)
 
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
-        """Q × Q matrices of side 1 and of side 2, of a matrix (D + G, D + G) that couples no two sides."""
-        return tuple(sp.csr_array(matrix[side][:, side]) for side in (self.one, self.two))
+        """Q × Q matrices of a matrix (D + G, D + G) that couples no two sides: of side 1 and of side 2 where nodes match.
 
-    def node_blocks(self, matrix: sp.csr_array) -> tuple[np.ndarray, np.ndarray]:
-        """(P, 3, 3) diagonal blocks of a matrix at points (3, P), on side 1 and on side 2; zero where prescribed."""
-        found = []
-        for dofs in (self.one.T, self.two.T):
-            rows = np.repeat(dofs[:, :, None], 3, axis=2)
-            columns = np.repeat(dofs[:, None, :], 3, axis=1)
-            values = np.asarray(matrix[rows.ravel(), columns.ravel()]).reshape(-1, 3, 3)
-            there = np.ones((len(dofs), 3), bool) if self._whole else self.exists.T
-            found.append(np.where(there[:, :, None] & there[:, None, :], values, 0.0))
-        return tuple(found)
-
-    def both_sides(self, bases: Sequence[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
-        """(D, sum of m) fields of every interface, (points, m) each, on both its sides with a sign for each.
-
-        Interfaces without points here keep their columns. Zeros are no entries.
+        Elsewhere twice of side 1, whose nodes the points are: a stiffness cannot be carried over from other nodes.
         """
-        widths, counts = np.array([b.shape[1] for b in bases], dtype=int), np.diff(self.bounds)
-        values = np.concatenate([np.empty(0), *(b.ravel() for b, count in zip(bases, counts) if count)])  # what is met here
-        width = np.repeat(widths, counts)  # of each point's row of its basis
-        filled, point = np.flatnonzero(values), np.repeat(np.arange(len(width)), width)
-        point = point[filled]
-        column = filled + (np.repeat(np.cumsum(widths) - widths, counts) - (np.cumsum(width) - width))[point]
-        ends = np.concatenate([[0], np.cumsum(np.bincount(point, minlength=len(width) + 1))])  # the last row is empty
-        on_points = narrow(sp.csr_array((values[filled], column, ends), shape=(len(width) + 1, int(widths.sum()))))
-        at, sign_of = np.full(self.size, len(width)), np.zeros(self.size)  # of each trace dof: it has one point at most
-        for side, sign in zip((self.one, self.two), signs):
-            mine = np.flatnonzero(side < self.size)
-            at[side[mine]], sign_of[side[mine]] = mine, sign
-        both = narrow(sp.csr_array(on_points[at]))
-        if signs[0] != 1 or signs[1] != 1:
-            both.data *= np.repeat(sign_of, np.diff(both.indptr))
-        return both
-
-    def displacements(self, bases: Sequence[np.ndarray]) -> sp.csr_array:
-        """(D, sum of m) fields of every interface without any jump: (points, m) each, the same on both its sides."""
-        return self.both_sides(bases, (1.0, 1.0))
+        return tuple(sp.csr_array(matrix[side][:, side]) for side in (self.one, self.two))
 
     # ---- parts ---------------------------------------------------------------------------------
 
-    def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2."""
-        return self.first(diagonal), self.second(diagonal)
+    @cached_property
+    def exists(self) -> np.ndarray:
+        """Bool, shape Q: False where a component is prescribed, or a point has slid off, and nothing crosses."""
+        return self.one >= 0
 
-    @property
-    def matching(self) -> Matching:
-        """The interfaces whose nodes match: all of them."""
-        return self
+    @cached_property
+    def mine(self) -> np.ndarray:
+        """Bool, shape Q: points whose first side is on this rank, which adds up what belongs to them."""
+        return (self.one >= 0) & (self.one < self.size)
+
+    @cached_property
+    def at_pairs(self) -> np.ndarray:
+        """Bool, shape Q: points of interfaces whose nodes match; of all interfaces of the scene."""
+        return np.repeat(self.matched, np.diff(self.bounds))
+
+    @cached_property
+    def partner(self) -> np.ndarray:
+        """(D,) int, the trace dof that each one meets; itself where nodes do not match."""
+        return self._partner[: self.size]
+
+    def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2, up to a common factor where nodes
+        do not match: there, moduli. n nodes on an area A have a sum of about E A/h, h² = A/n."""
+        one, two = self.first(diagonal), self.second(diagonal)
+        for index in np.flatnonzero(~self.matched):
+            points = slice(self.bounds[index], self.bounds[index + 1])
+            one[points], two[points] = (diagonal[side].sum() / np.sqrt(max(len(side), 1)) for side in self.sides[index])
+        return one, two
 
     def opposite(self, dofs: np.ndarray) -> np.ndarray:
-        """Trace dofs, ascending, that meet some of the given ones."""
+        """Trace dofs, ascending, that meet some of the given ones; where nodes do not match, whole sides do."""
         chosen = np.zeros(self.total, bool)
         chosen[dofs] = True
-        return np.unique(np.concatenate([self.two[chosen[self.one]], self.one[chosen[self.two]]]))
+        met = self._partner[dofs]
+        found = [met[met != dofs]]
+        for index in np.flatnonzero(~self.matched):
+            one, two = self.sides[index]
+            found += [two] * bool(chosen[one].any()) + [one] * bool(chosen[two].any())
+        return np.unique(np.concatenate(found))
 
-    def renumbered(self, place: np.ndarray, size: int, total: int) -> Matching:
-        """The points that have both sides in another numbering.
+    def renumbered(self, place: np.ndarray, size: int, total: int) -> Transfer:
+        """The flat points that have both sides in another numbering.
 
         Parameters
         ----------
         place : (D + G,) int, new number of each trace dof, −1 for those that are left out
         """
-        one, two = place[self.one], place[self.two]
-        kept = (one >= 0) & (two >= 0)
-        bounds = np.concatenate([[0], np.cumsum(kept)])[self.bounds]
-        return Matching(one[kept], two[kept], size, total, bounds)
+        known = place >= 0
+        whole = np.array([known[a].all() and known[b].all() for a, b in self.sides], dtype=bool)
+        kept = np.where(self.at_pairs, known[self.one] & known[self.two], np.repeat(whole, np.diff(self.bounds)))
+        base = None
+        if self.base is not None:
+            columns = np.zeros(total, int)
+            columns[place[known]] = np.flatnonzero(known)
+            some = self.base.rows(np.flatnonzero(kept))
+            base = Products(*(sp.csr_array(G[:, columns]) for G in (some.G1, some.G2, some.E)))
+        none = np.empty(0, int)
+        sides = [(place[a], place[b]) if w else (none, none) for (a, b), w in zip(self.sides, whole)]
+        return Transfer(place[self.one[kept]], place[self.two[kept]], size, total, np.concatenate([[0], np.cumsum(kept)])[self.bounds],
+                        sides, self.matched, base)
 
-    def some(self, chosen: np.ndarray) -> Matching:
+    def at(self, row: np.ndarray, bounds: np.ndarray) -> Transfer:
+        """Points made of the flat ones that this one has.
+
+        Parameters
+        ----------
+        row : int of any shape, which; −1: there is none
+        bounds : where the points of each interface that is meant start, along the last axis
+        """
+        one, two = (np.append(side, -1)[row] for side in (self.one, self.two))
+        return replace(self, one=one, two=two, bounds=bounds, row=row)
+
+    def some(self, chosen: np.ndarray) -> Transfer:
         """Some of the points along the last axis, ascending."""
-        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen],
-                       bounds=np.searchsorted(chosen, self.bounds),
-                       exists=None if self.exists is None else self.exists[..., chosen])
-
-    def matches(self, index: int) -> bool:
-        """Whether the nodes of an interface of the scene match."""
-        return True
+        row = None if self.row is None else self.row[..., chosen]
+        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen], row=row, bounds=np.searchsorted(chosen, self.bounds))
 
     @cached_property
-    def dofs(self) -> np.ndarray:
-        """Trace dofs of all points that exist, those of side 1 first."""
-        return np.concatenate([side.ravel() if self._whole else side[self.exists] for side in (self.one, self.two)])
+    def products(self) -> Products:
+        """Operators of these points, flat."""
+        if self.base is None:
+            return of_pairs(self.one.ravel(), self.two.ravel(), self.total)
+        return self.base if self.row is None else self.base.rows(unit_rows(self.row.ravel(), self.base.G1.shape[0]))
 
     @cached_property
-    def mine(self) -> np.ndarray:
-        """(Q,) bool, points whose first side is on this rank: it adds up what belongs to them."""
-        return self.one < self.size
+    def _partner(self) -> np.ndarray:
+        result = np.arange(self.total)
+        there = self.exists
+        result[self.one[there]], result[self.two[there]] = self.two[there], self.one[there]
+        return result
 
     @cached_property
-    def partner(self) -> np.ndarray:
-        """(D,) int, the trace dof that each one meets."""
-        result = np.empty(self.total, dtype=int)
-        result[self.one], result[self.two] = self.two, self.one
-        return result[: self.size]
+    def _met(self) -> np.ndarray:
+        """(D,) bool, whether nodes match there."""
+        return self.partner != np.arange(self.size)
 
     @cached_property
     def _whole(self) -> bool:
-        return self.exists is None or bool(self.exists.all())
+        return bool(self.exists.all())
 
-    def _there(self, x: np.ndarray) -> np.ndarray:
-        return x if self._whole else np.where(self.exists, x, 0.0)
+    def _picked(self, x: np.ndarray, at: np.ndarray) -> np.ndarray:
+        there = x.take(at, axis=-1)
+        return there if self._whole else np.where(self.exists, there, 0.0)
+
+    def _times(self, G: sp.csr_array, x: np.ndarray) -> np.ndarray:
+        return times(G, x.reshape(-1, self.total)).reshape(*x.shape[:-1], *self.one.shape)
+
+    def _turned(self, G: sp.csr_array, q: np.ndarray) -> np.ndarray:
+        leading = q.shape[: q.ndim - self.one.ndim]
+        rows = int(np.prod(leading))  # said, since a rank may have no points
+        return times(G.T, q.reshape(rows, G.shape[0])).reshape(*leading, self.total)

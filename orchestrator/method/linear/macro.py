@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.general_transfer import General
+from orchestrator.method.interface.macro_fields import both_sides as on_both_sides, displacements, on_points
 from orchestrator.method.interface.rows import fitting, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -60,7 +60,7 @@ class Macro:
         C = moved(space, bases)
         if strategy == "equilibrium":
             self.G = fitting(sp.csr_array(direction.k @ C))
-        elif isinstance(space.transfer, General):
+        elif not space.transfer.picks:
             self.G = _at_points(space, direction, bases)
         else:
             mirrored = direction.k + direction.other  # A k Aᵀ, written on either side
@@ -142,11 +142,11 @@ class Macro:
 
 def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
     """(D, size) C, displacements without jump, of all interfaces on both sides."""
-    both = space.transfer.displacements(bases)
+    both = displacements(space.transfer, bases)
     if space.ties is None:
         return both
     both = sp.csr_array(space.ties.change @ both)
-    if isinstance(space.transfer, General):  # points follow the other side, mid-edge nodes their corners
+    if not space.transfer.picks:  # points follow the other side, mid-edge nodes their corners
         loose = np.ones(space.size)
         loose[space.ties.dofs] = 0.0
         both = sp.csr_array(sp.diags_array(loose) @ both)
@@ -157,13 +157,13 @@ def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.nda
     """(D, size) G = BᵀF where the nodes of some interfaces do not match: F = k G₁C, forces of the points."""
     transfer = space.transfer
     first, second = transfer.at_points(direction.whole)
-    forces = sp.csr_array((first + second) @ transfer.on_points(bases))
+    forces = sp.csr_array((first + second) @ on_points(transfer, bases))
     return sp.csr_array((transfer.B.T @ forces)[: space.size])
 
 
 def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
     """(D, size) the bases of all interfaces on both sides, with a sign for each side."""
-    both = space.transfer.both_sides(bases, signs)
+    both = on_both_sides(space.transfer, bases, signs)
     return both if space.ties is None else sp.csr_array(space.ties.change @ both)
 
 

@@ -29,7 +29,6 @@ from orchestrator.method.linear.macro_basis import as_given
 from orchestrator.method.interface.nearest import Nearest
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.method.interface.transfer import Matching
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
 BLOCK = 16  # right-hand sides per subdomain and message
@@ -151,13 +150,13 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     traces, = space.extended(space.gathered(at_dofs))
     transfer, result = space.transfer, []
     both, (own, _) = (transfer.first(traces), transfer.second(traces)), transfer.at_points(k)
-    held = None if isinstance(transfer, Matching) else space.held_everywhere
+    held = None if transfer.picks else space.held_everywhere
     for index, (a, b, basis) in enumerate(zip(transfer.bounds[:-1], transfer.bounds[1:], bases)):
         if a == b or not transfer.mine[a]:
             result.append(np.zeros((0, 0)))
             continue
         widths = [counts[space.owner[side[0]]] for side in space.sides[index]]
-        if transfer.matches(index):
+        if transfer.matched[index]:
             parts = [side[:n, a:b].T for side, n in zip(both, widths) if n]
             result.append(_with_modes(own[a:b, a:b], basis, parts))
         else:

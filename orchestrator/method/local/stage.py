@@ -15,7 +15,6 @@ Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -71,30 +70,17 @@ class LawStage:
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
-        pairs, points = self.pairs, self.pairs.points
-        if pairs.nodes is not None:
-            root = pairs.nodes.root
-            at = np.flatnonzero(root.diagonal() > 0)
-            root = root[at][:, at]
-            return conditioning(self.direction.whole[at][:, at], lambda x: root @ x)
-        roots = replace(points, stiff_n=1 / np.sqrt(2 * points.stiff_n), stiff_t=1 / np.sqrt(2 * points.stiff_t))
-        transfer = pairs.transfer
-        at = transfer.dofs
-
-        def root(x: np.ndarray) -> np.ndarray:
-            traces = np.zeros(transfer.total)
-            traces[at] = x
-            scaled = transfer.spread(roots.stiffness(transfer.first(traces)), roots.stiffness(transfer.second(traces)))
-            return scaled[at]
-
-        return conditioning(self.direction.whole[at][:, at], root)
+        root = self.pairs.nodes.root
+        at = np.flatnonzero(root.diagonal() > 0)
+        root = root[at][:, at]
+        return conditioning(self.direction.whole[at][:, at], lambda x: root @ x)
 
     @cached_property
     def perfect(self) -> np.ndarray:
         """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
         pairs = self.pairs
-        rest = np.ones(pairs.transfer.total, bool)
-        rest[pairs.transfer.dofs if pairs.nodes is None else pairs.nodes.there] = rest[pairs.tied] = False
+        rest = ~pairs.nodes.there
+        rest[pairs.tied] = False
         return np.flatnonzero(rest[: self.direction.space.size])
 
     def __call__(self, fields: Admissible) -> LocalState:
@@ -108,12 +94,12 @@ class LawStage:
         for t in range(steps):
             answer = pairs.force(F[t], before, pairs.numbers[t])
             force[t], jump[t] = pairs.settled(answer.force, F[t], self.anchor(t, before))
-            if pairs.nodes is not None:
+            if pairs.nodes.coupling is not None:
                 answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], before, t)
             lawful[t], status[t] = answer.force, answer.status
             before = History(jump[t], answer.own)
             own.append(answer.own)
-        w_hat, f_hat = at.hats(force, jump)
+        w_hat, f_hat = at.hats(force)
         tied = pairs.tied
         w_hat[:, tied] = pairs.targets
         f_hat[:, tied] = f[:, tied] - pairs.tie_stiffness * (w[:, tied] - pairs.targets)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.method.history import History
-from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
+from orchestrator.method.interface.point_traces import PointTraces
 
 
 @dataclass
@@ -34,7 +34,7 @@ class LocalState:
     jump: np.ndarray | None = None
     status: np.ndarray | None = None
     own: dict[str, np.ndarray] = field(default_factory=dict)
-    at: PairTraces | GeneralTraces | None = field(default=None, repr=False)
+    at: PointTraces | None = field(default=None, repr=False)
 
     def left(self, step: int = -1) -> History:
         """What one of these load steps, the last one, leaves to the next."""

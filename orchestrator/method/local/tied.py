@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.nearest import Nearest
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -36,11 +35,11 @@ class Tied:
     def __init__(self, direction: SearchDirection):
         self.direction, space = direction, direction.space
         transfer, none = space.transfer, np.empty(0, int)
-        self.chosen = [] if not isinstance(transfer, General) else [
+        self.chosen = [
             index for index in np.flatnonzero(~transfer.matched) if space.perfect[index] and len(transfer.sides[index][0])]
         self.dofs = np.concatenate([none, *(side for index in self.chosen for side in transfer.sides[index])])
         self.own = self.dofs < space.size
-        if isinstance(transfer, General):
+        if not transfer.picks:
             self.held = space.held_everywhere[self.dofs]  # all ranks ask
 
     def __len__(self) -> int:

@@ -25,7 +25,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.placed import PlacedBlocks
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -126,8 +125,7 @@ class ErrorBound:
         trace_weight, = self.space.extended(self.space.gathered(self.weight[None]))
         one, two = transfer.stiffnesses(trace_weight[0])
         self.share = self._shares(one, two)
-        if isinstance(transfer, General):
-            self.share[:, np.repeat(~transfer.matched, np.diff(transfer.bounds))] = [[0.0], [1.0]]
+        self.share[:, ~transfer.at_pairs] = [[0.0], [1.0]]
         # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
         self.softness = np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY))
         first, second = transfer.at_points(direction.whole)
@@ -135,7 +133,7 @@ class ErrorBound:
         self.modes = RigidModes(self.space, modes)
         soles = softness @ ((first + second) / 2) @ softness
         self.reposition = Repositioning(self.space, self.modes, soles)
-        self.soles = soles if isinstance(transfer, General) else None  # elsewhere k itself is at hand
+        self.soles = None if transfer.picks else soles  # elsewhere k itself is at hand
         self.balance = Balancing(self.space, self.modes)
         self.weights: np.ndarray | None = None
 
@@ -273,10 +271,10 @@ class ErrorBound:
         """
         transfer = self.space.transfer
         f = fields.extended[1]
-        if isinstance(transfer, General):
+        if not transfer.picks:
             w, = self.space.extended(self.stage.trace(u))
             q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
-            q = q - self.share[0] * (transfer.first(f) + transfer.second(f))
+            q = q + (0.5 * transfer.at_pairs - self.share[0]) * (transfer.first(f) + transfer.second(f))
             return (transfer.opposed(q) - f)[:, : self.space.size]
         imbalance = transfer.first(f) + transfer.second(f)
         w, = self.space.extended(u.take(self.space.gather, axis=1))

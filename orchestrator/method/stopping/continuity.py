@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.general_transfer import General
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
@@ -36,8 +35,7 @@ class Continuity:
         self.space, self.weight = space, weight
         self.class_weight = space.class_sums(weight[None])
         transfer, none = space.transfer, np.empty(0, int)
-        self.tied = isinstance(transfer, General) and bool(
-            (np.array(space.perfect, dtype=bool) & ~transfer.matched).any())
+        self.tied = bool((np.array(space.perfect, dtype=bool) & ~transfer.matched).any())
         if self.tied:
             counts = [b - a if p and not m else 0 for a, b, p, m in zip(
                 transfer.bounds[:-1], transfer.bounds[1:], space.perfect, transfer.matched)]

@@ -21,12 +21,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from orchestrator.compiled import in_parts
 from orchestrator.laws.base import Stages
+from orchestrator.laws.points import dot
 from orchestrator.method.history import History
-from orchestrator.method.interface.pair_loops import largest_tractions
 from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.interface.point_traces import GeneralTraces, PairTraces
+from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.lengths import Lengths
 from orchestrator.parallel.team import ALONE, Team
@@ -100,7 +99,7 @@ class LawMeasure:
             top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
         self.sums, self.largest = np.array([top, bottom, unbalanced, stiff]), self._largest(at, local, before)
 
-    def _largest(self, at: PairTraces | GeneralTraces, local: LocalState, before: History) -> list[float]:
+    def _largest(self, at: PointTraces, local: LocalState, before: History) -> list[float]:
         """Per law its stiffness over area, its pressure, its measures; then of the springs."""
         pairs, largest = self.pairs, []
         here = {run.law: run for run in pairs.runs}
@@ -117,8 +116,9 @@ class LawMeasure:
                 found = [_largest(points.stiff_n / points.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
             largest += found
         if pairs.stabilisation is not None:
-            parts = in_parts(largest_tractions, len(pairs), pairs.points.area, local.force, local.lawful)
-            largest += [*np.max(parts, axis=0).tolist(), _largest(pairs.points.stiff_n / pairs.points.area)]
+            area = pairs.points.area
+            tractions = (np.sqrt(dot(x, x)) / area for x in (local.force - local.lawful, local.lawful))
+            largest += [*map(_largest, tractions), _largest(pairs.points.stiff_n / area)]
         return largest
 
     def result(self, sums: np.ndarray, largest: Sequence[float], lengths: Lengths) -> LawResiduals:
