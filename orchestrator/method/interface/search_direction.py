@@ -18,6 +18,7 @@ from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.placed import placed
+from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import traced
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
@@ -63,7 +64,7 @@ class SearchDirection:
 
     def times(self, w: np.ndarray) -> np.ndarray:
         """(T, D) k⁻ w."""
-        return self.space.times(self.k, w)
+        return times(self.k, w)
 
     def robin(self, u: np.ndarray) -> np.ndarray:
         """(T, B) NᵀkN u of boundary displacements (T, B): forces of what the soles add to the stiffness there."""

@@ -27,7 +27,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.row_products import compiled_times
 from orchestrator.method.interface.rows import narrow, times
 from orchestrator.method.interface.ties import Ties, make_ties, traced
 from orchestrator.method.interface.transfer import Transfer
@@ -296,11 +295,7 @@ class TraceSpace:
 
     def loads(self, forces: np.ndarray) -> np.ndarray:
         """(T, B) boundary forces Nᵀ f of trace forces (T, D)."""
-        return self.times(self.scatter, forces)
-
-    def times(self, matrix: sp.csr_array, rows: np.ndarray) -> np.ndarray:
-        """(T, m) a matrix (m, n) times each of the rows (T, n): the way that suits the scene."""
-        return times(matrix, rows) if all(self.perfect) else compiled_times(matrix, rows)
+        return times(self.scatter, forces)
 
     @cached_property
     def classes(self) -> sp.csr_array:

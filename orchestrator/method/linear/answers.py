@@ -53,14 +53,14 @@ class GuardedTraces(Layer):
     @cached_property
     def all(self) -> Segments:
         """The boundary dofs of the subdomains."""
-        return Segments(self.parts, looped=not all(self.direction.space.perfect))
+        return Segments(self.parts)
 
     @cached_property
     def owned(self) -> Segments:
         """The trace dofs of the subdomains, which lie together as their boundary dofs do."""
         space = self.direction.space
         ends = np.searchsorted(space.owner[: space.size], [*space.subdomains, np.inf])
-        return Segments([slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])], looped=self.all.looped)
+        return Segments([slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])])
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.

@@ -57,7 +57,7 @@ class Exchange:
         w_other[:, far] = 0.0
         s = self.direction.times(w_other) - f_other
         w, f = fields.extended
-        s[:, far] = self.direction.space.times(k, w.take(met, axis=1)) - f.take(met, axis=1)
+        s[:, far] = times(k, w.take(met, axis=1)) - f.take(met, axis=1)
         return s
 
     def exchanged(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
