@@ -4,7 +4,6 @@ import signal
 import sys
 
 from orchestrator.errors import INTERRUPTED
-from orchestrator.imports import hurry, put_off
 from orchestrator.interrupts import interrupt
 
 
@@ -12,8 +11,6 @@ def main() -> None:
     """Entry point."""
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # scripts start so what they put in the background
         signal.signal(signal.SIGINT, interrupt)
-    put_off()
-    hurry()
     try:
         from orchestrator.cli import main as command
 

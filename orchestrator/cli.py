@@ -14,7 +14,6 @@ import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, Problem
 from orchestrator.guarded import guarded
-from orchestrator.imports import all_there
 from orchestrator.interrupts import heard
 from orchestrator.registry import CODES
 from orchestrator.streams import guard_streams, lost_output
@@ -61,14 +60,13 @@ def run(config: ConfigFile, overrides: Overrides = None,
                 if team.rank:
                     from orchestrator.run import follow
 
-                    all_there()
                     return follow(team)
                 return lead(team)
         except BaseException as error:
             if team.lost():
-                from orchestrator.blackbox.pool import workdir
+                from orchestrator.blackbox.pool import folder
 
-                workdir.sweep()  # what the lost ones left
+                folder.sweep()  # what the lost ones left
             if not team.speaks():
                 return CONVERGED
             raise team.cause(error)
@@ -86,7 +84,6 @@ def run(config: ConfigFile, overrides: Overrides = None,
                 artist = artist.close()
             from orchestrator.run import run as solve
 
-            all_there()
             try:
                 return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team,
                              artist=artist)
@@ -191,7 +188,6 @@ def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="no
         _find_benchmarks()
         from benchmarks.registry import STUDIES, run_study
 
-        all_there()
         if name in STUDIES:
             run_study(name, output, overrides or [], resume)
             return CONVERGED
@@ -225,7 +221,6 @@ def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '
     def action() -> int:
         from orchestrator.blackbox.trial.trial import try_out
 
-        all_there()
         return try_out(code, transport, timeout)
 
     guarded(action)

@@ -23,10 +23,11 @@ class Registry(Mapping[str, Any]):
     ----------
     places : name → ``module:attribute``
     own : regular expression → ``module:attribute``: what stands for names of the user's own, by their form
+    made : ``module:function`` by which what has been named becomes what is asked for; none: it is
     """
 
-    def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None):
-        self._places, self._own = dict(places), dict(own or {})
+    def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None, made: str = ""):
+        self._places, self._own, self._made = dict(places), dict(own or {}), made
         self._known: dict[str, Any] = {}
         self._first = tuple(places)
 
@@ -56,7 +57,7 @@ class Registry(Mapping[str, Any]):
     def add(self, name: str, thing: Any) -> None:
         """Something that is not shipped: a law or a code of the user's own."""
         place = f"{thing.__module__}:{thing.__qualname__}"
-        self._places[name], self._known[place] = place, thing
+        self._places[name], self._known[place] = place, self._of(thing)
 
     def remove(self, name: str) -> None:
         """Forget what was added."""
@@ -69,9 +70,16 @@ class Registry(Mapping[str, Any]):
 
     def _at(self, place: str) -> Any:
         if place not in self._known:
-            module, _, attribute = place.partition(":")
-            self._known[place] = getattr(import_module(module), attribute)
+            self._known[place] = self._of(_named(place))
         return self._known[place]
+
+    def _of(self, thing: Any) -> Any:
+        return _named(self._made)(thing) if self._made else thing
+
+
+def _named(place: str) -> Any:
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)
 
 
 DEFAULT_LAW, BOLT_LAW = "perfect", "pretension"  # what joins where nothing is said; across the cut of an entry of bolts
@@ -88,17 +96,17 @@ GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "
 
 DEFAULT_CODE = "freefem"  # keeps its factors between requests, and is the fastest here
 CODES = Registry({
-    "freefem": "orchestrator.blackbox.codes.freefem:FreeFem",
-    "calculix": "orchestrator.blackbox.codes.calculix:CalculiX",
-    "scikit-fem": "orchestrator.blackbox.codes.scikit_fem.code:ScikitFemCode",
-    "ngsolve": "orchestrator.blackbox.codes.ngsolve.code:NGSolveCode",
-    "mfem": "orchestrator.blackbox.codes.mfem.code:MfemCode",
+    "freefem": "orchestrator.blackbox.codes.freefem.code:FreeFem",
+    "calculix": "orchestrator.blackbox.codes.calculix.code:CalculiX",
+    "scikit-fem": "orchestrator.blackbox.codes.scikit_fem:ScikitFem",
+    "ngsolve": "orchestrator.blackbox.codes.ngsolve:NGSolve",
+    "mfem": "orchestrator.blackbox.codes.mfem:Mfem",
 }, own={
     r".+\.py(:\w+)?|[\w.]+:\w+": "orchestrator.blackbox.codes.python_code:PythonCode",
-})
+}, made="orchestrator.blackbox.codes.python_code:code_of")
 # Parts whose mesh is not ours, by their key in ``parts``: who answers for them.
 FOREIGN = Registry({
     "matrix": "orchestrator.blackbox.codes.foreign.matrix:MatrixCode",
-    "deck": "orchestrator.blackbox.codes.foreign.calculix_deck:DeckCode",
+    "deck": "orchestrator.blackbox.codes.foreign.deck:DeckCode",
     "program": "orchestrator.blackbox.codes.foreign.program:ProgramCode",
 })

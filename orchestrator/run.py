@@ -12,13 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.layers.stack import with_layers
-from orchestrator.blackbox.codes.finding import find_codes
-from orchestrator.blackbox.codes.foreign.finishing import finish_parts
-from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
-from orchestrator.blackbox.own_loads import with_own_loads
+from orchestrator.blackbox.codes.foreign.results import fields_of_parts, finish_parts
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.blackbox.start import Ahead, make_blackbox
+from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loads
 from orchestrator.compiled import make_ready
 from orchestrator.config import Config, Loaded
 from orchestrator.config.blackbox import entry_path
@@ -68,7 +64,7 @@ from orchestrator.timing import Stopwatch
 
 def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *,
           reference: bool = False, start: Start | None = None, watch: Stopwatch | None = None,
-          team: Team = ALONE, ahead: Ahead | None = None, speeds: np.ndarray | None = None,
+          team: Team = ALONE, speeds: np.ndarray | None = None,
           may_stop: Callable[[], bool] | None = None) -> Solution | Piece:
     """Solve a problem; nothing is written.
 
@@ -81,7 +77,6 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     watch : where seconds are counted
     team : the ranks that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only
         rank 0 gets the solution, the others their pieces of its fields, and only its subscribers see whole states
-    ahead : where the codes' processes may have been started already
     speeds : (ranks,) of the ranks, shares of 1, by which they get subdomains; None: all alike
     may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
 
@@ -118,7 +113,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
             told.stage("meshing")
             with watch("mesh"):
                 scene = build_scene(config, run_programs=True)
-        return _solve(config, scene, told, reference, start, watch, team, ahead, speeds, may_stop)
+        return _solve(config, scene, told, reference, start, watch, team, speeds, may_stop)
     except Unbalanced:
         raise
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
@@ -127,7 +122,7 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
 
 
 def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bool, start: Start | None,
-           watch: Stopwatch, team: Team, ahead: Ahead | None, speeds: np.ndarray | None,
+           watch: Stopwatch, team: Team, speeds: np.ndarray | None,
            may_stop: Callable[[], bool] | None) -> Solution | Piece:
     """The stages of a solution: prepare, iterate, deliver, summarise; the whole scene is on rank 0."""
     begun = time.perf_counter()
@@ -145,7 +140,7 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
     with set_aside(whole, team.size > 1 and not on_the_way):
         placement = Placement.of(parts[0].scene, rank_of, team)
         delivered, setup_sweeps, ranks = _part_solved(  # which alone holds the part
-            config, parts.pop(), placement, codes, cases, told, start, watch, team, ahead,
+            config, parts.pop(), placement, codes, cases, told, start, watch, team,
             estimate, (whole, exact) if reference else None,
             partial(_placing, team, begun, may_stop) if team.size > 1 and speeds is None and not on_the_way else None)
     wanted, fields, pieces, piece = method.tolerance.error == "auto" or config.output.fields, None, None, None
@@ -177,7 +172,7 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
 
 
 def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequence, cases: LoadCases, told: Subscribers,
-                 start: Start | None, watch: Stopwatch, team: Team, ahead: Ahead | None, estimate: DiscretisationEstimate,
+                 start: Start | None, watch: Stopwatch, team: Team, estimate: DiscretisationEstimate,
                  reference: tuple[Scene | None, Reference | None] | None,
                  placing: Callable[[Decomposition], Placing] | None) -> tuple[Delivered, float, list[Spent] | None]:
     """This rank's part of a solution: what is delivered, back-substitutions in set-up, and on rank 0 what all have spent.
@@ -196,7 +191,7 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
     check_iterations(len(cases.chosen), all(i.law.perfect for i in scene.interfaces), method,
                      any(s.remembers for s in scene.subdomains) or any(i.law.follows for i in scene.interfaces))
     with watch("start"):
-        blackbox = with_layers(make_blackbox(codes, placement.codes, ahead), method.skip, workers, len(cases.chosen), savings)
+        blackbox = with_layers(make_blackbox(codes, placement.codes), method.skip, workers, len(cases.chosen), savings)
     with blackbox:
         if reference and len(codes) > 1 and any(blackbox.traits(number).own_matter for number in placement.codes):
             raise InputError(Problem(("blackbox",), "--reference with several codes, one of which has matter of its own",
@@ -299,7 +294,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
     drawing = Artist() if config.output.figures and artist is None else nullcontext(artist)
     with locked(folder), unexpected(folder, team), drawing as artist:
-        with Progress(quiet) as progress, Ahead(with_workers(config.codes, team)) as ahead:
+        with Progress(quiet) as progress:
             progress.stage("meshing")
             folder.check_free()  # now, not when all has been computed
             folder.check_free(of_parts([code.name for code in config.codes if getattr(code, "writes_results", False)]))
@@ -322,7 +317,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 while True:
                     try:
                         solution = solve(config, scene, told, reference=reference, start=start,
-                                         watch=watch, team=team, ahead=ahead, speeds=speeds, may_stop=record.keeps)
+                                         watch=watch, team=team, speeds=speeds, may_stop=record.keeps)
                         break
                     except Unbalanced as found:
                         start, speeds = record.latest(), found.speeds
@@ -332,20 +327,11 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 if config.output.fields:
                     solution.summary["warnings"] += finish_parts(config.codes, solution.scene.subdomains, solution.parts,
                                                                  solution.joints, folder.of_part)
-                record.finish(solution, config.output.fields, artist, _beside(config, solution) if config.output.fields else [])
+                record.finish(solution, config.output.fields, artist, fields_of_parts(
+                    config.codes, solution.scene, solution.parts, solution.joints) if config.output.fields else [])
     if not quiet:
         print_summary(solution.summary, folder.path)
     return CONVERGED if solution.converged else NOT_CONVERGED
-
-
-def _beside(config: Config, solution: Solution) -> list[OwnFields]:
-    """Fields of the parts whose mesh is not ours, each on its own."""
-    found, scene = [], solution.scene
-    for stand in scene.mesh.foreign:
-        own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)
-        code, = find_codes(config.codes, [own.code]).values()
-        found.append(code.own_fields(*(x[own.index][:, : stand.joints] for x in (solution.parts, solution.joints))))
-    return found
 
 
 def follow(team: Team) -> int:

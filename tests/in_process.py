@@ -18,7 +18,7 @@ from quadratic_case import assemble_ten
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.blackbox.codes.python_server import FullModel, solver_class
 from orchestrator.blackbox.codes.template import Solver
-from orchestrator.blackbox.pool.worker import Worker
+from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.config.blackbox import CodeSettings

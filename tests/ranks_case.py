@@ -140,7 +140,7 @@ PLACED = "placed anew"  # after the third iteration, whatever the ranks' codes h
 
 def placed(folder: Path, team: Team) -> None:
     """A run that is set up again on the way, in a results folder."""
-    method = CASES["contact"]["method"] | {"skip": {"compliance": False}}  # codes are asked in every iteration
+    method = CASES["contact"]["method"]
     config = {"name": PLACED, **CASES["contact"], "method": method, "output": {"figures": False}}
     with patch.multiple(placing, IMBALANCE=0.0, NOTICED=0.0, CERTAIN=0.0):
         if team.rank:

@@ -15,9 +15,9 @@ import pytest
 from blackbox_case import box, forces, settings
 from processes import begin, gone, running
 
-from orchestrator.blackbox.pool import workdir
+from orchestrator.blackbox.pool import folder
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.blackbox.pool.worker import Worker
+from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BlackBoxError, InputError
 
 TRANSPORTS = ["pipe", "file"]
@@ -50,7 +50,7 @@ def test_a_killed_process():
     with make_blackbox(settings(workers=2)) as blackbox:
         blackbox.load(models)
         pids = blackbox.usage.pids()
-        os.kill(pids[blackbox.inner._sharing.holders[1][0]], signal.SIGKILL)
+        os.kill(pids[blackbox.inner._holders(1)[0]], signal.SIGKILL)
         with pytest.raises(BlackBoxError) as caught:
             blackbox.traces({i: forces(m) for i, m in enumerate(models)})
         assert caught.value.subdomain == "second"
@@ -282,24 +282,13 @@ def test_the_program_forgets_to_close(temporary):
     assert gone(pids)
 
 
-@pytest.mark.parametrize("transport", TRANSPORTS)
-def test_a_process_that_asks_for_memory_in_vain(temporary, monkeypatch, transport):
-    """Under ulimit -v OpenBLAS asks for its buffer for ever: said by name, not by the timeout."""
-    monkeypatch.setenv("ORCHESTRATOR_FREEFEM", wrapper(temporary, 'ulimit -v 240000\nexec "$REAL" "$@"'))
-    monkeypatch.setattr("orchestrator.blackbox.pool.starvation.PATIENCE", 1.0)
-    with pytest.raises(BlackBoxError, match="asks for memory in vain|out of memory|bad_alloc") as caught:
-        with make_blackbox(settings(transport=transport, timeout=600.0)) as blackbox:
-            blackbox.load([box((14, 14, 14), name="large")])
-    assert caught.value.subdomain == "large"
-
-
 OWNER = """
 import sys
-from orchestrator.blackbox.pool import workdir
+from orchestrator.blackbox.pool import folder
 if len(sys.argv) > 1:
-    boot = workdir.here()[1]
-    workdir.here = lambda: (sys.argv[1], boot)
-print(workdir.make(), flush=True)
+    boot = folder.here()[1]
+    folder.here = lambda: (sys.argv[1], boot)
+print(folder.make(), flush=True)
 sys.stdin.read()
 """
 
@@ -313,40 +302,40 @@ def owner(*host: str) -> tuple[subprocess.Popen, Path]:
 @pytest.mark.parametrize("host", [(), ("another_container",)], ids=["here", "another container"])
 def test_folders_of_the_living_are_left_alone(temporary, host):
     """Those of another process live as long as it does, whatever its container is called; then they are swept."""
-    mine = workdir.make()
+    mine = folder.make()
     child, theirs = owner(*host)
     assert theirs.parent == temporary and (not host or f"-{host[0]}-" in theirs.name)
-    workdir.sweep()
+    folder.sweep()
     assert mine.is_dir() and theirs.is_dir()
     child.kill()
     child.wait()
-    workdir.sweep()
+    folder.sweep()
     assert mine.is_dir() and not theirs.exists()
-    workdir.remove(mine)
+    folder.remove(mine)
 
 
 def test_folders_of_other_hosts_are_left_alone(temporary):
     """Nobody can tell from here whether their owners live; a host that was started anew has no owner left."""
-    host, boot = workdir.here()
+    host, boot = folder.here()
     foreign = temporary / f"orchestrator-{host}x-0123456789ab-1-abc"
     before = temporary / f"orchestrator-{host}-0123456789ab-1-abc"
     for path in (foreign, before):
         path.mkdir()
-    workdir.sweep()
+    folder.sweep()
     assert foreign.is_dir() and not before.exists()
     foreign.rmdir()
 
 
 def test_whoever_sweeps_while_folders_are_made_takes_none(temporary):
     """Between its making and its lock a folder looks abandoned."""
-    sweeping = begin(sys.executable, "-c", "from orchestrator.blackbox.pool import workdir; import time\n"
-                     "end = time.monotonic() + 2\nprint(flush=True)\nwhile time.monotonic() < end: workdir.sweep()")
+    sweeping = begin(sys.executable, "-c", "from orchestrator.blackbox.pool import folder; import time\n"
+                     "end = time.monotonic() + 2\nprint(flush=True)\nwhile time.monotonic() < end: folder.sweep()")
     sweeping.stdout.readline()
-    made = [workdir.make() for _ in range(300)]
+    made = [folder.make() for _ in range(300)]
     assert sweeping.wait(timeout=120) == 0
     assert all((path / "owner").exists() for path in made)
     for path in made:
-        workdir.remove(path)
+        folder.remove(path)
 
 
 def processes_in(folder: Path) -> list[int]:

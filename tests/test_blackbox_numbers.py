@@ -1,11 +1,13 @@
 """What FreeFEM answers: stiffness, traces, fields, through both transports."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
 
-from orchestrator.blackbox.codes.freefem.installation import blas_of, report
+from orchestrator.blackbox.codes.freefem.installation import report
 from orchestrator.blackbox.pool.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 
@@ -133,3 +135,10 @@ def test_the_clock_and_memory(pool, models):
 
 def test_placing_puts_the_longest_first():
     assert longest_first([1, 5, 3, 3], 2) == [[1, 0], [2, 3]]
+
+
+def blas_of(pid: int) -> str:
+    """Path of the BLAS library that a running process has mapped; '' when none is."""
+    paths = [row.split(maxsplit=5)[-1].strip() for row in Path(f"/proc/{pid}/maps").read_text().splitlines()]
+    libraries = [path for path in paths if "blas" in Path(path).name and "gslcblas" not in path]
+    return next((path for path in libraries if "openblas" in path), libraries[0] if libraries else "")

@@ -1,4 +1,4 @@
-"""The protocol is what is used: pools, routing and every layer keep all of it, and nothing else is asked of them."""
+"""The protocol is what is used: the pool and every layer keep all of it, and nothing else is asked of them."""
 
 import inspect
 
@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 from blackbox_case import box, forces, settings
 
-from orchestrator.blackbox.layers.compliance import Compliance
 from orchestrator.blackbox.layers.layer import Layer
-from orchestrator.blackbox.layers.routed import Routed, RoutedUsage
 from orchestrator.blackbox.layers.shared import SharedModels
-from orchestrator.blackbox.layers.stack import with_layers
 from orchestrator.blackbox.models.extended import sides_by_subdomain
 from orchestrator.blackbox.pool.pool import Pool
-from orchestrator.blackbox.pool.usage import PoolUsage
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.blackbox.start import make_blackbox
+from orchestrator.blackbox.start import make_blackbox, with_layers
 from orchestrator.blackbox.usage import STAGES, Usage
 from orchestrator.config.method import Skip
 from orchestrator.method.linear.answers import GuardedTraces
@@ -29,8 +25,7 @@ def faces(protocol: type) -> dict[str, object]:
 
 
 @pytest.mark.parametrize("protocol, kind", [
-    *((BlackBox, kind) for kind in (Pool, Routed, Layer, Compliance, SharedModels, GuardedTraces)),
-    (Usage, PoolUsage), (Usage, RoutedUsage)], ids=lambda kind: kind.__name__)
+    (BlackBox, kind) for kind in (Pool, Layer, SharedModels, GuardedTraces)], ids=lambda kind: kind.__name__)
 def test_every_member_is_there_with_its_arguments(protocol, kind):
     members = faces(protocol)
     assert len(members) >= 7
@@ -52,8 +47,7 @@ def test_what_runs_keeps_it_too():
         while isinstance(found, Layer):
             assert isinstance(found, BlackBox) and isinstance(found.usage, Usage)
             found = found.inner
-        assert isinstance(found, Routed) and isinstance(found, BlackBox)
-        assert all(isinstance(pool, BlackBox) and isinstance(pool.usage, Usage) for pool in found.pools.values())
+        assert isinstance(found, Pool) and isinstance(found, BlackBox)
         usage = top.usage
         assert usage is found.usage
         top.load(models)
@@ -65,7 +59,7 @@ def test_what_runs_keeps_it_too():
         assert [(entry["code"], entry["transport"], entry["models"]) for entry in usage.codes()] == [
             ("freefem", "pipe", 1), ("freefem", "file", 1)]
         folders = usage.folders()
-        assert len(folders) == 2 and all(folder.is_dir() for folder in folders)
+        assert len(folders) == 1 and all(folder.is_dir() for folder in folders)
         assert len(usage.pids()) == 1, "a process between requests through pipes only"
     assert not any(folder.exists() for folder in folders) and usage.pids() == []
 

@@ -9,7 +9,7 @@ from blackbox_case import box, difference, forces, settings
 from orchestrator.blackbox.pool.pool import Pool
 from orchestrator.blackbox.codes.finding import find_codes
 from orchestrator.blackbox.pool.sharing import IMBALANCE, LEAST, Sharing
-from orchestrator.blackbox.transport.pipe import PipeWorker
+from orchestrator.blackbox.transport.session import MessageWorker
 from orchestrator.errors import BlackBoxError
 
 PAUSE = 0.04  # seconds per model by which one worker is slow
@@ -18,7 +18,7 @@ PAUSE = 0.04  # seconds per model by which one worker is slow
 @pytest.fixture
 def slow(monkeypatch):
     """The first of two workers pauses over each of its models; the list says over how many, batch after batch."""
-    solve, taken = PipeWorker.solve, []
+    solve, taken = MessageWorker.solve, []
 
     def slowly(self, op, jobs, names):
         if self.number == 0:
@@ -26,12 +26,12 @@ def slow(monkeypatch):
             time.sleep(PAUSE * len(jobs))
         return solve(self, op, jobs, names)
 
-    monkeypatch.setattr(PipeWorker, "solve", slowly)
+    monkeypatch.setattr(MessageWorker, "solve", slowly)
     return taken
 
 
 def pool():
-    return Pool(find_codes([settings(workers=2)])[0])
+    return Pool(find_codes([settings(workers=2)]))
 
 
 def test_a_slow_workers_models_are_shared_once(slow):
@@ -46,7 +46,7 @@ def test_a_slow_workers_models_are_shared_once(slow):
             again = blackbox.traces(asked)
             paused.append(sum(slow))
             assert all(np.array_equal(again[i], first[i]) for i in asked)
-        sharing = blackbox._sharing
+        sharing = blackbox._sharing[0]
         assert sharing.settled and sharing.busy[0] > IMBALANCE * sharing.busy.mean()
         both = [i for i, workers in sharing.holders.items() if len(workers) == 2]
         assert both and all(sharing.holders[i] == [0, 1] for i in both)
@@ -63,13 +63,13 @@ def test_a_slow_workers_models_are_shared_once(slow):
 @pytest.mark.parametrize("wrong", [1e-6, 1e-2])
 def test_who_answers_otherwise_takes_nothing_over(slow, monkeypatch, wrong):
     """Beyond rounding the models stay where they are, so that results do not depend on who is quick; beyond that it is an error."""
-    models, solve, homes = [box(name=f"box {i}", seed=i) for i in range(12)], PipeWorker.solve, {}
+    models, solve, homes = [box(name=f"box {i}", seed=i) for i in range(12)], MessageWorker.solve, {}
 
     def otherwise(self, op, jobs, names):
         answers = solve(self, op, jobs, names)
         return {i: u if homes.setdefault(i, self.number) == self.number else (1 + wrong) * u for i, u in answers.items()}
 
-    monkeypatch.setattr(PipeWorker, "solve", otherwise)
+    monkeypatch.setattr(MessageWorker, "solve", otherwise)
     asked = {i: forces(m) for i, m in enumerate(models)}
     with pool() as blackbox:
         blackbox.load(models)
@@ -81,11 +81,11 @@ def test_who_answers_otherwise_takes_nothing_over(slow, monkeypatch, wrong):
         first = blackbox.traces(asked)
         for _ in range(LEAST + 2):
             assert all(difference(u, first[i]) == 0 for i, u in blackbox.traces(asked).items())
-        assert blackbox._sharing.settled and all(len(workers) == 1 for workers in blackbox._sharing.holders.values())
+        assert blackbox._sharing[0].settled and all(len(workers) == 1 for workers in blackbox._sharing[0].holders.values())
 
 
 def sharing(busy, loading=(0.1, 0.1), requests=LEAST):
-    made = Sharing([[0, 1, 2, 3], [4, 5, 6, 7]], np.ones(8), loading)
+    made = Sharing({0: [0, 1, 2, 3], 1: [4, 5, 6, 7]}, dict.fromkeys(range(8), 1.0), dict(enumerate(loading)))
     for _ in range(requests):
         made.answered(dict(enumerate(busy)))
     return made
@@ -101,7 +101,7 @@ def test_models_move_only_where_it_pays():
     done = sharing((3.0, 1.0))
     done.settle(moves)
     assert done.moves() == []
-    assert Sharing([[0], []], np.ones(1), [0.1, 0.0]).moves() == []
+    assert Sharing({0: [0], 1: []}, {0: 1.0}, {0: 0.1}).moves() == []
 
 
 def test_a_queue_gives_everything_once_to_who_may_have_it():

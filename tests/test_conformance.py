@@ -24,7 +24,7 @@ TEMPLATE = ROOT / "orchestrator" / "blackbox" / "codes" / "template.py"
 
 def unguarded(**changes) -> Pool:
     """A code as it is: no layer judges what it answers."""
-    return Pool(find_codes([settings(**changes)])[0])
+    return Pool(find_codes([settings(**changes)]))
 
 
 def verdicts(**changes) -> dict[str, str]:
@@ -121,7 +121,7 @@ def test_models_that_are_mixed_up_are_told_as_such():
                     self.prepared[other] = self.prepared[index]
 
     code = type("MixedCode", (InProcess,), {"worker": lambda self: Mixed})(settings(**IN_PROCESS))
-    found = [wrong for _, _, wrong in conformance.run_checks(lambda: Pool(code)) if wrong]
+    found = [wrong for _, _, wrong in conformance.run_checks(lambda: Pool({0: code})) if wrong]
     assert any("of the body: those of another model of the same size, the twin body" in wrong for wrong in found), found
 
 

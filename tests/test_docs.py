@@ -200,13 +200,6 @@ def parts_of(annotation) -> list:
     return [part for argument in getattr(annotation, "__args__", ()) for part in parts_of(argument)]
 
 
-def test_adapters_are_as_short_as_told():
-    text = (ROOT / "docs" / "codes.md").read_text(encoding="utf-8")
-    for told, name in ((r"# (\d+) lines, \d+ of them text", "template.py"), (r"scikit-fem \((\d+) lines\)", "scikit_fem/solver.py")):
-        lines = (PACKAGE / "blackbox" / "codes" / name).read_text(encoding="utf-8").splitlines()
-        assert int(re.search(told, text)[1]) == len(lines), name
-
-
 def test_python_shown_runs_and_prints_what_it_says(tmp_path, capsys, monkeypatch):
     """Numbers behind ``print(…)   # …`` are those that are printed, but for rounding."""
     (tmp_path / "configs").symlink_to(ROOT / "configs")

@@ -254,7 +254,7 @@ def test_own_matter_is_shown_to_be_positive_and_local_before_anything_is_iterate
     sides, own = sides_by_subdomain(scene), scene.subdomains
     worker = type("OwnWorker", (InProcessWorker,), {"stiffness": lambda self, index, model: make(model)})
     code = type("OwnCode", (InProcess,), {"worker": lambda self: worker, "own_matter": True, "translation_invariant": False})(config.codes[0])
-    with GuardedCode(Pool(code)) as blackbox:
+    with GuardedCode(Pool({0: code})) as blackbox:
         def judge():
             rims = assemble_rims(scene, own, sides, blackbox, 1, True, Savings())
             found = own_stiffness(scene, own, blackbox, 1, True, Savings())

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 from blackbox_case import box
 
-from orchestrator.blackbox.models.images import _AXES, _SIGNS, images
+from orchestrator.blackbox.models.images import _AXES, _SIGNS, images, spanned
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.blackbox.models.span import spanned
 from orchestrator.blackbox.protocol import Model
 
 

@@ -17,8 +17,8 @@ from ruamel.yaml import YAML
 from typer.testing import CliRunner
 
 from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
-from orchestrator.blackbox.codes.foreign.calculix_deck import DeckCode
-from orchestrator.blackbox.codes.foreign.finishing import finish_parts
+from orchestrator.blackbox.codes.foreign.deck import DeckCode
+from orchestrator.blackbox.codes.foreign.results import finish_parts
 from orchestrator.blackbox.codes.foreign.program import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.cli import app

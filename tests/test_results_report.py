@@ -16,8 +16,8 @@ import pytest
 import results_case as case
 from rich.console import Console
 
-from orchestrator.blackbox.codes.freefem import FreeFem
-from orchestrator.blackbox.pool.worker import Worker
+from orchestrator.blackbox.codes.freefem.code import FreeFem
+from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
 from orchestrator.results.figures.figures import write_figures

@@ -11,7 +11,6 @@ import pytest
 from blackbox_case import box, settings
 from method_case import CLAMP, CUBES, METIS, PULL, method, solved
 
-from orchestrator.blackbox import cost
 from orchestrator.blackbox.layers.shared import SharedModels
 from orchestrator.blackbox.models.congruence import representatives
 from orchestrator.blackbox.protocol import Traits
@@ -22,7 +21,7 @@ from orchestrator.scene.congruence import same_shapes
 
 INVARIANT = Traits(translation_invariant=True)
 ROOT = Path(__file__).parents[1]
-NOTHING = {"congruent": False, "repeated": False, "compliance": False}
+NOTHING = {"congruent": False, "repeated": False}
 LONG = {"mesh": {"box": {"size": [16.0, 1.0, 1.0], "cells": [32, 2, 2]}},
         "subdomains": {"slices": {"axis": "x", "count": 16}},
         "boundary": [CLAMP, {"on": {"plane": "x", "at": 16.0}, "traction": [10.0, 1.0, 0.0]}]}
@@ -127,27 +126,6 @@ def test_repeated_right_hand_sides_change_nothing(case):
     same(spared, plain)
     if case is LONG:
         assert saved(spared)["repeated"]["back-substitutions"] >= 13 * 18  # of 14 slices, 18 macro unknowns each
-
-
-# --- explicit compliance ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("case", [LONG, {**METIS, "boundary": [CLAMP, PULL]}], ids=["slices", "metis"])
-def test_compliance_changes_nothing(case, monkeypatch):
-    """The dense products give what back-substitutions give."""
-    plain = with_skip({"congruent": True}, **case)
-    monkeypatch.setattr(cost, "compliance_pays", lambda *arguments, **more: True)
-    explicit = with_skip({"congruent": True, "compliance": True}, **case)
-    same(explicit, plain)
-    assert explicit.iterations == plain.iterations
-    assert "compliance" in saved(explicit)
-
-
-def test_compliance_is_chosen_where_it_pays():
-    """A slice that stands for many has fewer trace dofs than right-hand sides to come; METIS parts have more."""
-    counts = saved(with_skip({"congruent": True, "compliance": True}, **LONG))["compliance"]
-    assert counts["back-substitutions replaced by products"] > counts["unit forces solved"] > 0
-    assert "compliance" not in saved(with_skip({"congruent": True, "compliance": True}, **METIS))
 
 
 # --- load steps that follow from others -------------------------------------------------------------------

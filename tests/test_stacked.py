@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from method_case import box_of, config, prepared
 
 from orchestrator.blackbox.layers.layer import Layer
-from orchestrator.blackbox.layers.stack import with_layers
+from orchestrator.blackbox.start import with_layers
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.placed import placed
 from orchestrator.method.interface.segments import Segments

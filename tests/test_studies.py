@@ -479,7 +479,7 @@ def test_large_judges_energies_and_seconds(tmp_path):
 
 @pytest.mark.long
 def test_large_within_too_little_memory(tmp_path):
-    from orchestrator.blackbox.codes.freefem import FreeFem
+    from orchestrator.blackbox.codes.freefem.code import FreeFem
     from benchmarks.kit.study import Study
     from benchmarks.studies import in_one_piece
 

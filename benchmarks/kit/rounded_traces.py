@@ -7,8 +7,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from orchestrator.blackbox.codes.freefem import FreeFem
-from orchestrator.blackbox.transport.file import FileWorker
+from orchestrator.blackbox.codes.freefem.code import FreeFem
+from orchestrator.blackbox.transport.session import MessageWorker
 from orchestrator.registry import CODES
 
 
@@ -23,7 +23,7 @@ def rounded(values: np.ndarray, digits: int) -> np.ndarray:
 def traces_of(digits: int) -> Iterator[None]:
     """Within this context the transport ``file`` carries forces and displacements with so many digits."""
 
-    class Rounding(FileWorker):
+    class Rounding(MessageWorker):
         def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
             answer, seconds = super().run_cases(op, index, rounded(forces, digits), name)
             return rounded(answer, digits), seconds

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.blackbox.pool.diagnosis import difference
+from orchestrator.blackbox.diagnosis import difference
 from orchestrator.config import config_from, load_config
 from orchestrator.results.figures.codes import PALETTE
 from orchestrator.results.figures.plotting import new_figure, png, tidy

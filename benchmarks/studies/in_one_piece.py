@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.blackbox.codes.freefem import FreeFem
-from orchestrator.blackbox.codes.freefem.scripts import UNDECOMPOSED, script
+from orchestrator.blackbox.codes.freefem.code import FreeFem
+from orchestrator.blackbox.codes.freefem.installation import UNDECOMPOSED, script
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.delivery.reference import Reference, solve_reference

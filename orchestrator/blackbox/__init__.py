@@ -16,18 +16,16 @@ all processes end, and no file is left. ``orchestrator conformance CODE`` checks
 Three ways to take part, from the shortest to the most general:
 
 1. a class with three methods in Python: copy ``codes/template.py`` and name the copy in the YAML, nothing is registered.
-   With a name and options of its own it is a few lines more, see ``codes/python_code.py``; ``codes/scikit_fem`` is a
-   worked example;
+   An ``Adapter`` gets a name by a line in ``orchestrator/registry.py``; ``codes/scikit_fem.py`` is a worked example;
 2. a program that speaks the bytes of ``transport/messages.py`` on two pipes or files: a ``MessageCode`` of
    ``codes/code.py`` says how it is started and writes its mesh files, see ``codes/freefem`` and the other end,
    ``freefem_scripts/subdomain_server.edp``;
 3. a program that reads and writes files of its own: a ``Code`` with a worker that writes decks and reads results, see
    ``codes/calculix``.
 
-A code with a name is one module and one line in ``orchestrator/registry.py``. Its ``Settings`` are the model of its
-entries in the YAML; keys that they add are validated like all others.
+A code's ``Settings`` are the model of its entries in the YAML; keys that they add are validated like all others.
 
 The rooms: ``models`` makes plain models of the scene's subdomains; ``pool`` spreads them over processes that ``codes``
-start and ``transport`` talks to; ``layers`` share, remember and route; ``trial`` puts a code to the test. ``start`` makes
-what a configuration asks for, ``cost`` tells when a compliance is cheaper than solves.
+start and ``transport`` talks to; ``layers`` judge, share and remember; ``trial`` puts a code to the test. ``start`` makes
+what a configuration asks for, ``cost`` tells when a compliance is cheaper than runs.
 """

@@ -69,19 +69,15 @@ def size_of(trace: int) -> int:
     return 8 * trace**2
 
 
-def copies(trace: int, cases: int, members: int, workers: int, explicit: bool) -> int:
+def copies(cases: int, members: int, workers: int) -> int:
     """How often a model is loaded that stands for several: each time must pay by the solves it takes off another worker.
 
     Parameters
     ----------
-    trace : its trace dofs
     cases : load cases of a linear stage, of all members together
     members : subdomains it stands for
     workers : processes there are
-    explicit : compliances are formed where they pay
     """
-    if explicit and trace < STAGES * cases:
-        return 1  # its answers will come from its compliance
     return max(1, min(workers, members, cases * STAGES // LOADING))
 
 

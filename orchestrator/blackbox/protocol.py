@@ -72,7 +72,6 @@ class Model:
     fixed : (n, 3) bool, dofs clamped to zero
     trace : (t,) int, dofs on which traces are exchanged; none of them fixed, no repetition
     code : which black box of the configuration it is for, where there are several
-    cases : load cases that a linear stage asks of it; 0: not known. Answers do not depend on it
     origin : what it is in the user's mesh; None: nothing but a sole, or several models in one
     """
 
@@ -84,7 +83,6 @@ class Model:
     fixed: np.ndarray
     trace: np.ndarray
     code: int = 0
-    cases: int = 0
     origin: Origin | None = None
 
 

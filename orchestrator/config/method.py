@@ -113,9 +113,6 @@ class Skip(Part):
         "perfect interfaces: load steps whose own error is below the tolerance are not solved on with the others"))
     bound: bool = Field(True, description=(
         "the error bound's second part, which costs solves, is evaluated only once its first is below the tolerance"))
-    compliance: bool = Field(True, description=(
-        "one solve per interface dof and dense products from then on replace the solves of the iterations, "
-        "where measured costs say that it pays"))
 
 
 class Method(Part):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from types import TracebackType
 
-from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
+from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.config import Config
 from orchestrator.method.start import Start
 from orchestrator.results.fields.files import write_fields

@@ -26,9 +26,11 @@ class Adapter:
     translation_invariant : answers depend neither on where a model is nor on what it or its volumes are called
     own_matter : its matter is its own, not the YAML's moduli
     elements : those it knows
+    package : the Python package that it needs beside itself, if any; of a solver with a name in the registry
     """
 
     translation_invariant = own_matter = False
+    package = ""
     elements: tuple[str, ...] = ("P1",)
 
     def stiffness(self, model: Any) -> sp.csr_array:

@@ -6,16 +6,16 @@ Modules of codes are imported to validate a configuration: they load numpy and t
 from __future__ import annotations
 
 import os
+import signal
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from orchestrator.blackbox.pool.exits import exit_meaning
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
 
 if TYPE_CHECKING:
-    from orchestrator.blackbox.pool.worker import Worker
+    from orchestrator.blackbox.transport.worker import Worker
     from orchestrator.blackbox.protocol import Model
 
 
@@ -102,6 +102,24 @@ class Code(ABC):
             return [f"no {name} (optional): {error.problems[0].cure}"]
 
 
+_HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory", "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
+
+
+def exit_meaning(exit_code: int, meanings: Mapping[int, str], otherwise: str = "ended with an error") -> str:
+    """What an exit code says; negative codes are signals.
+
+    Parameters
+    ----------
+    meanings : the code's own exit codes
+    otherwise : what to say of unknown ones
+    """
+    if exit_code >= 0:
+        return f"{exit_code}: {meanings.get(exit_code, 'normal end' if exit_code == 0 else otherwise)}"
+    known = [s.name for s in signal.Signals if s == -exit_code]
+    name = known[0] if known else f"signal {-exit_code}"
+    return f"{exit_code}: killed by {name}{_HINTS.get(name, '')}"
+
+
 class MessageCode(Code):
     """A code whose processes speak the bytes of ``messages``, through pipes or through files.
 
@@ -114,13 +132,9 @@ class MessageCode(Code):
 
     def worker(self) -> type[Worker]:
         """As ``Code`` says."""
-        if self.settings.transport == "file":
-            from orchestrator.blackbox.transport.file import FileWorker
+        from orchestrator.blackbox.transport.session import MessageWorker
 
-            return FileWorker
-        from orchestrator.blackbox.transport.pipe import PipeWorker
-
-        return PipeWorker
+        return MessageWorker
 
     def heard(self, numbers: Sequence[float]) -> None:
         """Told the numbers of its processes' first words; what they mean is between the code and its processes."""

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, JsonValue
 
-from orchestrator.blackbox.codes.code import MessageCode
-from orchestrator.blackbox.pool.exits import exit_meaning
+from orchestrator.blackbox.codes.code import Code, MessageCode, exit_meaning
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
@@ -189,12 +188,22 @@ class PythonCode(MessageCode):
 
 
 class FourNodeCode(PythonCode):
-    """One whose adapter knows four-node tets alone."""
+    """One whose solver knows four-node tets alone."""
 
     class Settings(PythonCode.Settings):
         """A solver in Python."""
 
         element: Literal["P1"] = Field("P1", description="linear tetrahedra: its adapter knows no other")
+
+
+def code_of(named: type) -> type[Code]:
+    """A code, or that of an ``Adapter``, whose attributes say what it can do."""
+    if issubclass(named, Code):
+        return named
+    kind = PythonCode if "P2" in named.elements else FourNodeCode
+    return type(f"{named.__name__}Code", (kind,), {
+        "__doc__": named.__doc__, "__module__": named.__module__, "solver": f"{named.__module__}:{named.__qualname__}",
+        "package": named.package, "translation_invariant": named.translation_invariant, "own_matter": named.own_matter})
 
 
 @cache

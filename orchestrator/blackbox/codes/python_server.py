@@ -20,17 +20,13 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from orchestrator.imports import put_off
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
-put_off()
-
-import numpy as np  # noqa: E402
-import scipy.sparse as sp  # noqa: E402
-import scipy.sparse.linalg as spla  # noqa: E402
-
-from orchestrator.blackbox.transport import messages  # noqa: E402
-from orchestrator.blackbox.pool.diagnosis import diagnosis  # noqa: E402
-from orchestrator.blackbox.protocol import Model  # noqa: E402
+from orchestrator.blackbox.diagnosis import diagnosis
+from orchestrator.blackbox.protocol import Model
+from orchestrator.blackbox.transport import messages
 
 
 def promised(solver) -> int:

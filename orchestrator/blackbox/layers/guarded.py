@@ -10,7 +10,7 @@ fit its stiffness is then tested by its own server.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,12 +35,13 @@ class GuardedCode(Layer):
 
     Parameters
     ----------
-    inner : the pool of one code
+    inner : the pool
+    codes : ``Model.code`` of those to judge; default all
     """
 
-    def __init__(self, inner: BlackBox):
+    def __init__(self, inner: BlackBox, codes: Collection[int] | None = None):
         super().__init__(inner)
-        self._models: list[Model] = []
+        self.codes, self._models = codes, []
 
     def load(self, models: Sequence[Model]) -> None:
         """As the protocol says; of every model that the code keeps, the answer to one load is judged, all being there.
@@ -49,16 +50,16 @@ class GuardedCode(Layer):
         """
         super().load(models)
         self._models = list(models)
-        if not self._judged(models) or not self.inner.traits(models[0].code).keeps_models:
-            return
         random = np.random.default_rng(len(models))
-        self.fields({i: np.where(m.fixed.ravel(), 0.0, random.uniform(0.5, 1.0, (1, m.fixed.size)))
-                     for i, m in enumerate(models) if not m.fixed.all()})
+        forces = {i: np.where(m.fixed.ravel(), 0.0, random.uniform(0.5, 1.0, (1, m.fixed.size)))
+                  for i, m in enumerate(models) if self._known(m) and not m.fixed.all()}
+        if forces := {i: f for i, f in forces.items() if self.inner.traits(models[i].code).keeps_models}:
+            self.fields(forces)
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
         answers = super().fields(forces)
-        asked = [i for i, u in answers.items() if len(u) and self._judged([self._models[i]])]
+        asked = [i for i, u in answers.items() if len(u) and self._known(self._models[i])]
         # the codes' cores have nothing else to do meanwhile
         shares = together(lambda own: [imbalance(self._models[i], answers[i], np.asarray(forces[i])) for i in own],
                           [asked[first :: cores()] for first in range(min(cores(), len(asked)))])
@@ -74,17 +75,22 @@ class GuardedCode(Layer):
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """As the protocol says."""
-        matrices, traits = super().stiffness(models), {code: self.inner.traits(code) for code in {m.code for m in models}}
-        # the codes' cores have nothing else to do meanwhile
-        shares = together(lambda own: [wrong_stiffness(models[i], matrices[i], traits[models[i].code].own_matter) for i in own],
-                          [range(len(models))[first :: cores()] for first in range(min(cores(), len(models)))])
-        for i, model in enumerate(models):
-            if wrong := shares[i % cores()][i // cores()]:
-                raise BlackBoxError(f"guard: {wrong}", model.name)
+        matrices = super().stiffness(models)
+        judged = [i for i, model in enumerate(models) if self._judges(model)]
+        shares = together(lambda own: [wrong_stiffness(models[i], matrices[i], not self._known(models[i])) for i in own],
+                          [judged[first :: cores()] for first in range(min(cores(), len(judged)))])
+        for first, share in enumerate(shares):
+            for i, wrong in zip(judged[first :: cores()], share):
+                if wrong:
+                    raise BlackBoxError(f"guard: {wrong}", models[i].name)
         return matrices
 
-    def _judged(self, models: Sequence[Model]) -> bool:
-        return bool(models) and not self.inner.traits(models[0].code).own_matter
+    def _judges(self, model: Model) -> bool:
+        return self.codes is None or model.code in self.codes
+
+    def _known(self, model: Model) -> bool:
+        """Whether a model's matter is the YAML's."""
+        return self._judges(model) and not self.inner.traits(model.code).own_matter
 
 
 OWN = "a solver whose material is its own says so: own_matter = True in its class"

@@ -16,8 +16,7 @@ import numpy as np
 from orchestrator.blackbox.cost import copies
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.models.congruence import representatives
-from orchestrator.blackbox.models.images import Image, images
-from orchestrator.blackbox.models.span import spanned
+from orchestrator.blackbox.models.images import Image, images, spanned
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.savings import Savings
@@ -33,7 +32,6 @@ class SharedModels(Layer):
     inner : the black box that holds the distinct models
     congruent : share models
     repeated : solve no right-hand side twice
-    explicit : ``inner`` forms compliances where they pay
     workers : processes behind ``inner``
     steps : load steps, the right-hand sides of a subdomain in a linear stage
     savings : where what is saved is noted
@@ -45,9 +43,9 @@ class SharedModels(Layer):
     """
 
     def __init__(self, inner: BlackBox, *, congruent: bool, repeated: bool, workers: int, steps: int,
-                 savings: Savings, explicit: bool = False):
+                 savings: Savings):
         super().__init__(inner)
-        self.congruent, self.repeated, self.explicit = congruent, repeated, explicit
+        self.congruent, self.repeated = congruent, repeated
         self.workers, self.steps, self.savings = workers, steps, savings
         self.model_of = np.empty(0, int)
         self.image_of: dict[int, tuple[Image, Image]] = {}
@@ -64,15 +62,14 @@ class SharedModels(Layer):
         loaded: list[Model] = []
         for kind in np.unique(first):
             members = np.flatnonzero(first == kind)
-            times = copies(len(models[kind].trace), len(members) * self.steps, len(members), self.workers, self.explicit)
+            times = copies(len(members) * self.steps, len(members), self.workers)
             self.model_of[members] = len(loaded) + np.arange(len(members)) * times // len(members)
             loaded += [models[kind]] * times
             if len(members) > 1 and self.traits(models[kind].code).own_matter:
                 self._prove([models[member] for member in {0: members[0], len(members) // 2: members[len(members) // 2],
                                                            len(members) - 1: members[-1]}.values()])
         self.savings.add("congruent", "factorisations", len(models) - len(loaded))
-        cases = self.steps * np.bincount(self.model_of, minlength=len(loaded))
-        super().load([replace(model, cases=int(count)) for model, count in zip(loaded, cases)])
+        super().load(loaded)
 
     def _show(self, models: Sequence[Model], first: np.ndarray) -> dict[int, tuple[Image, Image]]:
         """Have images stand behind what they are images of: ``first`` (models,) is changed. Per model that is one, how.

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from orchestrator.blackbox.pool.worker import Worker
+from orchestrator.blackbox.transport.worker import Worker
 
 Task = tuple[int, Callable[[Worker, Any], Any], Any]  # number of the worker, function, its argument
 
@@ -21,8 +21,7 @@ class Crew:
 
     Parameters
     ----------
-    make : number → a new worker
-    count : how many
+    makers : each makes a new worker
 
     Attributes
     ----------
@@ -30,43 +29,26 @@ class Crew:
     asked : seconds in which some worker had a task, in all
     """
 
-    def __init__(self, make: Callable[[int], Worker], count: int):
-        self._make, self.count = make, count
+    def __init__(self, makers: Sequence[Callable[[], Worker]]):
+        self._makers = makers
         self.workers: list[Worker] = []
         self.asked = 0.0
         self._since = time.perf_counter()
         self._asked = 0.0  # since the last start
-        self._starting = 0  # workers that have been told to start, and not yet waited for
         self._done: queue.SimpleQueue = queue.SimpleQueue()
         self._queues: list[queue.SimpleQueue] = []
         self._threads: list[threading.Thread] = []
 
     def start(self) -> None:
-        """New workers, all at once; ``ready`` waits for them."""
+        """New workers, all at once; raises what the first one to fail raises."""
         self._since, self._asked = time.perf_counter(), 0.0
-        self.workers = [self._make(number) for number in range(self.count)]
+        self.workers = [make() for make in self._makers]
         self._queues = [queue.SimpleQueue() for _ in self.workers]
-        self._threads = [
-            threading.Thread(target=self._serve, args=(w,), name=f"blackbox-{w}", daemon=True)
-            for w in range(self.count)
-        ]
+        self._threads = [threading.Thread(target=self._serve, args=pair, name="blackbox", daemon=True)
+                         for pair in zip(self.workers, self._queues)]
         for thread in self._threads:
             thread.start()
-        self._starting = self.count
-        for tasks in self._queues:
-            tasks.put((lambda worker, _: worker.open(), None))
-
-    def ready(self) -> None:
-        """Wait until all workers have started; raises what the first one to fail raises. May be called twice."""
-        while self._starting:
-            self._starting -= 1
-            _, error = self._done.get()
-            if error is not None:
-                raise error
-            if not self._starting:
-                longest = max(worker.working for worker in self.workers)
-                self._asked += longest
-                self.asked += longest
+        self.run([(number, lambda worker, _: worker.open(), None) for number in range(len(self.workers))])
 
     def stop(self) -> None:
         """End all processes and threads; may be called twice."""
@@ -113,8 +95,7 @@ class Crew:
         """Seconds since the start in which nobody had a task."""
         return time.perf_counter() - self._since - self._asked
 
-    def _serve(self, number: int) -> None:
-        worker, tasks = self.workers[number], self._queues[number]
+    def _serve(self, worker: Worker, tasks: queue.SimpleQueue) -> None:
         while (task := tasks.get()) is not None:
             work, argument = task
             begin, result, failure = time.perf_counter(), None, None

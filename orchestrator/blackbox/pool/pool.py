@@ -1,24 +1,26 @@
-"""The pool: places models on workers, keeps all of them busy, and ends them all when one fails."""
+"""The pool: places models on the workers of their codes, keeps all of them busy, and ends them all when one fails."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Mapping, Sequence
-from typing import NoReturn
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.pool import lifetime, workdir
-from orchestrator.blackbox.pool.crew import Crew, Task
-from orchestrator.blackbox.pool.diagnosis import AGREE, ROUGH, difference
-from orchestrator.blackbox.pool.sharing import Sharing
-from orchestrator.blackbox.pool.usage import PoolUsage
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.blackbox.pool.worker import Ended, Worker
+from orchestrator.blackbox.diagnosis import AGREE, ROUGH, difference
+from orchestrator.blackbox.pool import folder
+from orchestrator.blackbox.pool.crew import Crew, Task
+from orchestrator.blackbox.pool.sharing import Sharing, gathered, longest_first
 from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport import messages
+from orchestrator.blackbox.transport.worker import Ended, Worker
+from orchestrator.blackbox.usage import Usage
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import BlackBoxError
 
@@ -28,46 +30,38 @@ def default_workers() -> int:
     return max(1, len(os.sched_getaffinity(0)))
 
 
-def longest_first(costs: Sequence[float], workers: int) -> list[list[int]]:
-    """Tasks of every worker: each task, longest first, goes to the worker with the least to do."""
-    tasks: list[list[int]] = [[] for _ in range(workers)]
-    busy = np.zeros(workers)
-    for index in np.argsort(-np.asarray(costs, float), kind="stable"):
-        worker = int(np.argmin(busy))
-        tasks[worker].append(int(index))
-        busy[worker] += costs[index]
-    return tasks
-
-
 class Pool:
-    """The black box of ``protocol.BlackBox`` over workers of any transport.
+    """The black box of ``protocol.BlackBox``: models go to the workers of the code that is to solve them, all work at once.
 
     Parameters
     ----------
-    code : what to run, and its settings: how many processes at once, by which transport
-    wait : until its processes are ready; else ``ready`` must be called before anything else
+    codes : ``Model.code`` → what to run, with its settings: how many processes at once, by which transport
+
+    Raises
+    ------
+    InputError, BlackBoxError : processes do not start; none is left then
     """
 
-    def __init__(self, code: Code, wait: bool = True):
-        self._models: list[Model] = []
-        self._sharing: Sharing | None = None  # where the models are
+    def __init__(self, codes: Mapping[int, Code]):
+        self._codes, self._models = dict(codes), []
+        self._sharing: dict[int, Sharing] = {}  # where the models of each code are
         self._broken, self._closed = "", False
-        self._folder = workdir.make()
-        lifetime.watch(self)
-        for name, text in code.files().items():
-            (self._folder / name).write_text(text, encoding="utf-8")
-        workers, worker = code.settings.workers, code.worker()
-        self._crew = Crew(lambda number: worker(code, self._folder, number),
-                          default_workers() if workers == "auto" else workers)
-        self._usage = PoolUsage(self._crew, code, self._folder)
-        self._start(wait)
-
-    def ready(self) -> None:
-        """Wait until all processes have started."""
-        try:
-            self._crew.ready()
-        except BaseException as error:
-            self._fail(error)
+        self._folder = folder.make()
+        folder.watch(self)
+        self._teams: dict[int, range] = {}  # the workers of each code
+        makers: list[partial[Worker]] = []
+        for number, code in self._codes.items():
+            own, wanted = self._folder / f"code-{number}", code.settings.workers
+            self._teams[number] = range(len(makers), len(makers) + (default_workers() if wanted == "auto" else wanted))
+            makers += [partial(code.worker(), code, own, worker) for worker in self._teams[number]]
+        self._crew = Crew(makers)
+        self._usage = Usage(self._crew, self._codes, self._teams, self._folder)
+        with self._ending():
+            for number, code in self._codes.items():
+                (own := self._folder / f"code-{number}").mkdir()
+                for name, text in code.files().items():
+                    (own / name).write_text(text, encoding="utf-8")
+            self._crew.start()
 
     def load(self, models: Sequence[Model]) -> None:
         """As the protocol says.
@@ -75,82 +69,59 @@ class Pool:
         Raises BlackBoxError, among others for a model that can still move freely; InputError when
         the disk is full.
         """
-        if self._sharing is not None:
+        if self._models:
             self._crew.stop()
-            self._start(wait=True)
+            with self._ending():
+                self._crew.start()
         # Longest first to whoever is free would balance the factorisations alone: on 100 grains the busier of two
         # workers then has 4 % more back-substitutions than the mean, instead of 0.1 %. They stay where the factor is.
         dofs = [int((~model.fixed).sum()) for model in models]
-        costs = predicted_cost(dofs)
-        tasks = longest_first(costs, self._crew.count)
+        costs = dict(enumerate(predicted_cost(dofs).tolist()))
+        tasks = self._placed(models, costs)
         self._models = list(models)
-        self._sharing = Sharing(tasks, costs, self._load(dict(enumerate(tasks))))
-        self._usage.hold(self._sharing.holders, dofs)
+        seconds = self._load(tasks)
+        self._sharing = {code: Sharing({worker: tasks[worker] for worker in team}, costs, seconds) for code, team in self._teams.items()}
+        self._usage.hold(self._all_holders(), dofs)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
         wanted = {i: _rows(i, f, len(self._models[i].trace)) for i, f in forces.items()}
-        return self._solve(messages.TRACES, wanted)
+        answers, busy = self._solve(messages.TRACES, wanted)
+        for code in {self._models[i].code for i, f in wanted.items() if f.size}:
+            self._sharing[code].answered(busy)
+            self._balance(code, wanted, answers)
+        return answers
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
-        wanted = {}
-        for i, f in forces.items():
-            model = self._models[i]
-            # an eliminated dof answers its right-hand side, not zero
-            wanted[i] = np.where(model.fixed.ravel(), 0.0, _rows(i, f, 3 * len(model.nodes)))
-        answers = self._solve(messages.FIELDS, wanted)
+        # an eliminated dof answers its right-hand side, not zero
+        fixed = {i: self._models[i].fixed.ravel() for i in forces}
+        answers, _ = self._solve(messages.FIELDS, {i: np.where(fixed[i], 0.0, _rows(i, f, len(fixed[i]))) for i, f in forces.items()})
         for i, u in answers.items():
-            u[:, self._models[i].fixed.ravel()] = 0.0
+            u[:, fixed[i]] = 0.0
         return answers
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """As the protocol says."""
-        matrices: list[sp.csr_array | None] = [None] * len(models)
-        # numbers of their own, so that no mesh file of a loaded model is overwritten
-        first = len(self._models)
-
-        def assemble_all(worker: Worker, indices: list[int]) -> None:
-            for number, matrix in worker.all_stiffness({first + index: models[index] for index in indices}).items():
-                matrices[number - first] = matrix
-
-        tasks = longest_first([len(model.cells) for model in models], self._crew.count)
-        self._run([(w, assemble_all, indices) for w, indices in enumerate(tasks) if indices])
-        return matrices
+        return self._asked_about(models, lambda worker, own: worker.all_stiffness(own))
 
     def own_loads(self, models: Sequence[Model], steps: int) -> list[np.ndarray]:
         """(steps, 3n) nodal forces of each model that are the code's own, see ``CodeSettings.brings_loads``."""
-        found: list[np.ndarray | None] = [None] * len(models)
-        first = len(self._models)
-
-        def ask_all(worker: Worker, indices: list[int]) -> None:
-            for index in indices:
-                found[index] = worker.own_loads(first + index, models[index], steps)
-
-        tasks = longest_first([len(model.cells) for model in models], self._crew.count)
-        self._run([(w, ask_all, indices) for w, indices in enumerate(tasks) if indices])
-        return found
+        return self._asked_about(models, lambda worker, own: worker.own_loads(own, steps))
 
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
         """As the protocol says; a model is always asked where it was loaded first: its past is there."""
-        answers: dict[int, np.ndarray] = {}
+        def ask_all(worker: Worker, indices: list[int]) -> dict[int, np.ndarray]:
+            return {i: worker.advance(i, forces[i], commit, self._models[i].name) for i in indices}
 
-        def ask_all(worker: Worker, indices: list[int]) -> None:
-            for index in indices:
-                answers[index] = worker.advance(index, forces[index], commit, self._models[index].name)
-
-        tasks: dict[int, list[int]] = {}
-        for index in forces:
-            tasks.setdefault(self._sharing.holders[index][0], []).append(index)
-        self._run([(w, ask_all, indices) for w, indices in tasks.items()])
-        return answers
+        return _united(self._run(ask_all, gathered((self._holders(index)[0], index) for index in forces)))
 
     def traits(self, code: int = 0) -> Traits:
         """As the protocol says: what the code declares, or where it leaves that open, its process."""
-        return self._crew.workers[0].traits()
+        return self._crew.workers[self._teams[code][0]].traits()
 
     @property
-    def usage(self) -> PoolUsage:
+    def usage(self) -> Usage:
         """As the protocol says."""
         return self._usage
 
@@ -160,78 +131,80 @@ class Pool:
             return
         self._closed = True
         self._crew.stop()
-        workdir.remove(self._folder)
-        lifetime.forget(self)
+        folder.remove(self._folder)
+        folder.forget(self)
 
     def kill(self) -> None:
         """End all processes at once and remove all files, without waiting for any thread."""
         self._closed = True
         self._crew.kill()
-        workdir.remove(self._folder)
+        folder.remove(self._folder)
 
-    def __enter__(self) -> "Pool":
+    def __enter__(self) -> Pool:
         return self
 
     def __exit__(self, *exc) -> None:
         self.close()
 
-    def _start(self, wait: bool) -> None:
-        try:
-            self._crew.start()
-        except BaseException as error:
-            self._fail(error)
-        if wait:
-            self.ready()
+    def _placed(self, models: Sequence[Model], costs: Mapping[int, float]) -> dict[int, list[int]]:
+        """Worker → the models that it is to have."""
+        tasks = {}
+        for code, team in self._teams.items():
+            own = [i for i, model in enumerate(models) if model.code == code]
+            for worker, chosen in zip(team, longest_first([costs[i] for i in own], len(team))):
+                tasks[worker] = [own[place] for place in chosen]
+        return tasks
 
-    def _run(self, tasks: Sequence[Task]) -> list:
-        """Run tasks at once; the first failure ends the pool and is raised."""
+    def _holders(self, index: int) -> list[int]:
+        return self._sharing[self._models[index].code].holders[index]
+
+    def _all_holders(self) -> list[tuple[int, list[int]]]:
+        return [pair for sharing in self._sharing.values() for pair in sharing.holders.items()]
+
+    def _run(self, work: Any, tasks: Mapping[int, Sequence[int]], idle: bool = False) -> list:
+        """Results of ``work(worker, models)`` at once for each worker that has a task; the first failure ends the pool and is raised."""
         if self._closed:
             raise BlackBoxError(self._broken or "the black box is closed")
-        try:
-            return self._crew.run(tasks)
-        except BaseException as error:
-            self._fail(error)
+        asked: list[Task] = [(number, work, some) for number, some in tasks.items() if some or idle]
+        with self._ending():
+            return self._crew.run(asked)
 
-    def _fail(self, error: BaseException) -> NoReturn:
-        self._broken = f"the black box has ended after a failure: {str(error) or type(error).__name__}"
-        self.close()
-        if isinstance(error, Ended):
-            raise BlackBoxError(str(error)) from error
-        raise error
-
-    def _load(self, tasks: Mapping[int, Sequence[int]]) -> list[float]:
+    def _load(self, tasks: Mapping[int, Sequence[int]]) -> dict[int, float]:
         """Have the workers load models; the seconds of each."""
-        seconds = [0.0] * self._crew.count
-
-        def load_all(worker: Worker, indices: Sequence[int]) -> None:
+        def load_all(worker: Worker, indices: Sequence[int]) -> dict[int, float]:
             begin = time.perf_counter()
             worker.load_all({index: self._models[index] for index in indices})
-            seconds[worker.number] = time.perf_counter() - begin
+            return {worker.number: time.perf_counter() - begin}
 
-        self._run([(w, load_all, indices) for w, indices in tasks.items() if indices])
-        return seconds
+        return _united(self._run(load_all, tasks))
 
-    def _solve(self, op: int, forces: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-        alone, queue = self._sharing.tasks([index for index, f in forces.items() if f.size])
-        answers: dict[int, np.ndarray] = {}
-        busy: dict[int, float] = {}
+    def _asked_about(self, models: Sequence[Model], ask: Any) -> list:
+        """Answers about models that are not kept; numbers of their own overwrite no mesh file of a loaded one."""
+        first, costs = len(self._models), {i: len(model.cells) for i, model in enumerate(models)}
+        found = _united(self._run(lambda worker, own: ask(worker, {first + i: models[i] for i in own}), self._placed(models, costs)))
+        return [found[first + i] for i in range(len(models))]
 
-        def solve_all(worker: Worker, some: list[int]) -> None:
-            begin = time.perf_counter()
-            some = some or queue.take(worker.number)
+    def _solve(self, op: int, forces: Mapping[int, np.ndarray]) -> tuple[dict[int, np.ndarray], dict[int, float]]:
+        """Displacements of each model, and the seconds of each worker."""
+        alone, queues = {}, {}
+        for code, own in gathered((self._models[i].code, i) for i, f in forces.items() if f.size).items():
+            tasks, queue = self._sharing[code].tasks(own)
+            alone |= tasks
+            queues |= dict.fromkeys(tasks, queue)
+
+        def solve_all(worker: Worker, some: list[int]) -> tuple[dict[int, np.ndarray], dict[int, float]]:
+            begin, found = time.perf_counter(), {}
+            some = some or queues[worker.number].take(worker.number)
             while some:
-                answers.update(worker.solve(op, [(index, forces[index]) for index in some],
-                                            [self._models[index].name for index in some]))
-                some = queue.take(worker.number)
-            busy[worker.number] = time.perf_counter() - begin
+                found |= worker.solve(op, [(i, forces[i]) for i in some], [self._models[i].name for i in some])
+                some = queues[worker.number].take(worker.number)
+            return found, {worker.number: time.perf_counter() - begin}
 
-        self._run([(w, solve_all, some) for w, some in alone.items()])
-        if op == messages.TRACES:
-            self._sharing.answered(busy)
-            self._balance(forces, answers)
-        return {index: answers[index] if f.size else f.copy() for index, f in forces.items()}
+        results = self._run(solve_all, alone, idle=True)
+        answers = _united(found for found, _ in results)
+        return {i: answers[i] if f.size else f.copy() for i, f in forces.items()}, _united(busy for _, busy in results)
 
-    def _balance(self, forces: Mapping[int, np.ndarray], answers: Mapping[int, np.ndarray]) -> None:
+    def _balance(self, code: int, forces: Mapping[int, np.ndarray], answers: Mapping[int, np.ndarray]) -> None:
         """Have models of a slow worker loaded by others too, where that pays.
 
         They are asked what has just been answered. A code that does not repeat itself to rounding keeps its models where
@@ -241,28 +214,40 @@ class Pool:
         ------
         BlackBoxError : a worker answers quite otherwise than the one that had the model first
         """
-        if not self._crew.workers[0].keeps_models:
+        sharing = self._sharing[code]
+        moves = [(index, worker) for index, worker in sharing.moves() if index in answers]
+        if not moves or not self.traits(code).keeps_models:
             return
-        moves = [(index, worker) for index, worker in self._sharing.moves() if index in answers]
-        if not moves:
-            return
-        tasks: dict[int, list[int]] = {}
-        for index, worker in moves:
-            tasks.setdefault(worker, []).append(index)
+        tasks = gathered((worker, index) for index, worker in moves)
         self._load(tasks)
 
         def ask_again(worker: Worker, indices: list[int]) -> float:
-            names, largest = [self._models[index].name for index in indices], 0.0
-            for index, found in worker.solve(messages.TRACES, [(i, forces[i]) for i in indices], names).items():
-                largest = max(largest, apart := difference(found, answers[index]))
-                if apart > ROUGH:
-                    raise BlackBoxError(f"another process answers otherwise to the same load: relative difference {apart:.1e}",
-                                        self._models[index].name)
-            return largest
+            found = worker.solve(messages.TRACES, [(i, forces[i]) for i in indices], [self._models[i].name for i in indices])
+            apart = {i: difference(u, answers[i]) for i, u in found.items()}
+            worst = max(apart, key=apart.get)
+            if apart[worst] > ROUGH:
+                raise BlackBoxError("another process answers otherwise to the same load: relative difference "
+                                    f"{apart[worst]:.1e}", self._models[worst].name)
+            return apart[worst]
 
-        apart = max(self._run([(w, ask_again, indices) for w, indices in tasks.items()]))
-        self._sharing.settle(moves if apart <= AGREE else [])
-        self._usage.hold(self._sharing.holders, [int((~model.fixed).sum()) for model in self._models])
+        sharing.settle(moves if max(self._run(ask_again, tasks)) <= AGREE else [])
+        self._usage.hold(self._all_holders(), [int((~model.fixed).sum()) for model in self._models])
+
+    @contextmanager
+    def _ending(self) -> Iterator[None]:
+        """Whatever is raised within ends the pool."""
+        try:
+            yield
+        except BaseException as error:
+            self._broken = f"the black box has ended after a failure: {str(error) or type(error).__name__}"
+            self.close()
+            if isinstance(error, Ended):
+                raise BlackBoxError(str(error)) from error
+            raise
+
+
+def _united(parts: Iterable[dict]) -> dict:
+    return {key: value for part in parts for key, value in part.items()}
 
 
 def _rows(index: int, forces: np.ndarray, size: int) -> np.ndarray:

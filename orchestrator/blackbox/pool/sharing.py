@@ -24,24 +24,44 @@ LEAST = 3  # requests before that is judged: the first answers take longer
 NOTICED = 1.0  # seconds that are to be saved at least: below that the clock tells noise
 
 
+def longest_first(costs: Sequence[float], workers: int) -> list[list[int]]:
+    """Tasks of every worker: each task, longest first, goes to the worker with the least to do."""
+    tasks: list[list[int]] = [[] for _ in range(workers)]
+    busy = np.zeros(workers)
+    for index in np.argsort(-np.asarray(costs, float), kind="stable"):
+        worker = int(np.argmin(busy))
+        tasks[worker].append(int(index))
+        busy[worker] += costs[index]
+    return tasks
+
+
+def gathered(pairs: Iterable[tuple[int, int]]) -> dict[int, list[int]]:
+    """The second of all pairs, by the first."""
+    found: dict[int, list[int]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
+
+
 class Sharing:
-    """The places of one set of models.
+    """The places of the models of one code.
 
     Parameters
     ----------
-    tasks : models of every worker
-    costs : of each model, predicted
-    loading : seconds that each worker took to load its models
+    tasks : number of each worker of the code → its models
+    costs : model → its cost, predicted
+    loading : seconds that each worker took to load its models, by its number
 
     Attributes
     ----------
     holders : per model, the workers that hold it, the first of which has from the beginning
     """
 
-    def __init__(self, tasks: Sequence[Sequence[int]], costs: Sequence[float], loading: Sequence[float]):
-        self.holders = {model: [worker] for worker, models in enumerate(tasks) for model in models}
-        self.costs, self.loading = np.asarray(costs, float), np.asarray(loading, float)
-        self.load = np.array([self.costs[list(models)].sum() for models in tasks])
+    def __init__(self, tasks: Mapping[int, Sequence[int]], costs: Mapping[int, float], loading: Mapping[int, float]):
+        self.workers = list(tasks)
+        self.holders = {model: [worker] for worker, models in tasks.items() for model in models}
+        self.costs, self.loading = costs, np.array([loading.get(worker, 0.0) for worker in tasks])
+        self.load = np.array([sum(costs[model] for model in models) for models in tasks.values()])
         self.busy, self.requests = np.zeros(len(tasks)), 0
         self.settled = len(tasks) < 2
 
@@ -49,8 +69,7 @@ class Sharing:
         """Take in the seconds of the workers in one request."""
         if not self.settled:
             self.requests += 1
-            for worker, seconds in busy.items():
-                self.busy[worker] += seconds
+            self.busy += [busy.get(worker, 0.0) for worker in self.workers]
 
     @property
     def imbalance(self) -> float:
@@ -67,15 +86,15 @@ class Sharing:
         rate, cost = (np.where(self.load > 0, x / np.maximum(self.load, 1e-300), np.inf) for x in (at, self.loading))
         rate, cost = (np.where(np.isfinite(x), x, x.min()) for x in (rate, cost))
         slow, spent, found = int(np.argmax(at)), np.zeros(len(at)), []
-        own = sorted((m for m, holders in self.holders.items() if holders == [slow]), key=lambda m: -self.costs[m])
+        own = sorted((m for m, holders in self.holders.items() if holders == [self.workers[slow]]), key=lambda m: -self.costs[m])
         after = at.copy()
         for model in own:
-            quick = int(np.argmin(after))
-            if max(after[quick] + self.costs[model] * rate[quick], after[slow] - self.costs[model] * rate[slow]) < after[slow]:
-                after[slow] -= self.costs[model] * rate[slow]
-                after[quick] += self.costs[model] * rate[quick]
-                spent[quick] += self.costs[model] * cost[quick]
-                found.append((model, quick))
+            quick, size = int(np.argmin(after)), self.costs[model]
+            if max(after[quick] + size * rate[quick], after[slow] - size * rate[slow]) < after[slow]:
+                after[slow] -= size * rate[slow]
+                after[quick] += size * rate[quick]
+                spent[quick] += size * cost[quick]
+                found.append((model, self.workers[quick]))
         gain = (at.max() - after.max()) * to_come(self.requests, STAGES)
         return found if gain > max(NOTICED, spent.max(initial=0.0)) else []
 
@@ -92,8 +111,7 @@ class Sharing:
         for model in models:
             holders = self.holders[model]
             (shared if len(holders) > 1 else alone.setdefault(holders[0], [])).append(model)
-        shared.sort(key=lambda m: -self.costs[m])
-        queue = Queue(shared, self.holders)
+        queue = Queue(sorted(shared, key=lambda m: -self.costs[m]), self.holders)
         for worker in queue.takers:
             alone.setdefault(worker, [])
         return alone, queue

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.pool.diagnosis import AGREE, diagnosis, difference
+from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.trial.problem import Trial, trial_models
@@ -62,8 +62,8 @@ def _reference_values(trial: Trial) -> tuple[str, str]:
         if found.shape != exact.shape:
             return "", f"stiffness of the {model.name}: {found.shape} for {exact.shape} expected"
         apart = max(apart, difference(found.toarray(), exact.toarray()))
-        wrong = wrong or _named(f"stiffness of the {model.name}", _of_region(model, found, exact)
-                                or diagnosis(found.toarray(), exact.toarray()))
+        said = _of_region(model, found, exact) or diagnosis(found.toarray(), exact.toarray())
+        wrong = wrong or (f"stiffness of the {model.name}: {said}" if said else "")
     return f"{apart:.0e} from the reference values", wrong
 
 
@@ -143,11 +143,11 @@ def _sizes(trial: Trial) -> tuple[str, str]:
 
 def _untouched(trial: Trial) -> tuple[str, str]:
     """The caller's arrays are the caller's: they may be read-only, and must be the same afterwards."""
-    asked = {i: f.copy() for i, f in enumerate(trial.forces)}
-    for f in asked.values():
+    traces, fields = dict(enumerate(f.copy() for f in trial.forces)), {i: trial.everywhere(i) for i in range(len(trial.models))}
+    for f in (*traces.values(), *fields.values()):
         f.flags.writeable = False
-    trial.blackbox.traces(asked)
-    trial.blackbox.fields({i: _read_only(trial.everywhere(i)) for i in range(len(trial.models))})
+    trial.blackbox.traces(traces)
+    trial.blackbox.fields(fields)
     return "read-only arrays", ""
 
 
@@ -213,20 +213,11 @@ def _small(apart: float, otherwise: str) -> tuple[str, str]:
     return f"{apart:.0e}", "" if apart <= AGREE else f"{otherwise}: {apart:.1e}"
 
 
-def _named(what: str, wrong: str) -> str:
-    return f"{what}: {wrong}" if wrong else ""
-
-
 def _row_by_row(found: np.ndarray, expected: np.ndarray) -> float:
     """The largest difference of a row from what is expected, relative to that row."""
     if found.shape != expected.shape:
         return np.inf
     return max((difference(a, b) for a, b in zip(found, expected)), default=0.0)
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.flags.writeable = False
-    return array
 
 
 def _of_region(model: Model, found: sp.csr_array, exact: sp.csr_array) -> str:

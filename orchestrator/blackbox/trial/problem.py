@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from orchestrator.blackbox.pool.diagnosis import AGREE, diagnosis, difference
+from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.scene.mesh.structured import bricks
 

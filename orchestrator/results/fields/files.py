@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
+from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.method.stopping.stress import von_mises
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.interface_files import write_interfaces

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.blackbox.pool.exits import exit_meaning
+from orchestrator.blackbox.codes.code import exit_meaning
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.blackbox.pool.worker import Worker
+from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.errors import BlackBoxError
@@ -34,6 +36,7 @@ class AlgebraWorker(Worker):
         self.code.kill()
 
     def load(self, index: int, model: Model) -> None:
+        """As ``Worker`` says."""
         begin = time.thread_time()
         part = self.code.condensed()
         self._check(model, part)
@@ -47,6 +50,7 @@ class AlgebraWorker(Worker):
         self.count([self.code.seconds, time.thread_time() - begin, 0.0])
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        """As ``Worker`` says."""
         begin, answers = time.thread_time(), {}
         for index, forces in jobs:
             model, free, factor, (inner, leader) = self.models[index]
@@ -60,6 +64,7 @@ class AlgebraWorker(Worker):
         return answers
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        """As ``Worker`` says."""
         begin = time.thread_time()
         matrix = self._soles(model)
         if model.origin is not None and (model.origin.nodes >= 0).any():
@@ -71,12 +76,14 @@ class AlgebraWorker(Worker):
         self.count([time.thread_time() - begin, 0.0, 0.0])
         return matrix
 
-    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
-        part = self.code.condensed()
-        self._check(model, part)
-        forces = np.zeros((steps, model.fixed.size))
-        forces[:, : part.stiffness.shape[0]] = self.code.loads(steps)
-        return forces
+    def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
+        """As ``Worker`` says."""
+        found, part = {}, self.code.condensed()
+        for index, model in models.items():
+            self._check(model, part)
+            found[index] = np.zeros((steps, model.fixed.size))
+            found[index][:, : part.stiffness.shape[0]] = self.code.loads(steps)
+        return found
 
     def _soles(self, model: Model) -> sp.csr_array:
         """(3n, 3n) stiffness of the model's plain matter."""
@@ -92,10 +99,44 @@ class AlgebraWorker(Worker):
             raise BlackBoxError("its joint nodes are not where its file has them", model.name)
 
 
+class ReplayWorker(AlgebraWorker):
+    """A nonlinear part: load steps are committed by replay. The elastic part answers as any other.
+
+    Whoever answers for the part keeps nothing between its runs. What it answers to the forces of a load step is asked together
+    with those of all committed steps before, from the beginning; to commit is to remember one more. Only springs may stand on
+    its joints, since they are all that it is told of the search direction: the diagonal of the soles.
+    """
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.promised |= 4
+        self.committed: dict[int, list[np.ndarray]] = {}
+
+    def load(self, index: int, model: Model) -> None:
+        """As ``Worker`` says."""
+        super().load(index, model)
+        self.committed[index] = []
+
+    def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
+        """As ``Worker`` says."""
+        begin, model, part = time.thread_time(), self.models[index][0], self.code.condensed()
+        size = part.stiffness.shape[0]
+        k, asked = self._soles(model).diagonal()[:size], [*self.committed[index], forces[:size].copy()]
+        u = np.zeros((2, model.fixed.size))
+        u[0, :size] = self.code.respond(k, asked)
+        u[1, :size] = part.stiffness @ u[0, :size] + k * u[0, :size] - forces[:size]
+        if commit:
+            self.committed[index] = asked
+        self.count([0.0, 0.0, time.thread_time() - begin])
+        return u
+
+    def _soles(self, model: Model) -> sp.csr_array:
+        """(3n, 3n) diagonal."""
+        return sp.csr_array(sp.diags_array(super()._soles(model).diagonal()))
+
+
 def _followed(model: Model, joints: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes of the layer behind the joints, and the joint node that each moves with: without stiffness, they have no motion of
     their own."""
-    from scipy.spatial import cKDTree
-
     body = len(model.origin.nodes)
     return np.arange(joints, body), cKDTree(model.nodes[:joints]).query(model.nodes[joints:body])[1]

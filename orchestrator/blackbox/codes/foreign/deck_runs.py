@@ -14,10 +14,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.codes.calculix import deck as cards_of
 from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
-from orchestrator.blackbox.codes.calculix.files import Unreadable
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck import Deck
@@ -99,10 +97,10 @@ class DeckRuns:
 
     def stored(self) -> tuple[sp.csr_array, np.ndarray]:
         """(active, active) stiffness of the deck alone, and the dof 3 (number − 1) + component of each of its rows."""
-        self._run(self._included() + DENSITY + cards_of.store_matrix())
+        self._run(self._included() + DENSITY + files.STORE_MATRIX)
         try:
             return files.matrix(self.folder / JOB, 3 * 10**9)
-        except Unreadable as error:
+        except files.Unreadable as error:
             raise Refused(f"its stiffness was not stored: {error}") from error
 
     def cases(self, steps: int) -> list[Loads]:
@@ -160,7 +158,7 @@ class DeckRuns:
 
     def _forces(self, forces: np.ndarray) -> str:
         """Lines of *CLOAD; one of zero where there are none, since a step must load something."""
-        chosen, at = np.flatnonzero(np.abs(forces) > cards_of.SMALLEST), self._carriers
+        chosen, at = np.flatnonzero(np.abs(forces) > files.SMALLEST), self._carriers
         return "".join(f"{at[d // 3]},{d % 3 + 1},{forces[d]:.13e}\n" for d in chosen) or f"{at[0]},1,0.\n"
 
     def _included(self) -> str:
@@ -175,8 +173,6 @@ class DeckRuns:
         return f"*INCLUDE,INPUT={NAMED.format(self._named.index(file))}\n"
 
     def _run(self, text: str) -> None:
-        from orchestrator.blackbox.codes.calculix.worker import complaint
-
         for old in self.folder.glob(JOB + ".*"):
             old.unlink()
         (self.folder / f"{JOB}.inp").write_text(text, encoding="utf-8")
@@ -189,7 +185,7 @@ class DeckRuns:
                 raise Refused(f"no answer in {PATIENCE:g} s") from error
             log.seek(0)
             # without the line of the deck that it quotes: an include may name any file
-            said = re.split("card image", complaint(log.read().decode(errors="replace")), flags=re.IGNORECASE)[0].strip()
+            said = re.split("card image", files.complaint(log.read().decode(errors="replace")), flags=re.IGNORECASE)[0].strip()
         if said or ended:
             raise Refused(f"CalculiX says: {said or self.code.meaning(ended)}")
 
@@ -197,7 +193,7 @@ class DeckRuns:
         """(nodes, 3) of all nodes by number: the second record after the materials' names in the restart file."""
         try:
             data, records, _ = files.restart_records(self.folder / JOB)
-        except Unreadable as error:
+        except files.Unreadable as error:
             raise Refused("no restart file was written") from error
         first = self.materials[0].encode().ljust(80)[:80] if self.materials else b""
         # a name for each spring follows them

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from orchestrator.blackbox.codes.foreign.code import ForeignCode
+from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, check_modulus, condense, judged
 from orchestrator.config.foreign_parts import MatrixPart
 from orchestrator.errors import InputError, KeyPath, Problem

@@ -14,18 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.code import ForeignCode
+from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.foreign.program_run import ProgramRuns
 from orchestrator.scene.foreign.read import read_joints
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.pool.worker import Worker
 
 # Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
 REPEATED, LINEAR, RECIPROCAL = 1e-12, 1e-7, 1e-6
@@ -40,19 +36,9 @@ class ProgramCode(ForeignCode):
         """What ``parts`` says of one part."""
 
         @property
-        def brings_loads(self) -> bool:
-            """As its entry says."""
-            return self.part.loads and not self.part.nonlinear  # what flows answers to loads and forces together
-
-        @property
         def writes_results(self) -> bool:
             """Whether there is a last call."""
             return True
-
-        @property
-        def remembers(self) -> bool:
-            """As its entry says."""
-            return self.part.nonlinear
 
     def runs(self) -> ProgramRuns:
         """Its runs."""
@@ -74,14 +60,6 @@ class ProgramCode(ForeignCode):
         keeps nothing between its calls remembers."""
         own = range(1, len(forces) + 1) if self.settings.part.loads else [0] * len(forces)
         return self.runs().displacements(self.condensed().joints.ids, springs, own, np.array(forces))[-1]
-
-    def worker(self) -> type[Worker]:
-        """As ``Code`` says."""
-        if not self.settings.part.nonlinear:
-            return super().worker()
-        from orchestrator.blackbox.codes.foreign.replay import ReplayWorker
-
-        return ReplayWorker
 
     def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
         """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.

@@ -1,5 +1,1 @@
 """FreeFEM as a black box: a script of its own that answers as long as it is asked."""
-
-from orchestrator.blackbox.codes.freefem.code import FreeFem
-
-__all__ = ["FreeFem"]

@@ -15,8 +15,7 @@ from pydantic import Field
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.codes.freefem import installation
 from orchestrator.blackbox.codes.freefem.form import FORM_SERVER, check_form, form_server, not_compiled, refused_term, with_volumes
-from orchestrator.blackbox.codes.freefem.scripts import SERVER, script
-from orchestrator.blackbox.pool.exits import exit_meaning
+from orchestrator.blackbox.codes.code import exit_meaning
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
@@ -86,7 +85,7 @@ class FreeFem(MessageCode):
 
     def command(self, requests: str, replies: str) -> list[str]:
         """Command line of a subdomain server that reads and writes these paths."""
-        server = FORM_SERVER if self.settings.form else str(script(SERVER))
+        server = FORM_SERVER if self.settings.form else str(installation.script(installation.SERVER))
         return [self.executable, "-ne", "-nw", "-v", "0", server, requests, replies]
 
     def files(self) -> dict[str, str]:
@@ -113,7 +112,7 @@ class FreeFem(MessageCode):
 
     def environment(self) -> dict[str, str]:
         """With its folders of plugins and includes, and OpenBLAS."""
-        result = dict(self._environment)
+        result = {**super().environment(), **self._environment}
         if self.settings.form:  # what it includes is beside it
             folders = [str(Path(self.settings.form).parent), *filter(None, [result.get("FF_INCLUDEPATH")])]
             result["FF_INCLUDEPATH"] = ";".join(folders)
@@ -159,6 +158,6 @@ class FreeFem(MessageCode):
 def _version(executable: str) -> str:
     with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:  # not where freefem++.pref may lie
         (Path(folder) / "version.edp").write_text("cout << version << endl;\n", encoding="utf-8")
-        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], env=installation.environment(), cwd=folder,
+        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], env={**os.environ, **installation.environment()}, cwd=folder,
                                 stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
     return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orchestrator.blackbox.codes.freefem.scripts import script
+from orchestrator.blackbox.codes.freefem.installation import script
 from orchestrator.errors import InputError, Problem
 
 if TYPE_CHECKING:

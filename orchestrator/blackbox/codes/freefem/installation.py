@@ -1,4 +1,4 @@
-"""Where FreeFEM is, its plugins and its BLAS, and what is missing of them.
+"""Where FreeFEM is, its scripts, plugins and BLAS, and what is missing of them.
 
 Environment variables: ``ORCHESTRATOR_FREEFEM`` names another executable than the ``FreeFem++`` of the
 path, ``FF_LOADPATH`` another folder of plugins than Debian's.
@@ -10,19 +10,27 @@ import os
 import re
 import shutil
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
-from orchestrator.blackbox.codes.freefem.scripts import SERVER, UNDECOMPOSED, script
 from orchestrator.errors import Problem
 
+SERVER, UNDECOMPOSED = "subdomain_server.edp", "undecomposed.edp"
 PLUGIN = "bfstream"
 PACKAGE = "freefem++"
 INSTALL = "apt-get install freefem++ libfreefem++ libfreefem++-dev libopenblas0-serial"
 REINSTALL = "install the orchestrator again, from the whole clone or from a wheel"
 # Debian's preference file names a folder that does not exist.
-_PLUGIN_FOLDERS = ("/usr/lib/freefem++",)
+_PLUGIN_FOLDER = "/usr/lib/freefem++"
 _INCLUDE_FOLDER = "/usr/include/freefem++/idp"
 _BLAS_FOLDERS = ("openblas-serial", "openblas-pthread")
+
+
+def script(name: str) -> Path:
+    """Path of a FreeFEM script: in ``freefem_scripts/`` beside the package in a clone, inside it in a wheel; it may not be there."""
+    package = Path(str(files("orchestrator")))
+    clone = package.parent / "freefem_scripts"
+    return (clone if clone.is_dir() else package / "freefem_scripts") / name
 
 
 def missing() -> list[Problem]:
@@ -71,39 +79,25 @@ def package(path: str) -> str:
     return f"{PACKAGE} {version[1]}" if version else ""
 
 
-def _plugin(folder: str) -> str | None:
-    for part in folder.split(";"):
-        path = Path(part) / f"{PLUGIN}.so"
-        if part and path.is_file():
-            return str(path)
-    return None
+def _plugin(folder: str) -> Path | None:
+    paths = [Path(part) / f"{PLUGIN}.so" for part in folder.split(";") if part]
+    return next((path for path in paths if path.is_file()), None)
 
 
-def _openblas() -> str | None:
-    for name in _BLAS_FOLDERS:
-        for folder in sorted(Path("/usr/lib").glob(f"*/{name}")):
-            if (folder / "libblas.so.3").exists():
-                return str(folder)
-    return None
+def _openblas() -> Path | None:
+    found = [folder for name in _BLAS_FOLDERS for folder in sorted(Path("/usr/lib").glob(f"*/{name}"))]
+    return next((folder for folder in found if (folder / "libblas.so.3").exists()), None)
 
 
 def environment() -> dict[str, str]:
-    """Environment of FreeFEM's processes: folders of plugins and includes, OpenBLAS, one thread."""
-    result = dict(os.environ)
-    if not result.get("FF_LOADPATH"):
-        folder = next((f for f in _PLUGIN_FOLDERS if Path(f).is_dir()), "")
-        if folder:
-            result["FF_LOADPATH"] = folder
-    if not result.get("FF_INCLUDEPATH") and Path(_INCLUDE_FOLDER).is_dir():
-        result["FF_INCLUDEPATH"] = _INCLUDE_FOLDER
-    blas = _openblas()
-    if blas:
-        paths = [blas] + [p for p in result.get("LD_LIBRARY_PATH", "").split(":") if p]
-        result["LD_LIBRARY_PATH"] = ":".join(paths)
-    # Parallelism is over subdomains; threads inside a BLAS call would fight for the same cores.
-    for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
-        result[variable] = "1"
-    return result
+    """What FreeFEM's processes need in theirs: folders of plugins and includes, OpenBLAS."""
+    result = {name: os.environ.get(name, "") for name in ("FF_LOADPATH", "FF_INCLUDEPATH", "LD_LIBRARY_PATH")}
+    for name, folder in (("FF_LOADPATH", _PLUGIN_FOLDER), ("FF_INCLUDEPATH", _INCLUDE_FOLDER)):
+        if not result[name] and Path(folder).is_dir():
+            result[name] = folder
+    if blas := _openblas():
+        result["LD_LIBRARY_PATH"] = ":".join([str(blas), *filter(None, result["LD_LIBRARY_PATH"].split(":"))])
+    return {name: value for name, value in result.items() if value}
 
 
 def report() -> list[str]:
@@ -121,17 +115,3 @@ def report() -> list[str]:
     setpriv = shutil.which("setpriv")
     lines.append(f"setpriv: {setpriv}" if setpriv else "missing setpriv (package util-linux): processes end with their pipes only")
     return lines
-
-
-def blas_of(pid: int) -> str:
-    """Path of the BLAS library a running process has mapped; '' when none is.
-
-    OpenBLAS makes CHOLMOD's factorisation about six times faster than the reference BLAS.
-    """
-    libraries = []
-    with open(f"/proc/{pid}/maps") as maps:
-        for row in maps:
-            path = row.split(maxsplit=5)[-1].strip()
-            if "blas" in Path(path).name and "gslcblas" not in path and path not in libraries:
-                libraries.append(path)
-    return next((path for path in libraries if "openblas" in path), libraries[0] if libraries else "")

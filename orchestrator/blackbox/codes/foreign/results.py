@@ -1,9 +1,10 @@
-"""The last word to parts whose mesh is not ours: what their joints have come to, so that they write results of their own."""
+"""What parts whose mesh is not ours end with: fields on their own mesh where that is known, and the last word to programs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,38 @@ import numpy as np
 from orchestrator.blackbox.codes.finding import find_codes
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
-from orchestrator.scene.model import Subdomain
+from orchestrator.scene.model import Scene, Subdomain
+
+
+@dataclass(frozen=True)
+class OwnFields:
+    """Displacements of a part at every load step.
+
+    Parameters
+    ----------
+    name : of the part
+    points : (n, 3) its own nodes
+    blocks : (meshio's name of the element, (m, nodes) int) of its elements, or of its joints' faces
+    displacement : (steps, n, 3)
+    force : (steps, n, 3) what acts on it through its joints
+    """
+
+    name: str
+    points: np.ndarray
+    blocks: list[tuple[str, np.ndarray]]
+    displacement: np.ndarray
+    force: np.ndarray
+
+
+def fields_of_parts(settings: Sequence[CodeSettings], scene: Scene, displacements: Sequence[np.ndarray],
+                    forces: Sequence[np.ndarray | None]) -> list[OwnFields]:
+    """Those of all parts of a scene; arguments as of ``finish_parts``."""
+    found = []
+    for stand in scene.mesh.foreign:
+        own = next(s for s in scene.subdomains if s.foreign and scene.mesh.volume[s.cells[0]] == stand.volume)
+        code, = find_codes(settings, [own.code]).values()
+        found.append(code.own_fields(*(x[own.index][:, : stand.joints] for x in (displacements, forces))))
+    return found
 
 
 def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomain], displacements: Sequence[np.ndarray],

@@ -12,9 +12,9 @@ import numpy as np
 
 from orchestrator.blackbox import cost
 from orchestrator.blackbox.cost import Request
-from orchestrator.blackbox.pool.worker import Worker
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import BadReply
+from orchestrator.blackbox.transport.worker import Worker
 
 
 @dataclass
@@ -49,13 +49,9 @@ class Tally:
         runs = cost.to_come(self.runs)
         return cost.compliance_pays(self.trace_dofs, runs, (self.cases + cases) / runs, self.request, self.unit_loads)
 
-    def note(self) -> dict[str, object]:
-        """For the summary."""
-        return {"subdomain": self.name, "unit_loads": self.trace_dofs, "seconds": self.seconds}
 
-
-class StatelessWorker(Worker):
-    """Decides, model by model, between runs and the compliance. A code provides the two kinds of runs."""
+class RunWorker(Worker):
+    """Decides, model by model, between runs and the compliance. A code or a transport provides the two kinds of runs."""
 
     keeps_models = False
 
@@ -69,23 +65,23 @@ class StatelessWorker(Worker):
 
     def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:
         """Displacements (t, t) of the trace dofs under a unit load on each, and the run's CPU seconds."""
-        raise NotImplementedError
+        return self.run_cases(messages.TRACES, index, np.eye(self.tallies[index].trace_dofs), name)
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        """As ``Worker`` says."""
         return {index: self._answer(op, index, forces, name) for (index, forces), name in zip(jobs, names)}
 
     def compliances(self) -> list[dict[str, object]]:
         """Subdomains whose compliance was asked for, with the number of unit loads and the CPU seconds it took."""
-        return [tally.note() for tally in self.tallies.values() if tally.compliance is not None]
+        return [{"subdomain": tally.name, "unit_loads": tally.trace_dofs, "seconds": tally.seconds}
+                for tally in self.tallies.values() if tally.compliance is not None]
 
     def _answer(self, op: int, index: int, forces: np.ndarray, name: str) -> np.ndarray:
         tally = self.tallies[index]
-        if op != messages.TRACES:
-            return self.run_cases(op, index, forces, name)[0]
-        if tally.compliance is None and tally.compliance_due(len(forces)):
+        if op == messages.TRACES and tally.compliance is None and tally.compliance_due(len(forces)):
             tally.compliance, tally.seconds = self.run_unit_loads(index, name)
-        if tally.compliance is None:
-            tally.runs, tally.cases = tally.runs + 1, tally.cases + len(forces)
+        if op != messages.TRACES or tally.compliance is None:
+            tally.runs, tally.cases = tally.runs + (op == messages.TRACES), tally.cases + (op == messages.TRACES) * len(forces)
             return self.run_cases(op, index, forces, name)[0]
         answer = forces @ tally.compliance
         if not np.isfinite(answer).all():

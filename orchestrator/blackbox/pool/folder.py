@@ -1,22 +1,27 @@
-"""Folders for the files exchanged with the code, and their removal whatever happens.
+"""Folders for the files exchanged with codes, and their removal whatever happens.
 
 A folder carries host, boot and process of its owner in its name, and holds a file that the owner keeps locked for as long
 as it lives: the kernel opens the lock when the owner ends, however that happens. What a killed owner left is swept by
 whoever starts next on that host. The temporary folder may be shared: folders of another host stay, since nobody can tell
 from here whether their owners live, and so do those whose lock is held, be their owner in another container or not to be
-seen from here.
+seen from here. (``filelock`` does not tell whether the file that it has locked is still the one in the folder.)
 """
 
 from __future__ import annotations
 
+import atexit
 import fcntl
 import os
 import re
 import shutil
+import signal
 import socket
 import tempfile
+import threading
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import Protocol
 
 from orchestrator.errors import InputError, Problem
 
@@ -27,11 +32,9 @@ _held: dict[Path, int] = {}  # the locks of this process's folders
 @cache
 def here() -> tuple[str, str]:
     """Name of the host, and what tells this boot of its kernel from all others; without hyphens."""
-    host = re.sub(r"[^A-Za-z0-9.]", "_", socket.gethostname()) or "unknown"
-    try:
+    host, boot = re.sub(r"[^A-Za-z0-9.]", "_", socket.gethostname()) or "unknown", "unknown"
+    with suppress(OSError):
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip().replace("-", "")[:12]
-    except OSError:
-        boot = "unknown"
     return host, boot
 
 
@@ -39,36 +42,32 @@ def make(below: str | None = None) -> Path:
     """A new folder under the temporary folder (TMPDIR), or another one; raises InputError when it cannot be."""
     below = below or tempfile.gettempdir()
     sweep(below)
+    lock = None
     try:
-        while True:
+        while lock is None:  # someone may sweep it before it is locked
             path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""]), dir=below))
             lock = _locked(path)
-            if lock is None:  # someone swept it before it was locked
-                continue
-            _held[path] = lock
-            return path
     except OSError as error:
         raise InputError(Problem(
             (), f"no folder can be made in {below}: {error.strerror}",
             "a writable temporary folder with room", "free some room, or set TMPDIR to another folder",
         )) from error
+    _held[path] = lock
+    return path
 
 
 def sweep(below: str | None = None) -> None:
     """Remove the folders of owners on this host that are no more; those of other users stay."""
     host, boot = here()
     for path in Path(below or tempfile.gettempdir()).glob(f"{_PREFIX}-*-*-*-*"):
-        _, *owner = path.name.rsplit("-", 4)
-        try:
+        its_host, its_boot, *_ = path.name.rsplit("-", 4)[1:]
+        with suppress(OSError):  # swept by someone else meanwhile, or a file system without locks
             # one kernel, whatever its containers call themselves; or this host before it was started anew
-            if path in _held or (owner[1] != boot and owner[0] != host) or path.stat().st_uid != os.getuid():
+            if path in _held or boot != its_boot and host != its_host or path.stat().st_uid != os.getuid():
                 continue
-            lock = _locked(path)
-            if lock is not None:
+            if (lock := _locked(path)) is not None:
                 shutil.rmtree(path, ignore_errors=True)
                 os.close(lock)
-        except OSError:
-            pass  # swept by someone else meanwhile, or a file system without locks
 
 
 def remove(path: Path) -> None:
@@ -77,8 +76,7 @@ def remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
         if not path.exists():
             break
-    lock = _held.pop(path, None)
-    if lock is not None:
+    if (lock := _held.pop(path, None)) is not None:
         os.close(lock)
 
 
@@ -88,14 +86,58 @@ def _locked(folder: Path) -> int | None:
         lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o600)
     except FileNotFoundError:
         return None
+    held = False
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if os.path.samestat(os.fstat(lock), os.stat(folder / _LOCK)):
-            return lock
-    except (BlockingIOError, FileNotFoundError):
-        pass
-    except BaseException:
-        os.close(lock)
-        raise
-    os.close(lock)
-    return None
+        with suppress(BlockingIOError, FileNotFoundError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held = os.path.samestat(os.fstat(lock), os.stat(folder / _LOCK))
+    finally:
+        if not held:
+            os.close(lock)
+    return lock if held else None
+
+
+# ---- what would outlive the program, at its normal end and on SIGTERM --------------------------------
+
+_watched: list[Killable] = []
+
+
+class Killable(Protocol):
+    """A pool."""
+
+    def kill(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def watch(pool: Killable) -> None:
+    """Close the pool when the program ends. A handler of SIGTERM that the program set itself is respected."""
+    _watched.append(pool)
+    _handle(signal.SIG_DFL, _terminated)
+
+
+def forget(pool: Killable) -> None:
+    """The pool is closed."""
+    if pool in _watched:
+        _watched.remove(pool)
+    if not _watched:
+        _handle(_terminated, signal.SIG_DFL)
+
+
+def _handle(before: object, after: object) -> None:
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is before:
+        signal.signal(signal.SIGTERM, after)
+
+
+def _terminated(number: int, frame: object) -> None:
+    for pool in list(_watched):
+        pool.kill()
+    # end the way the sender expects
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+@atexit.register
+def _at_exit() -> None:
+    for pool in list(_watched):
+        pool.close()

@@ -1,8 +1,9 @@
-"""A part whose mesh is not ours, as a code."""
+"""A part whose mesh is not ours, as a code: it is brought to its joints once, then answered for by algebra."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -11,16 +12,21 @@ from pydantic import Field, SerializeAsAny
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.foreign_parts import ForeignPart
+from orchestrator.errors import InputError, Problem
 from orchestrator.scene.foreign.waiting import end_all
 
 if TYPE_CHECKING:
     from orchestrator.blackbox.codes.foreign.condensed import Condensed
-    from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
-    from orchestrator.blackbox.pool.worker import Worker
+    from orchestrator.blackbox.codes.foreign.results import OwnFields
+    from orchestrator.blackbox.transport.worker import Worker
 
 
 class ForeignCode(Code):
-    """Answers for one part. A kind of part derives from it and says in ``made`` how a part is brought to its joints."""
+    """Answers for one part. A kind of part derives from it and says in ``made`` how a part is brought to its joints.
+
+    What is nonlinear says in ``respond(springs, forces)`` how its joints move, (3n,), at the end of load steps under forces (3n,)
+    each, from the beginning.
+    """
 
     own_matter: ClassVar[bool] = True
     guarded: ClassVar[bool] = False
@@ -38,9 +44,14 @@ class ForeignCode(Code):
         factors: tuple[float, ...] = Field((), description="of its own loads, one per load step")
 
         @property
+        def remembers(self) -> bool:
+            """As its entry says."""
+            return getattr(self.part, "nonlinear", False)
+
+        @property
         def brings_loads(self) -> bool:
-            """Whether it has any."""
-            return getattr(self.part, "loads", None) is not None
+            """Whether it has any; what flows answers to loads and forces together."""
+            return bool(getattr(self.part, "loads", None)) and not self.remembers
 
     @property
     def name(self) -> str:
@@ -66,13 +77,17 @@ class ForeignCode(Code):
 
         return of_steps(self.condensed().loads, self.settings.factors)
 
+    def wrong(self, key: str, found: str, expected: str, cure: str) -> InputError:
+        """The error to raise for a key of its entry."""
+        return InputError(Problem((*self.settings.place, key), found, expected, cure))
+
     def check(self) -> None:
         """As ``Code`` says: the part is brought to its joints."""
         self.condensed()
 
     def own_fields(self, u: Any, force: Any) -> OwnFields:
         """What it ends with, given the displacements (steps, n, 3) of its joints and the forces on them."""
-        from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
+        from orchestrator.blackbox.codes.foreign.results import OwnFields
 
         joints = self.condensed().joints
         return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u, force)
@@ -87,11 +102,11 @@ class ForeignCode(Code):
 
     def worker(self) -> type[Worker]:
         """As ``Code`` says."""
-        from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker
+        from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker, ReplayWorker
 
-        return AlgebraWorker
+        return ReplayWorker if self.settings.remembers else AlgebraWorker
 
-    def command(self, requests: str, replies: str) -> list[str]:
+    def command(self, requests: str, replies: str) -> Sequence[str]:
         """None: it is answered for in this process."""
         raise NotImplementedError
 
@@ -102,8 +117,8 @@ class _Key:
     def __init__(self, kind: type[ForeignCode], settings: ForeignCode.Settings):
         self.kind, self.settings = kind, settings
         part = settings.part
-        names = [name for key in part.files if (named := getattr(part, key)) is not None
-                 for name in (named if isinstance(named, list) else [named])]
+        named = [getattr(part, key) for key in part.files]
+        names = [name for value in named if value is not None for name in (value if isinstance(value, list) else [value])]
         self.text = part.model_dump_json() + settings.name + str(len(settings.factors)) + kind.__name__ + "".join(map(_stamp, names))
 
     def __hash__(self) -> int:

@@ -1,15 +1,13 @@
 """Linear elasticity by scikit-fem: the worked example of "bring your own solver".
 
 Everything scikit-fem is asked for is its stiffness; factorisation, processes, messages, checks and errors are not its
-business.
+business. Its package is imported where it is used: to know the class, as who reads a configuration does, takes none.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementTetP2, ElementVector, MeshTet
-from skfem.helpers import ddot, eye, sym_grad, trace
 
 from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.blackbox.protocol import Model
@@ -17,29 +15,29 @@ from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 
 
-@BilinearForm
-def elasticity(u, v, w):
-    """σ(u) : ε(v), isotropic; λ and μ are constant on each tet."""
-    strain = sym_grad(u)
-    stress = eye(w["lam"] * trace(strain), 3) + 2.0 * w["mu"] * strain
-    return ddot(stress, sym_grad(v))
-
-
 class ScikitFem(Adapter):
-    """Linear elasticity on four- and ten-node tets."""
+    """scikit-fem, a pure Python finite element library, on four- and ten-node tets."""
 
+    package = "scikit-fem"
     translation_invariant = True
     elements = ("P1", "P2")
 
     def stiffness(self, model: Model) -> sp.csr_array:
-        """As ``Adapter`` says."""
+        """As ``Adapter`` says: σ(u) : ε(v), isotropic, λ and μ constant on each tet."""
+        from skfem import Basis, BilinearForm, ElementTetP0, ElementTetP1, ElementTetP2, ElementVector, MeshTet
+        from skfem.helpers import ddot, eye, sym_grad, trace
+
+        def elasticity(u, v, w):
+            strain = sym_grad(u)
+            return ddot(eye(w["lam"] * trace(strain), 3) + 2.0 * w["mu"] * strain, sym_grad(v))
+
         quadratic = model.cells.shape[1] == 10
         corners, cells = np.unique(model.cells[:, :4], return_inverse=True)
         mesh = MeshTet(np.ascontiguousarray(model.nodes[corners].T), np.ascontiguousarray(cells.reshape(-1, 4).T))
         basis = Basis(mesh, ElementVector(ElementTetP2() if quadratic else ElementTetP1()), intorder=2 if quadratic else 1)
         constant = basis.with_element(ElementTetP0())
         lam, mu = (constant.interpolate(values[model.region]) for values in lame(*model.materials.T))
-        matrix = sp.coo_array(elasticity.assemble(basis, lam=lam, mu=mu))
+        matrix = sp.coo_array(BilinearForm(elasticity).assemble(basis, lam=lam, mu=mu))
         place = np.empty(basis.N, dtype=int)  # of scikit-fem's dofs in the protocol's order
         place[basis.nodal_dofs] = 3 * corners + np.arange(3)[:, None]
         if quadratic:

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from netgen.meshing import Mesh as NetgenMesh
-from ngsolve import BilinearForm, CoefficientFunction, Grad, Id, InnerProduct, Mesh, Trace, VectorH1, dx
 
 from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.scene.elasticity import lame
 
 
 class NGSolve(Adapter):
-    """Linear elasticity on four-node tets."""
+    """NGSolve, through its Python interface, on four-node tets."""
 
+    package = "ngsolve"
     translation_invariant = True
 
     def stiffness(self, model) -> sp.csr_array:
         """As ``Adapter`` says."""
+        from netgen.meshing import Mesh as NetgenMesh
+        from ngsolve import BilinearForm, CoefficientFunction, Grad, Id, InnerProduct, Mesh, Trace, VectorH1, dx
+
         netgen = NetgenMesh(dim=3)
         netgen.AddPoints(np.ascontiguousarray(model.nodes, dtype=np.float64))
         for region in range(len(model.materials)):

@@ -1,9 +1,10 @@
-"""What the workers of all transports share: their processes, their log, and how failures are told."""
+"""One place where a code works: its process, its log, and how failures are told. Codes and transports derive from it."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import resource
 import select
 import shutil
 import signal
@@ -11,21 +12,17 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.pool.starvation import Starvation
 from orchestrator.blackbox.protocol import Model, Traits
+from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.launcher import without_launcher
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.codes.code import Code
 
 LOG_TAIL = 2000  # bytes
 MB_PER_KIB = 1024 / 1e6  # the kernel counts in KiB, the summary in MB
@@ -39,39 +36,46 @@ class Silence(Ended):
     """The process lives but does not answer."""
 
     def __init__(self) -> None:
-        super().__init__("no answer within the time allowed (blackbox.timeout)")
+        limited = resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+        super().__init__("no answer within the time allowed (blackbox.timeout)"
+                         + (", perhaps for want of memory: ulimit -v is set, and OpenBLAS waits for ever for what it forbids" if limited else ""))
 
 
 class Worker:
-    """One place where a process of the code runs; all methods but ``kill`` belong to one thread.
+    """Holds models of a code and answers for them; all methods but ``kill`` belong to one thread.
 
     Parameters
     ----------
-    code : what to run, and its settings
-    folder : where meshes and messages are written
+    code : the ``Code`` to run, with its settings
+    folder : for meshes and messages
     number : for file names
+
+    Attributes
+    ----------
+    keeps_models : whether answers come from factors that are kept
+    promised : bits of ``messages.check_hello``, what the process says of itself
     """
 
-    def __init__(self, code: Code, folder: Path, number: int):
+    keeps_models = True
+
+    def __init__(self, code, folder: Path, number: int):
         self.code, self.folder, self.number = code, folder, number
-        self.timeout = code.settings.timeout
         self.seconds = dict.fromkeys(STAGES, 0.0)
         self.calls, self.working = 0, 0.0  # tasks, and seconds spent on them
-        self.peak_mb = 0.0
+        self.peak_mb, self.promised = 0.0, 0
         self.process: subprocess.Popen | None = None
         self._lock = threading.RLock()  # reentrant: a signal may interrupt its holder
         self._killed = False
-        self.promised = 0  # bits of ``messages.hello``: what the process says of itself
         # without a name: nothing is left behind whatever happens
         self.log = tempfile.TemporaryFile(dir=folder)
 
-    keeps_models: ClassVar[bool] = True
+    # ---- what a code or a transport provides; names tell the subdomain when something fails ----
 
-    # What a transport provides; ``names`` tell the subdomain when something fails.
     def open(self) -> None:
         """Start what can be started before there is work."""
 
     def load(self, index: int, model: Model) -> None:
+        """Assemble, clamp and factorise a model."""
         raise NotImplementedError
 
     def load_all(self, models: Mapping[int, Model]) -> None:
@@ -80,19 +84,23 @@ class Worker:
             self.load(index, model)
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
+        """Displacements under (model, (rhs, m) forces) of all jobs; ``op`` is ``messages.TRACES`` or ``FIELDS``."""
         raise NotImplementedError
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
+        """Of a model that is not kept, nothing clamped."""
         raise NotImplementedError
 
     def all_stiffness(self, models: Mapping[int, Model]) -> dict[int, sp.csr_array]:
         """Stiffness matrices of models, by their numbers."""
         return {index: self.stiffness(index, model) for index, model in models.items()}
 
-    def own_loads(self, index: int, model: Model, steps: int) -> np.ndarray:
+    def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
+        """(steps, 3n) nodal forces of the loads that models bring, by their numbers."""
         raise NotImplementedError
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
+        """See ``protocol.BlackBox.advance``."""
         raise NotImplementedError
 
     def compliances(self) -> list[dict[str, object]]:
@@ -104,14 +112,14 @@ class Worker:
         invariant, own = self.code.translation_invariant, self.code.own_matter
         nonlinear = bool(self.promised & 4)  # what remembers load steps answers for itself alone
         return Traits((bool(self.promised & 1) if invariant is None else invariant) and not nonlinear,
-                      bool(self.promised & 2) if own is None else own, self.keeps_models,
-                      self.code.floor(), nonlinear)
+                      bool(self.promised & 2) if own is None else own, self.keeps_models, self.code.floor(), nonlinear)
 
-    def spawn(self, requests: str, replies: str, pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
+    # ---- processes ------------------------------------------------------------------------------
+
+    def spawn(self, requests: str, replies: str = "", pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
         """Start a process. The kernel kills it with the calling thread, which must live as long as the pool."""
         command = self.code.command(requests, replies)
-        setpriv = shutil.which("setpriv")
-        if setpriv:
+        if setpriv := shutil.which("setpriv"):
             command = [setpriv, "--pdeathsig", "KILL", *command]
         with self._lock:
             if self._killed:
@@ -127,14 +135,8 @@ class Worker:
         """Exit code and CPU seconds of a process that runs once; raises Silence when it takes too long."""
         handle = os.pidfd_open(process.pid)
         try:
-            poll = select.poll()
-            poll.register(handle, select.POLLIN)
-            end, hopeless = self.deadline(), Starvation(process.pid)
-            while not poll.poll(max(0.0, min(end - time.monotonic(), 1.0)) * 1000):
-                if why := hopeless():
-                    raise Ended(why)
-                if time.monotonic() >= end:
-                    raise Silence()
+            if not ready(handle, select.POLLIN, self.deadline()):
+                raise Silence()
             # the process is a zombie now: its memory is in what waiting for it returns
             with self._lock:
                 _, status, usage = os.wait4(process.pid, 0)
@@ -164,22 +166,29 @@ class Worker:
         """Largest resident memory of the process so far, MB."""
         try:
             with open(f"/proc/{self.process.pid}/status") as status:
-                for row in status:
-                    if row.startswith("VmHWM"):
-                        self.peak_mb = max(self.peak_mb, int(row.split()[1]) * MB_PER_KIB)
+                peak = next((int(row.split()[1]) for row in status if row.startswith("VmHWM")), 0)
+            self.peak_mb = max(self.peak_mb, peak * MB_PER_KIB)
         except (OSError, AttributeError):
             pass  # not running
         return self.peak_mb
+
+    def deadline(self) -> float:
+        """When the answer to what is asked now must be there."""
+        return time.monotonic() + self.code.settings.timeout
+
+    def count(self, seconds) -> None:
+        """Add a reply's own seconds (assemble, factorise, solve) to the clock."""
+        for stage, value in zip(STAGES[1:], seconds):
+            self.seconds[stage] += float(value)
+
+    # ---- files and failures ---------------------------------------------------------------------
 
     def write(self, name: str, parts: list) -> Path:
         """Write a file into the work folder; raises InputError when the disk is full."""
         path = self.folder / name
         try:
-            with open(path, "wb", buffering=0) as file:
-                for part in parts:
-                    view = memoryview(part).cast("B")
-                    while len(view):
-                        view = view[file.write(view) :]
+            with open(path, "wb") as file:
+                file.writelines(parts)
         except OSError as error:
             path.unlink(missing_ok=True)
             needed = sum(memoryview(part).nbytes for part in parts)
@@ -189,9 +198,13 @@ class Worker:
             )) from error
         return path
 
-    def write_mesh(self, index: int, model: Model) -> Path:
-        """Mesh file of a model."""
-        return self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(model)])
+    @contextlib.contextmanager
+    def telling(self, purpose: str, subdomain: str) -> Iterator[None]:
+        """Have what ends the conversation told as BlackBoxError; ``purpose`` says what failed."""
+        try:
+            yield
+        except (Ended, BadReply) as error:
+            raise self.failure(purpose, error, subdomain) from error
 
     def failure(self, purpose: str, error: Exception, subdomain: str) -> BlackBoxError:
         """The error to raise, with the exit code of a process that ended and the log's tail."""
@@ -199,24 +212,19 @@ class Worker:
         if self.process is not None:
             # a stream that ends is a process about to end: its exit code comes a moment later
             ended = isinstance(error, Ended) and not isinstance(error, Silence)
-            try:
+            with contextlib.suppress(subprocess.TimeoutExpired):
                 meaning = self.code.meaning(self.process.wait(timeout=1.0 if ended else 0.0))
-            except subprocess.TimeoutExpired:
-                pass
         return BlackBoxError(f"{self.code.name}: {purpose}: {error}", subdomain, meaning, self.log_tail())
 
     def log_tail(self) -> str:
         """Last lines of what the process printed."""
         size = os.fstat(self.log.fileno()).st_size
         # pread: the offset is shared with the process that writes
-        tail = os.pread(self.log.fileno(), LOG_TAIL, max(0, size - LOG_TAIL))
-        return tail.decode(errors="replace").strip()
+        return os.pread(self.log.fileno(), LOG_TAIL, max(0, size - LOG_TAIL)).decode(errors="replace").strip()
 
-    def count(self, seconds: np.ndarray) -> None:
-        """Add a reply's own seconds to the clock."""
-        for stage, value in zip(("assemble", "factorise", "solve"), seconds):
-            self.seconds[stage] += float(value)
 
-    def deadline(self) -> float:
-        """When the answer to what is asked now must be there."""
-        return time.monotonic() + self.timeout
+def ready(fd: int, event: int, deadline: float) -> bool:
+    """Wait until a descriptor can be read from or written to; False at the deadline."""
+    poll = select.poll()
+    poll.register(fd, event)
+    return bool(poll.poll(max(0.0, deadline - time.monotonic()) * 1000))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-import mfem.ser as mfem
 import numpy as np
 import scipy.sparse as sp
 
@@ -14,13 +13,16 @@ from orchestrator.scene.elasticity import lame
 
 
 class Mfem(Adapter):
-    """Linear elasticity on four-node tets."""
+    """MFEM, through its Python interface, on four-node tets."""
 
+    package = "mfem"
     translation_invariant = True
 
     def stiffness(self, model) -> sp.csr_array:
         """As ``Adapter`` says."""
-        mesh = self._mesh(model)
+        import mfem.ser as mfem
+
+        mesh = self._mesh(model, mfem.Mesh)
         collection = mfem.H1_FECollection(1, 3)
         space = mfem.FiniteElementSpace(mesh, collection, 3, mfem.Ordering.byVDIM)
         lam, mu = (mfem.PWConstCoefficient(mfem.Vector(np.ascontiguousarray(values))) for values in lame(*model.materials.T))
@@ -35,7 +37,7 @@ class Mfem(Adapter):
         return sp.csr_array((apart.data, (dof[apart.row], dof[apart.col])), shape=(model.fixed.size,) * 2)
 
     @staticmethod
-    def _mesh(model):
+    def _mesh(model, read):
         """Every tet with nodes of its own, in MFEM's text format, the quickest way in from Python: soles may overlap,
         and MFEM takes no face with three tets."""
         with tempfile.TemporaryDirectory() as folder, open(Path(folder) / "model.mesh", "w") as file:
@@ -45,4 +47,4 @@ class Mfem(Adapter):
             file.write(f"\nboundary\n0\n\nvertices\n{model.cells.size}\n3\n")
             np.savetxt(file, model.nodes[model.cells.ravel()], "%.17g")
             file.flush()
-            return mfem.Mesh(file.name, 0, 0, False)
+            return read(file.name, 0, 0, False)

@@ -9,19 +9,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.blackbox.codes.foreign.code import ForeignCode
+from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, judged
 from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Loads, Refused
-from orchestrator.blackbox.codes.foreign.own_fields import OwnFields
-from orchestrator.errors import BlackBoxError, InputError, Problem
+from orchestrator.blackbox.codes.foreign.results import OwnFields
+from orchestrator.errors import BlackBoxError
 from orchestrator.scene.foreign.read import read_joints
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.pool.worker import Worker
 
 # Relative: input and stored matrix have 14 digits, condensing costs some of them.
 LINEAR = 1e-6
@@ -29,19 +25,6 @@ LINEAR = 1e-6
 
 class DeckCode(ForeignCode):
     """A part that is a CalculiX deck."""
-
-    class Settings(ForeignCode.Settings):
-        """What ``parts`` says of one part."""
-
-        @property
-        def brings_loads(self) -> bool:
-            """What flows answers to loads and forces together."""
-            return self.part.loads is not None and not self.part.nonlinear
-
-        @property
-        def remembers(self) -> bool:
-            """As its entry says."""
-            return self.part.nonlinear
 
     def made(self) -> Condensed:
         """As ``ForeignCode`` says."""
@@ -51,8 +34,7 @@ class DeckCode(ForeignCode):
             try:
                 return self._made(runs)
             except Refused as error:
-                raise InputError(Problem((*path, "calculix"), f"'{name}': {error}", "a deck that CalculiX runs", "run it alone, with "
-                                         "ccx, until it does")) from error
+                raise self.wrong("calculix", f"'{name}': {error}", "a deck that CalculiX runs", "run it alone, with ccx, until it does") from error
 
     def _made(self, runs: DeckRuns) -> Condensed:
         part, path, name, joints = self.settings.part, self.settings.place, self.settings.name, runs.joints
@@ -63,22 +45,19 @@ class DeckCode(ForeignCode):
         at = np.minimum(np.searchsorted(active[order], dofs[free]), len(active) - 1)
         lost = free[active[order][at] != dofs[free]]
         if len(lost):
-            raise InputError(Problem((*path, "joints"), f"'{name}': {len(lost)} dofs of joint nodes depend on others (*EQUATION, *MPC, *TIE, "
-                                     f"*RIGID BODY, shells, beams), the first is {'xyz'[lost[0] % 3]} of node {joints.ids[lost[0] // 3]}",
-                                     "joint nodes whose displacements are unknowns of their own", "make the joint's nodes the "
-                                     "independent side of the tie or equation, or take other nodes for the joint"))
+            raise self.wrong("joints", f"'{name}': {len(lost)} dofs of joint nodes depend on others (*EQUATION, *MPC, *TIE, *RIGID BODY, "
+                             f"shells, beams), the first is {'xyz'[lost[0] % 3]} of node {joints.ids[lost[0] // 3]}",
+                             "joint nodes whose displacements are unknowns of their own", "make the joint's nodes the independent "
+                             "side of the tie or equation, or take other nodes for the joint")
         S = np.zeros((len(dofs), len(dofs)))
         S[np.ix_(free, free)] = condense(K, np.zeros((1, K.shape[0])), order[at], path, name, loose=True)[0]  # the probe tells
         part_on_joints = judged(joints, S, np.zeros((1, len(dofs))), (*path, "calculix"), name)
         k = springs_of(S, free)
         M = S + np.diag(k)
+        self._check_steps()
         if part.nonlinear:
-            self._check_steps()
             return Condensed(joints, part_on_joints.stiffness, np.zeros((1, len(dofs))), part_on_joints.error)
         steps = len(self.settings.factors)
-        if part.loads and len(part.loads) not in (1, steps):
-            raise InputError(Problem((*path, "loads"), f"{len(part.loads)} files of loads for {steps} load steps",
-                                     "one file for all load steps, or one for each", "let history multiply a single one"))
         b = np.array([M @ runs.static(k, case) for case in runs.cases(steps)]) if part.loads else np.zeros((1, len(dofs)))
         b[:, joints.held.ravel()] = 0.0
         for own, case in zip(b, runs.cases(steps) or [None]):
@@ -88,12 +67,12 @@ class DeckCode(ForeignCode):
     def _check_steps(self) -> None:
         """Raises InputError for loads of which no load step can be told."""
         part, steps = self.settings.part, len(self.settings.factors)
-        if part.loads and set(self.settings.factors) != {1.0}:
-            raise InputError(Problem((*self.settings.place, "history"), f"'{self.settings.name}': a history of loads that act on matter that "
-                                     "flows", "the loads of each load step in a file of its own", "write loads: [first.inp, second.inp, …]"))
+        if part.loads and part.nonlinear and set(self.settings.factors) != {1.0}:
+            raise self.wrong("history", f"'{self.settings.name}': a history of loads that act on matter that flows",
+                             "the loads of each load step in a file of its own", "write loads: [first.inp, second.inp, …]")
         if part.loads and len(part.loads) not in (1, steps):
-            raise InputError(Problem((*self.settings.place, "loads"), f"{len(part.loads)} files of loads for {steps} load steps",
-                                     "one file for all load steps, or one for each", "write one for each"))
+            raise self.wrong("loads", f"{len(part.loads)} files of loads for {steps} load steps", "one file for all load steps, or one "
+                             "for each", "write one for each" if part.nonlinear else "let history multiply a single one")
 
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from the beginning."""
@@ -111,14 +90,6 @@ class DeckCode(ForeignCode):
         if not np.isfinite(u).all():
             raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite", self.settings.name)
         return u
-
-    def worker(self) -> type[Worker]:
-        """As ``Code`` says."""
-        if not self.settings.part.nonlinear:
-            return super().worker()
-        from orchestrator.blackbox.codes.foreign.replay import ReplayWorker
-
-        return ReplayWorker
 
     def own_fields(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
         """As ``ForeignCode`` says, on the deck's own mesh: S u − b act on its joints, and springs k on them are held by k u.
@@ -167,11 +138,10 @@ class DeckCode(ForeignCode):
         u = runs.static(k, case, s)
         left = np.abs(M @ u - b - s)[free].max() / (np.abs(M @ u)[free].max() or 1.0)
         if not left <= LINEAR:
-            raise InputError(Problem((*self.settings.place, "calculix"), f"'{self.settings.name}': forces on its joints do not move them "
-                                     f"as its stiffness says: {left:.1e} of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose "
-                                     "stiffness does not depend on its loads", "look for contact, gaps, *TRANSFORM on joints, and moduli that "
-                                     "depend on temperature: with its loads the deck is another than without"
-                                     + ("" if case is None else f" ({case.file})")))
+            raise self.wrong("calculix", f"'{self.settings.name}': forces on its joints do not move them as its stiffness says: {left:.1e} "
+                             f"of the force is left, {LINEAR:.0e} allowed", "a linear deck, whose stiffness does not depend on its loads",
+                             "look for contact, gaps, *TRANSFORM on joints, and moduli that depend on temperature: with its loads the "
+                             "deck is another than without" + ("" if case is None else f" ({case.file})"))
 
 
 def springs_of(S: np.ndarray, free: np.ndarray) -> np.ndarray:

@@ -1,1 +1,0 @@
-"""scikit-fem as a black box: ``solver`` runs in processes of its own, ``code`` says where it is."""
