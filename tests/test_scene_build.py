@@ -13,8 +13,10 @@ from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
 from orchestrator.scene.conditions.rigid import check_held, rigid_modes
+from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.patches import make_interfaces
+from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.structured import bricks
@@ -71,7 +73,8 @@ def interfaces_of(mesh, fixed=None, entries=()):
     partition = Partition(mesh.volume, mesh.volumes)
     numbering = split_numbering(mesh.cells, mesh.volume, len(mesh.nodes))
     fixed = np.zeros((len(mesh.nodes), 3), dtype=bool) if fixed is None else fixed
-    interfaces, _ = make_interfaces(mesh, faces, partition, numbering, list(entries), found)
+    laws = Laws(list(entries), [*partition.names, *mesh.volumes])
+    interfaces, _ = make_interfaces(Search(mesh, faces, partition, numbering, laws, found))
     return leave_free(mesh, interfaces, partition, numbering, fixed[numbering.nodes], list(entries), found), found.found
 
 

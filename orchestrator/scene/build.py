@@ -19,7 +19,9 @@ from orchestrator.scene.interfaces.axial import join_bolts, straighten
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.joins import joins
 from orchestrator.scene.interfaces.mortar.sides import Matter
+from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.patches import make_interfaces
+from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.patch import node_areas
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
@@ -93,9 +95,9 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
     partition, cuts = (partition, []) if whole or not config.bolts else cut_bolts(mesh, faces, partition, config.bolts, problems)
     numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
     matter = _matter(mesh, materials, cell_material, boundary)
-    interfaces, near = ([], []) if whole else make_interfaces(
-        mesh, faces, partition, numbering, config.interfaces, problems, "interfaces" in config.model_fields_set, matter,
-        [factors(entry, config) for entry in config.interfaces])
+    laws = Laws(config.interfaces, [*partition.names, *mesh.volumes], [factors(entry, config) for entry in config.interfaces])
+    interfaces, near = ([], []) if whole else make_interfaces(Search(
+        mesh, faces, partition, numbering, laws, problems, "interfaces" in config.model_fields_set, matter))
     bolts = join_bolts(cuts, interfaces, config.bolts, [factors(entry, config) for entry in config.bolts], problems)
     if mesh.foreign and not whole:
         from orchestrator.scene.foreign.met import report_joints, report_units

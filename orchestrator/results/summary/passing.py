@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
+from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.mesh.faces import Faces, faces_of

@@ -10,72 +10,139 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.pairing import COINCIDE
-from orchestrator.scene.mesh.patch import local_size, node_normals
+from orchestrator.scene.interfaces.search import Search, side_nodes
+from orchestrator.scene.interfaces.skins import UNSURE, sagittas
+from orchestrator.scene.mesh.patch import local_size, node_normals, rounding
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
 
-# Distances below this share of the element size, and of the coordinates, are rounding; from ``TOLD`` of it they are told.
-ROUNDING, OF_COORDINATES, TOLD = 1e-9, 64 * np.finfo(float).eps, 1e-6
+# Distances below this share of the element size are rounding; from ``TOLD`` of it they are told.
+ROUNDING, TOLD = 1e-9, 1e-6
 # Normals of one plane face differ by rounding alone.
 PLANE = 1e-9
 
 
-def paired_gap(mesh: Mesh, interface: Interface, others: np.ndarray, key: tuple[int, str], problems: Problems) -> np.ndarray:
+def paired_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np.ndarray:
     """(n,) distance along the normal of the sides of an interface whose nodes are paired, negative inside each other.
 
     Parameters
     ----------
-    others : (n,) int, the nodes on side 2
     key : the entry of the YAML and what in it asks for the distance
     """
-    one, two = mesh.nodes[interface.global_nodes], mesh.nodes[others]
+    one, two = (search.mesh.nodes[nodes] for nodes in side_nodes(search.numbering, interface))
     middle = (one + two) / 2
     gap = np.einsum("ij,ij->i", node_normals(middle, interface.triangles), two - one)
     h = local_size(middle, interface.triangles)
-    deep = gap < -COINCIDE * h
+    if (gap < -COINCIDE * h).any():
+        _refuse(search, interface.name, key, middle, np.where(gap < -COINCIDE * h, -gap, 0.0))
+    return np.where(np.abs(gap) <= rounding(middle, ROUNDING * h), 0.0, gap)
+
+
+def _refuse(search: Search, name: str, key: tuple[int, str], points: np.ndarray, depth: np.ndarray, more: str = "") -> None:
+    """Adds the problem of sides that are in each other at points (n, 3) by depths (n,), 0 where they are not."""
+    worst = int(depth.argmax())
+    search.problems.add(("interfaces", *key), f"{name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes by up "
+                        f"to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
+                        "move the parts, or ask for a press fit by a number: gap: -0.01")
+
+
+def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray], key: tuple[int, str]) -> np.ndarray:
+    """(n₁,) distance of sides whose nodes do not match, at the slave's, as its multipliers see it; negative inside each other.
+
+    From surface to surface, not from facet to facet: chords of different polygons about the same circle are in each other here
+    and apart there; the surfaces are not.
+
+    Sides that facets leave open or overlap by less than what is known of the surfaces (``UNSURE`` of the sagitta) touch, and
+    where facets are in each other by less than their sagitta this counts as touching too; both are told.
+
+    Parameters
+    ----------
+    name : of the interface
+    bulge : (k₁, 3), (k₂, 3) of the facets' edges, see ``skins.bulges``
+    key : the entry of the YAML and what in it asks for the distance
+    """
+    from orchestrator.scene.interfaces.mortar.assembly import node_gaps, point_normals, weights_of  # SciPy, where it is asked for
+
+    x1, one, segments = surfaces.points[0], surfaces.triangles[0][:, :3], surfaces.segments
+    sagitta = tuple(sagittas(b) for b in bulge)
+    h, around, inside = local_size(x1, one), _around(surfaces, *sagitta), -_mean_distance(surfaces)
+    deep = inside > around + COINCIDE * h
     if deep.any():
-        worst = int(gap.argmin())
-        problems.add(("interfaces", *key), f"{interface.name} penetrate each other in the initial geometry, at "
-                     f"{deep.sum()} nodes by up to {-gap[worst]:.3g} at {format_point(middle[worst])}", "sides that touch or are apart",
-                     "move the parts, or ask for a press fit by a number: gap: -0.01")
-    return np.where(np.abs(gap) <= rounding(middle, h), 0.0, gap)
+        off = f"; facets there are off the surfaces that they stand for by {around[np.where(deep, inside, 0.0).argmax()]:.3g} at most"
+        _refuse(search, name, key, x1, np.where(deep, inside, 0.0), off)
+    facets = node_gaps(surfaces, weights_of(surfaces, quadratic=False), point_normals(x1, one))
+    gap = facets - _between(surfaces, bulge)
+    nothing = rounding(x1, ROUNDING * h)
+    touching = (gap <= UNSURE * around + nothing) & (gap >= -around - nothing)
+    if (touching & (around > COINCIDE * h)).any() and not deep.any():
+        search.problems.warnings.append(
+            f"{name}: facets are up to {max(0.0, -segments.distance.min()):.2g} inside each other and up to "
+            f"{max(0.0, segments.distance.max()):.2g} apart, off the curved surfaces that they stand for by up to {around.max():.2g}: "
+            f"what is within {UNSURE:g} of that counts as touching; smaller clearances and press fits need a number, gap: 0.01, "
+            "or finer meshes")
+    return np.where(touching, 0.0, gap)
 
 
-def rounding(points: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """(n,) distances that coordinates of points (n, 3) and arithmetic leave open, where elements measure h (n,)."""
-    return np.maximum(ROUNDING * h, OF_COORDINATES * np.abs(points).max(initial=0.0))
+def _between(surfaces: Surfaces, bulge: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(n₁,) what the surfaces of both sides fill of the gap between facets, averaged with the multipliers of the nodes."""
+    from orchestrator.scene.interfaces.mortar.duals import multipliers
+
+    # the bulges are quadratic functions: of nodes of its own amid each facet's edges
+    nodes, ends, values = [], [], []
+    for points, triangles, own in zip(surfaces.points, surfaces.triangles, bulge):
+        middles = len(points) + np.arange(own.size).reshape(own.shape)
+        nodes.append(np.hstack([triangles[:, :3], middles]))
+        ends.append(len(points) + own.size)
+        values.append(np.concatenate([np.zeros(len(points)), own.ravel()]))
+    weights = multipliers(surfaces.segments, *nodes, surfaces.area, tuple(ends))
+    filled = weights.own @ values[0] + weights.other @ values[1]
+    count = len(surfaces.points[0])
+    return (filled / np.where(weights.area > 0, weights.area, 1.0))[:count]
 
 
-def tell_distances(mesh: Mesh, partition: Partition, numbering: SplitNumbering, found: Sequence[Interface], laws: Laws,
-                   problems: Problems) -> None:
+def _around(surfaces: Surfaces, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """(n₁,) the largest sagitta, of the sides' (k₁,) and (k₂,) together, around each of the slave's nodes."""
+    result, reached = (np.zeros(len(surfaces.points[0])) for _ in range(2))
+    segments = surfaces.segments
+    for corner in surfaces.triangles[0][:, :3].T:
+        np.maximum.at(result, corner, one)
+        np.maximum.at(reached, corner[segments.slave], two[segments.master])
+    return result + reached
+
+
+def _mean_distance(surfaces: Surfaces) -> np.ndarray:
+    """(n₁,) distance of the facets, averaged over what is covered around each of the slave's nodes."""
+    segments, count = surfaces.segments, len(surfaces.points[0])
+    corners = surfaces.triangles[0][segments.slave, :3].ravel()
+    area, moment = (np.bincount(corners, np.repeat(w, 3), count) for w in (segments.area, segments.area * segments.distance))
+    return moment / np.where(area > 0, area, 1.0)
+
+
+def tell_distances(search: Search, found: Sequence[Interface]) -> None:
     """Warns, once per pair of bodies, where the geometry presses sides together, and where it has sides apart, or in each other,
     that count as touching because nothing is said of their gap."""
     worst: dict[tuple[bool, tuple[str, ...]], tuple[float, np.ndarray]] = {}
     for interface in found:
-        read = bool(laws.apart(interface.entry))
-        if not (read or laws.unread(interface.entry)):
+        read = bool(search.laws.apart(interface.entry))
+        if not (read or search.laws.unread(interface.entry)):
             continue
-        points = mesh.nodes[interface.global_nodes]
-        gap = np.minimum(interface.law.distance, 0.0) if read else _apart(mesh, numbering, interface, points)
+        points = search.mesh.nodes[interface.global_nodes]
+        gap = np.minimum(interface.law.distance, 0.0) if read else _apart(search, interface, points)
         h = local_size(points, interface.triangles)
-        size = np.where(np.abs(gap) > np.maximum(TOLD * h, rounding(points, h)), np.abs(gap), 0.0)
-        at, key = int(size.argmax()), (read, tuple(sorted(partition.body(e) for e in interface.subdomains)))
+        size = np.where(np.abs(gap) > np.maximum(TOLD * h, rounding(points, ROUNDING * h)), np.abs(gap), 0.0)
+        at, key = int(size.argmax()), (read, tuple(sorted(search.partition.body(e) for e in interface.subdomains)))
         if size[at] > abs(worst[key][0] if key in worst else 0.0):
             worst[key] = float(gap[at]), points[at]
     for (read, names), (gap, point) in worst.items():
         where = f"{abs(gap):.2g} {'apart' if gap > 0 else 'inside each other'} in the initial geometry, at {format_point(point)}, and "
-        problems.warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
+        search.problems.warnings.append(f"{' | '.join(names)}: sides are up to {where}" + (
             "are pressed together by as much; gap: 0 takes them as touching" if read else
             "count as touching; gap: geometry reads the distance, gap: 0 says that they touch"))
 
 
-def _apart(mesh: Mesh, numbering: SplitNumbering, interface: Interface, points: np.ndarray) -> np.ndarray:
+def _apart(search: Search, interface: Interface, points: np.ndarray) -> np.ndarray:
     """(n,) distance along the normal of sides that count as touching; zero on curved faces that do not match: facets are
     apart there where their surfaces touch."""
     normal = node_normals(points, interface.triangles)
@@ -84,5 +151,4 @@ def _apart(mesh: Mesh, numbering: SplitNumbering, interface: Interface, points: 
 
         plane = np.abs(normal - normal[0]).max() <= PLANE
         return node_gaps(interface.surfaces, weights_of(interface.surfaces, quadratic=False), normal) if plane else np.zeros(len(points))
-    others = numbering.nodes[numbering.offsets[interface.subdomains[1]] + interface.nodes[1]]
-    return np.einsum("ij,ij->i", normal, mesh.nodes[others] - points)
+    return np.einsum("ij,ij->i", normal, search.mesh.nodes[side_nodes(search.numbering, interface)[1]] - points)

@@ -2,7 +2,7 @@
 
 Facets face each other where they look at each other, overlap along the normal, and the surfaces that they stand for are
 no farther apart than a share of the element size there. The surfaces, not the facets: chords of two polygons about the
-same circle are apart, or in each other, by as much as either is off the circle (``curvature``).
+same circle are apart, or in each other, by as much as either is off the circle (``skins``).
 """
 
 from __future__ import annotations
@@ -11,18 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.interfaces.curvature import over, smooth_patches
 from orchestrator.scene.interfaces.mortar.segments import Segments, find_segments
 from orchestrator.scene.interfaces.pairing import OPPOSITE
 from orchestrator.scene.interfaces.proximity import TOUCHING, may_face
-from orchestrator.scene.interfaces.skins import Skin
+from orchestrator.scene.interfaces.skins import UNSURE, Skin, over, smooth_patches
 from orchestrator.scene.mesh.faces import edge_patches
 
 _NOTHING = Segments(*np.empty((2, 0), dtype=int), *np.empty((2, 0, 6, 3)), *np.empty((2, 0)))
-# Surfaces are known from their facets within this share of what they are off them: a circle of five chords is off its
-# parabolas by a tenth, and its facets' triangles lie as they happen to. What is beside such a place and within the whole
-# of it belongs to the same pair.
-UNSURE = 0.25
 # What two bodies have in common is a pair from this share of the smaller facet there, and if this share of it is sure:
 # less is where edges cross.
 COMMON = 0.1
@@ -36,24 +31,18 @@ class Facing:
     ----------
     segments : the overlaps, the first body being the slave, in the numbers of the bodies' facets
     area : that both have in common
-    covered : of either side, the share of its facets' area that the other one covers
     size : mean element size of either side
     lowest, mean, highest : distances of the surfaces along the normal, negative inside each other
-    deepest : the farthest that facets, as they are meshed, are inside each other; 0 where they are not
     sagitta : the farthest that the surfaces of both sides together are off their facets
-    where : (3,) the middle of what they have in common
     """
 
     segments: Segments
     area: float
-    covered: tuple[float, float]
     size: tuple[float, float]
     lowest: float
     mean: float
     highest: float
-    deepest: float
     sagitta: float
-    where: np.ndarray
 
     @property
     def facets(self) -> tuple[np.ndarray, np.ndarray]:
@@ -122,14 +111,10 @@ def _facing(one: Skin, two: Skin, a: np.ndarray, b: np.ndarray, found: Segments)
     """One patch, from all its overlaps; None where edges merely cross."""
     named = found.numbered(a, b)
     mine, theirs = np.unique(named.slave), np.unique(named.master)
-    areas = one.body.size[mine] ** 2 / 2, two.body.size[theirs] ** 2 / 2
     area = float(found.area.sum())
-    if area < COMMON * min(areas[0].min(), areas[1].min()):
+    if area < COMMON * min(one.body.size[mine].min(), two.body.size[theirs].min()) ** 2 / 2:
         return None
     distance = _distance(one, two, a, b, found)
     sagitta = one.sagitta[a[found.slave]] + two.sagitta[b[found.master]]
-    middle = np.einsum("mvk,mkc->mvc", found.on_slave, one.body.corners[a[found.slave]]).mean(axis=1)
-    return Facing(named, area, tuple(float(min(area / own.sum(), 1.0)) for own in areas),
-                  (float(one.body.size[mine].mean()), float(two.body.size[theirs].mean())), float(distance.min()),
-                  float(found.area @ distance / area), float(distance.max()), float(max(-found.distance.min(), 0.0)),
-                  float(sagitta.max()), found.area @ middle / area)
+    return Facing(named, area, (float(one.body.size[mine].mean()), float(two.body.size[theirs].mean())), float(distance.min()),
+                  float(found.area @ distance / area), float(distance.max()), float(sagitta.max()))

@@ -13,22 +13,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.registry import LAWS
-from orchestrator.scene.interfaces.entries import Laws
+from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
 
 
-def hinges(mesh: Mesh, partition: Partition, numbering: SplitNumbering, found: Sequence[Interface], laws: Laws) -> list[Interface]:
+def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
     """Interfaces that join what no others do, ordered by pair of subdomains; with them, what moves as one does.
 
     Parameters
     ----------
     found : those of faces
     """
+    partition, numbering, laws = search.partition, search.numbering, search.laws
     owner = np.repeat(np.arange(len(partition.names)), np.diff(numbering.offsets))
     copies = np.bincount(numbering.nodes, minlength=numbering.total)
     label = _joined(numbering, found)
@@ -45,7 +44,7 @@ def hinges(mesh: Mesh, partition: Partition, numbering: SplitNumbering, found: S
     one, two = apart[np.concatenate(first)], apart[np.concatenate([f + step for f, step in zip(first, steps)])]
     pairs, which = np.unique(np.c_[owner[one], owner[two]], axis=0, return_inverse=True)
     order = np.argsort(which.ravel(), kind="stable")
-    around = _Around(mesh, partition, numbering, apart)
+    around = _Around(search, apart)
     for pair, at in zip(pairs.tolist(), np.split(order, np.flatnonzero(np.diff(which.ravel()[order])) + 1)):
         a, b = one[at], two[at]
         entry, known = -1, None
@@ -60,7 +59,7 @@ def hinges(mesh: Mesh, partition: Partition, numbering: SplitNumbering, found: S
             continue
         if known is not None:
             laws.between(*known)
-        made.append(_interface(partition, numbering, pair, around.with_ends(a)))
+        made.append(_interface(search, tuple(pair), around.with_ends(a)))
         if known is not None:
             laws.apply(entry, made[-1], known[0])
         joined = components(label[a], label[b], len(label))[1]
@@ -75,25 +74,23 @@ def _joined(numbering: SplitNumbering, found: Sequence[Interface]) -> np.ndarray
     return components(one, two, len(numbering.nodes))[1]
 
 
-def _interface(partition: Partition, numbering: SplitNumbering, pair: Sequence[int], split: np.ndarray) -> Interface:
+def _interface(search: Search, pair: tuple[int, int], split: np.ndarray) -> Interface:
     """Of split nodes (n,) of the first side and what the second one has of the same nodes, without facets."""
-    nodes = numbering.nodes[split]
-    own = tuple(numbering.find(np.int64(e), nodes) - numbering.offsets[e] for e in pair)
-    corners = 3 if numbering.corners.shape[1] == 4 else 6
-    return Interface(-1, " | ".join(partition.names[e] for e in pair), tuple(pair), nodes, own,
-                     np.empty((0, corners), dtype=int), np.empty((0, 2), dtype=int), np.ones((len(nodes), 3), dtype=bool),
-                     normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))  # any: what is bonded asks for no direction
+    nodes, corners = search.numbering.nodes[split], 3 if search.numbering.corners.shape[1] == 4 else 6
+    return search.interface(pair, (nodes, nodes), np.empty((0, corners), dtype=int), np.empty((0, 2), dtype=int),
+                            normals=np.tile([1.0, 0.0, 0.0], (len(nodes), 1)))  # any: what is bonded asks for no direction
 
 
 class _Around:
     """What is around some split nodes (k,): the volumes, and with ten-node tets the ends of the edges that they are amid."""
 
-    def __init__(self, mesh: Mesh, partition: Partition, numbering: SplitNumbering, split: np.ndarray):
-        self.names, self.volumes = partition.names, mesh.volumes
+    def __init__(self, search: Search, split: np.ndarray):
+        numbering = search.numbering
+        self.names, self.volumes = search.partition.names, search.mesh.volumes
         chosen = np.zeros(len(numbering.nodes), dtype=bool)
         chosen[split] = True
         cell, corner = np.nonzero(chosen[numbering.corners])
-        self.split, self.volume = np.unique(np.c_[numbering.corners[cell, corner], mesh.volume[cell]], axis=0).T
+        self.split, self.volume = np.unique(np.c_[numbering.corners[cell, corner], search.mesh.volume[cell]], axis=0).T
         cell, corner = cell[corner > 3], corner[corner > 3]
         self.middle, at = np.unique(numbering.corners[cell, corner], return_index=True)
         self.ends = numbering.corners[cell[at, None], TET_EDGES[corner[at] - 4]]

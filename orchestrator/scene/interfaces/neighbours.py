@@ -15,54 +15,32 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.errors import KeyPath, Problems
+from orchestrator.errors import KeyPath
 from orchestrator.registry import LAWS
-from orchestrator.scene.interfaces.alone import report_alone
-from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
-from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.overlap import Solid, overlap
-from orchestrator.scene.interfaces.pairing import Body, close_bodies
+from orchestrator.scene.interfaces.pairing import Body, close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.interfaces.proximity import Near, near
-from orchestrator.scene.mesh.faces import Faces, components, pack, pieces
+from orchestrator.scene.interfaces.search import Search, side_nodes
+from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
+from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
+from orchestrator.wording import some
 
 
-def piece_of(mesh: Mesh, faces: Faces) -> tuple[int, np.ndarray]:
-    """Number of pieces of the mesh that share no faces with each other, and the piece (m,) of each tet."""
-    return pieces(faces, np.zeros(len(mesh.cells), dtype=int))
-
-
-def report_neighbours(mesh: Mesh, faces: Faces, bodies: list[Body], found: list[Interface], partition: Partition,
-                      numbering: SplitNumbering, laws: Laws, asked: bool, problems: Problems) -> list[tuple[int, int]]:
+def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int, int]]:
     """Adds problems and warnings; returns the pairs of volumes that are near each other without an interface there.
 
     Parameters
     ----------
-    bodies : the outer faces, by subdomain and volume
     found : all interfaces
-    asked : whether the user has written the laws' entries
     """
+    mesh, laws = search.mesh, search.laws
     cells = [i.cells for i in found] + mesh.one_body
     joined = {tuple(pair) for pair in np.sort(mesh.volume[np.concatenate(cells)], axis=1).tolist()} if cells else set()
-    governing: dict[tuple[int, int], int] = {}
-    beside: dict[tuple[int, int], Near] = {}
-    loose = _unpaired(faces, bodies, found, numbering)
-    for one, two in close_bodies(bodies, None):
-        pair = tuple(sorted((one.volume, two.volume)))
-        known = tuple((partition.names[b.subdomain], mesh.volumes[b.volume]) for b in (one, two))
-        index = laws.foreseen(*known)
-        governing[pair] = max(index, governing.get(pair, -1))
-        if laws.excluded(*known) or (laws.apart(index) and not laws.found(index)):
-            continue  # it is not meant; or the search for gaps has said what does not match
-        seen = near(one, two, loose[id(one)], loose[id(two)])
-        if seen is not None:
-            beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
-    count, piece = piece_of(mesh, faces)
-    inside = _overlaps(mesh, faces, piece, governing, laws, asked, problems) if count > 1 else set()
+    beside, governing = _beside(search, found)
+    count, piece = search.pieces
+    inside = _overlaps(search, governing) if count > 1 else set()
     connected = components(*piece[np.concatenate(cells)].T, count)[1][piece] if cells else piece
     told = set(inside)
     for pair, seen in beside.items():
@@ -70,26 +48,44 @@ def report_neighbours(mesh: Mesh, faces: Faces, bodies: list[Body], found: list[
         if laws.found(governing[pair]):  # what faces beside a pair of theirs do later is looked at in the end
             if pair not in inside and apart:
                 told.add(pair)
-                _beyond_reach(mesh, pair, seen, governing[pair], laws, problems)
+                _beyond_reach(search, pair, seen, governing[pair])
         elif pair not in inside and (apart or seen.touching):
-            _report(mesh, pair, seen, pair in joined, governing[pair], laws, asked, problems)
-    report_alone(mesh, bodies, piece, cells, told, partition, laws, problems)
+            _report(search, pair, seen, pair in joined, governing[pair])
+    _report_alone(search, cells, told)
     return list(beside)
 
 
-def _unpaired(faces: Faces, bodies: list[Body], found: list[Interface], numbering: SplitNumbering) -> dict[int, np.ndarray]:
+def _beside(search: Search, found: list[Interface]) -> tuple[dict[tuple[int, int], Near], dict[tuple[int, int], int]]:
+    """By pair of volumes: what is near without an interface, and the entry that governs."""
+    laws, loose = search.laws, _unpaired(search, found)
+    governing: dict[tuple[int, int], int] = {}
+    beside: dict[tuple[int, int], Near] = {}
+    for one, two in close_bodies(search.bodies, None):
+        pair = tuple(sorted((one.volume, two.volume)))
+        known = search.known(one), search.known(two)
+        index = laws.foreseen(*known)
+        governing[pair] = max(index, governing.get(pair, -1))
+        if laws.excluded(*known) or (laws.apart(index) and not laws.found(index)):
+            continue  # it is not meant; or the search for gaps has said what does not match
+        seen = near(one, two, loose[id(one)], loose[id(two)])
+        if seen is not None:
+            beside[pair] = seen if pair not in beside else _both(beside[pair], seen)
+    return beside, governing
+
+
+def _unpaired(search: Search, found: list[Interface]) -> dict[int, np.ndarray]:
     """By the id of each body, which of its faces (k,) bool belong to no interface."""
-    keys = [np.empty(0, np.int64)]
+    keys, size = [np.empty(0, np.int64)], search.faces.nodes
     for i in found:
         if i.surfaces is not None:
-            keys += [pack(nodes[t[:, :3]], faces.nodes) for nodes, t in zip(i.surfaces.nodes, i.surfaces.triangles)]
+            keys += [pack(nodes[t[:, :3]], size) for nodes, t in zip(i.surfaces.nodes, i.surfaces.triangles)]
             continue
-        one, two = (numbering.nodes[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
+        one, two = side_nodes(search.numbering, i)
         if not np.array_equal(one, two):  # shared faces are no outer ones
-            keys += [pack(nodes[i.triangles[:, :3]], faces.nodes) for nodes in (one, two)]
+            keys += [pack(nodes[i.triangles[:, :3]], size) for nodes in (one, two)]
     paired = np.concatenate(keys)
-    return {id(b): ~np.isin(pack(b.triangles[:, :3], faces.nodes), paired) if len(paired)
-            else np.ones(len(b.triangles), dtype=bool) for b in bodies}
+    return {id(b): ~np.isin(pack(b.triangles[:, :3], size), paired) if len(paired)
+            else np.ones(len(b.triangles), dtype=bool) for b in search.bodies}
 
 
 def _both(one: Near, two: Near) -> Near:
@@ -98,16 +94,15 @@ def _both(one: Near, two: Near) -> Near:
     return replace(first, count=one.count + two.count, touching=one.touching + two.touching, miss=max(one.miss, two.miss))
 
 
-def _path(index: int, asked: bool) -> KeyPath:
+def _path(search: Search, index: int) -> KeyPath:
     """What to blame: the entry that governs, or the mesh where the user has written none."""
-    return ("interfaces", index) if asked and index >= 0 else ("mesh",)
+    return ("interfaces", index) if search.asked and index >= 0 else ("mesh",)
 
 
-def _report(mesh: Mesh, pair: tuple[int, int], seen: Near, joined: bool, index: int, laws: Laws, asked: bool,
-            problems: Problems) -> None:
+def _report(search: Search, pair: tuple[int, int], seen: Near, joined: bool, index: int) -> None:
     """What faces opposite each other mean for two parts that are joined elsewhere or not."""
-    names = " and ".join(repr(mesh.volumes[v]) for v in pair)
-    path, where = _path(index, asked), format_point(seen.where)
+    problems, names = search.problems, " and ".join(repr(search.mesh.volumes[v]) for v in pair)
+    path, where = _path(search, index), format_point(seen.where)
     if joined:
         if seen.touching:
             problems.add(path, f"{seen.touching} faces of {names} touch beside an interface of theirs and belong to none, the "
@@ -117,7 +112,7 @@ def _report(mesh: Mesh, pair: tuple[int, int], seen: Near, joined: bool, index: 
         return
     how = (f"touch, at {where}: their nodes miss each other by up to {seen.miss:.3g}" if seen.touching
            else f"are {seen.distance:.3g} apart, at {where}")
-    wanted = asked and index >= 0 and (seen.touching or not LAWS[laws.entries[index].law].perfect)
+    wanted = search.asked and index >= 0 and (seen.touching or not LAWS[search.laws.entries[index].law].perfect)
     if wanted:
         problems.add(path, f"{names} {how}, and have no interface there", "an interface between parts that the entry joins",
                      "mesh both sides alike; for a gap let the law read it (contact: gap: geometry); or name in between: "
@@ -126,25 +121,19 @@ def _report(mesh: Mesh, pair: tuple[int, int], seen: Near, joined: bool, index: 
         problems.warnings.append(f"{names} {how}, without an interface: they may pass through each other")
 
 
-def _beyond_reach(mesh: Mesh, pair: tuple[int, int], seen: Near, index: int, laws: Laws, problems: Problems) -> None:
+def _beyond_reach(search: Search, pair: tuple[int, int], seen: Near, index: int) -> None:
     """Faces that look at each other, of parts that nothing connects, and that are too far apart to have been paired."""
-    one, two = (mesh.volumes[v] for v in pair)
-    reach = laws.reach(index)
-    within = f"{reach:g}" if reach is not None else f"{laws.tolerance(index):g} of the element size, from surface to surface"
-    problems.add(("interfaces", index), f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} apart, at "
-                 f"{format_point(seen.where)}, and are no pair: nothing connects the two", f"faces within {within}",
+    one, two = (search.mesh.volumes[v] for v in pair)
+    reach = search.laws.reach(index)
+    within = f"{reach:g}" if reach is not None else f"{search.laws.tolerance(index):g} of the element size, from surface to surface"
+    search.problems.add(("interfaces", index), f"faces of {one!r} and {two!r} look at each other {max(seen.distance, 0.0):.3g} apart, at "
+                        f"{format_point(seen.where)}, and are no pair: nothing connects the two", f"faces within {within}",
                  f"raise tolerance, move the parts, or say that they are none: exclude: [[{one}, {two}]]")
 
 
-def _sagitta(mesh: Mesh, faces: Faces, solid: Solid) -> np.ndarray:
-    """(k,) how far the surfaces are off a part's outer faces."""
-    return sagittas(bulges(mesh.nodes, solid.outer, smooth_faces(mesh, faces)[faces.find(solid.outer[:, :3])]))
-
-
-def _overlaps(mesh: Mesh, faces: Faces, piece: np.ndarray, governing: dict[tuple[int, int], int],
-              laws: Laws, asked: bool, problems: Problems) -> set[tuple[int, int]]:
+def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tuple[int, int]]:
     """Pairs of parts, of pieces that share no faces, that are inside each other; each with its problem."""
-    outer = faces.outer
+    mesh, faces, (_, piece) = search.mesh, search.faces, search.pieces
     own = [np.unique(piece[mesh.volume == v]) for v in range(len(mesh.volumes))]
     solids: dict[int, Solid] = {}
     result = set()
@@ -153,17 +142,70 @@ def _overlaps(mesh: Mesh, faces: Faces, piece: np.ndarray, governing: dict[tuple
             continue
         for v in pair:
             if v not in solids:
-                solids[v] = Solid.of(mesh.volumes[v], mesh.nodes, mesh.cells[mesh.volume == v],
-                                     faces.triangles[outer[mesh.volume[faces.owner[outer]] == v]])
-        found = overlap(*(solids[v] for v in pair))
+                outer = faces.outer[mesh.volume[faces.owner[faces.outer]] == v]
+                solids[v] = Solid.of(mesh.volumes[v], mesh.nodes, mesh.cells[mesh.volume == v], faces.triangles[outer])
+        both = [solids[v] for v in pair]
+        found = overlap(*both)
         if found is not None:  # worth a closer look: curved faces of coarse chords may be meant to touch
-            found = overlap(*(solids[v] for v in pair), tuple(_sagitta(mesh, faces, solids[v]) for v in pair))
-        if found is None or (index >= 0 and laws.entries[index].fit >= found.depth):
+            found = overlap(*both, tuple(sagittas(bulges(mesh.nodes, s.outer, smooth_faces(mesh, faces)[faces.find(s.outer[:, :3])])) for s in both))
+        if found is None or (index >= 0 and search.laws.entries[index].fit >= found.depth):
             continue
         result.add(pair)
-        names = " and ".join(repr(mesh.volumes[v]) for v in pair)
-        problems.add(_path(index, asked),
-                     f"{names} are inside each other by about {found.depth:.3g}, at {format_point(found.where)}",
-                     "parts that touch or are apart",
-                     "move the parts; a press fit is a gap of contact below zero between parts that touch")
+        search.problems.add(_path(search, index), f"{' and '.join(repr(s.name) for s in both)} are inside each other by about {found.depth:.3g}, "
+                            f"at {format_point(found.where)}", "parts that touch or are apart",
+                            "move the parts; a press fit is a gap of contact below zero between parts that touch")
     return result
+
+
+def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, int]]) -> None:
+    """Where pairs are found rather than named, adds a problem for each piece without any, with the nearest other part.
+
+    Parameters
+    ----------
+    links : (k, 2) int each, cells on both sides of the interfaces
+    told : pairs of volumes that have been complained of already
+    """
+    mesh, laws, (_, piece) = search.mesh, search.laws, search.pieces
+    index = next((i for i, entry in enumerate(laws.entries) if entry.found), -1)
+    if index < 0:
+        return
+    paired = np.unique(piece[np.concatenate(links)]) if links else np.empty(0, dtype=int)
+    known = {v for pair in told for v in pair}
+    for number in np.setdiff1d(np.unique(piece), paired):
+        own = [int(v) for v in np.unique(mesh.volume[piece == number])]
+        others = [(b, c) for b in search.bodies if b.volume in own for c in search.bodies if c.volume not in own
+                  and not laws.excluded(search.known(b), search.known(c))]
+        if not others or known & set(own):
+            continue
+        (distance, where, size), other = min(((nearest(b, c), c) for b, c in others), key=lambda found: found[0][0])
+        search.problems.add(("interfaces", index), f"{some([mesh.volumes[v] for v in own])} has no pair: the nearest other part is "
+                            f"{mesh.volumes[other.volume]!r}, {distance:.3g} from node to node, at {format_point(where)}, where elements measure "
+                            f"{size:.3g}", "parts that lie on some other one",
+                            f"move it, raise tolerance, or say that it is meant to be alone: exclude: [[{mesh.volumes[own[0]]}, '*']]")
+
+
+def report_loose_pieces(search: Search, piece: np.ndarray) -> None:
+    """Adds a problem where pieces of a volume are inside each other, and a warning where they touch: laws between volumes do
+    not reach them.
+
+    Parameters
+    ----------
+    piece : (m,) int, of each tet
+    """
+    mesh = search.mesh
+    own = [set(np.unique(mesh.volume[piece == p]).tolist()) for p in range(int(piece.max()) + 1)]
+    foreign = {stand.volume for stand in mesh.foreign}
+    apart = replace(mesh, volume=piece, volumes=[str(p) for p in range(len(own))], foreign=[])
+    for one, two in close_bodies(outer_bodies(apart, search.faces, piece), None):
+        common = own[one.volume] & own[two.volume] - foreign
+        if not common:
+            continue
+        name = mesh.volumes[min(common)]
+        inside = overlap(*(Solid.of(name, mesh.nodes, mesh.cells[piece == b.volume], b.triangles) for b in (one, two)))
+        if inside is not None:
+            search.problems.add(("mesh",), f"two pieces of {name!r}, which share no faces, are inside each other by about {inside.depth:.3g}, at "
+                                f"{format_point(inside.where)}", "pieces that are apart", "leave out what is there twice")
+        elif touching := match(one, two, False)[0]:
+            search.problems.warnings.append(
+                f"two pieces of {name!r} touch, at {format_point(mesh.nodes[touching[0].triangles[0, :3]].mean(axis=0))}, "
+                "with nodes of their own: nothing joins them there; merge the nodes that coincide, or give each piece a volume of its own")

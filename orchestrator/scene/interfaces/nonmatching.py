@@ -7,27 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.errors import Problems
-from orchestrator.scene.interfaces.entries import Laws
-from orchestrator.scene.interfaces.facing import facing
-from orchestrator.scene.interfaces.initial_gap import initial_gap
+from orchestrator.scene.interfaces.distances import surface_gap
+from orchestrator.scene.interfaces.facing import Facing, facing
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING
-from orchestrator.scene.interfaces.mortar.sides import Asked, Matter, facing_surfaces, slave_of, surfaces_of
+from orchestrator.scene.interfaces.mortar.sides import Asked, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.pairing import COINCIDE, Body, Patch
 from orchestrator.scene.interfaces.proximity import may_face
+from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skin, Skins
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.mesh.patch import local_size
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.patch import local_size
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
 
 
-def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list[Patch], partition: Partition,
-                numbering: SplitNumbering, laws: Laws, index: int, matter: Matter, problems: Problems) -> Iterator[Interface]:
+def nonmatching(search: Search, pair: tuple[Body, Body], skins: Skins, patches: list[Patch], index: int) -> Iterator[Interface]:
     """Interfaces of two bodies across faces that do not match; none where all that lie opposite each other do.
 
     Where some match and others do not, all count as not matching: a corner that happens to fit is no reason for another
@@ -38,39 +34,51 @@ def nonmatching(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, patches: list
     patches : of faces that match
     index : of the governing entry
     """
+    mesh, laws, problems = search.mesh, search.laws, search.problems
     within, opposite, follows = laws.reach(index), laws.opposite(index), laws.follows(index)
-    names = [(partition.names[b.subdomain], mesh.volumes[b.volume]) for b in pair]
+    names = [search.known(b) for b in pair]
     alone = list(_near(*pair, within))
     if patches and not follows:
         alone = [own[~np.isin(pack(body.triangles[own, :3], len(mesh.nodes)), _matched(patches, side, len(mesh.nodes)))]
                  for side, (body, own) in enumerate(zip(pair, alone))]
     if not may_face(*(body.normal[own] for body, own in zip(pair, alone)), opposite):
         return
-    found = facing(skins(pair[0]), skins(pair[1]), laws.tolerance(index), within, opposite, bool(laws.apart(index)))
+    found = _facing(search, skins, pair, index)
     if not any(np.isin(f.facets[0], alone[0]).any() for f in found):
         return
     asked = Asked(laws.as_one(index), laws.slave(index, *names), max(FACING, opposite))
     if asked.slave is None and mesh.foreign and (quadratic := _quadratic(mesh, pair)) is not None:
         asked = replace(asked, slave=quadratic if asked.as_one else 1 - quadratic)
-    chosen = _for_all_pieces(mesh, pair, skins, partition, laws, index, matter, asked)
-    if follows and any(partition.body(b.subdomain) != partition.names[b.subdomain] for b in pair):
-        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, pieces of bodies that are "
-                     "cut further", "bodies in one piece each: a node has one piece to slide on",
-                     "leave split_above out, or write pairing: fixed")
-        return
-    if follows and any(stand.volume == b.volume for stand in mesh.foreign for b in pair):
-        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, of which one has a mesh that is "
-                     "not ours", "parts with meshes of ours: where nodes of another's have gone was not tried", "write pairing: fixed")
+    chosen = _for_all_pieces(search, skins, pair, index, asked)
+    if follows and (why := _rests(search, pair)):
+        problems.add(("interfaces", index, "pairing"), f"follow between {names[0][0]} and {names[1][0]}, {why[0]}", *why[1:])
         return
     for patch in found:
         more = tuple(whole_faces(skins(b), own) for b, own in zip(pair, patch.facets)) if follows else None
-        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, matter, asked, chosen, more)
+        slave, surfaces = facing_surfaces(mesh.nodes, pair, patch.segments, search.matter, asked, chosen, more)
         if mesh.foreign and _same_nodes(surfaces):
             problems.warnings.append(f"all {len(surfaces.nodes[0])} nodes of {names[0][0]} | {names[1][0]} coincide, and faces between "
                                      "them are cut otherwise: forces are carried from face to face, not from node to node; "
                                      "give both sides the same faces")
         turn = slice(None, None, -1 if slave else 1)
-        yield _interface(surfaces, [skins(body) for body in pair[turn]], names[turn], numbering, laws, index, problems)
+        yield _interface(search, surfaces, [skins(body) for body in pair[turn]], names[turn], index)
+
+
+def _facing(search: Search, skins: Skins, pair: tuple[Body, Body], index: int) -> list[Facing]:
+    """Where two bodies lie on each other as an entry has it."""
+    laws = search.laws
+    return facing(skins(pair[0]), skins(pair[1]), laws.tolerance(index), laws.reach(index), laws.opposite(index), bool(laws.apart(index)))
+
+
+def _rests(search: Search, pair: tuple[Body, Body]) -> tuple[str, str, str] | None:
+    """Why two bodies cannot slide on each other, what could, and the cure."""
+    if any(map(search.cut_further, pair)):
+        return ("pieces of bodies that are cut further", "bodies in one piece each: a node has one piece to slide on",
+                "leave split_above out, or write pairing: fixed")
+    if any(stand.volume == b.volume for stand in search.mesh.foreign for b in pair):
+        return ("of which one has a mesh that is not ours", "parts with meshes of ours: where nodes of another's have gone was not tried",
+                "write pairing: fixed")
+    return None
 
 
 def _same_nodes(surfaces: Surfaces) -> bool:
@@ -92,32 +100,28 @@ def _quadratic(mesh: Mesh, pair: tuple[Body, Body]) -> int | None:
     return known.index(True) if sum(known) == 1 else None
 
 
-def _for_all_pieces(mesh: Mesh, pair: tuple[Body, Body], skins: Skins, partition: Partition, laws: Laws, index: int,
-                    matter: Matter, asked: Asked) -> int | None:
+def _for_all_pieces(search: Search, skins: Skins, pair: tuple[Body, Body], index: int, asked: Asked) -> int | None:
     """Which side is the slave, by all pieces of two bodies of which one is cut further; None: it is to be seen."""
-    named = tuple(partition.body(b.subdomain) for b in pair)
-    if asked.slave is not None or named == tuple(partition.names[b.subdomain] for b in pair):
+    if asked.slave is not None or not any(map(search.cut_further, pair)):
         return asked.slave
+    named = tuple(search.partition.body(b.subdomain) for b in pair)
     ordered = tuple(sorted(named))
     if ordered not in skins.slaves:
-        pieces = [[b for b in skins.bodies if partition.body(b.subdomain) == name] for name in ordered]
-        patches = [surfaces_of(mesh.nodes, (one, two), f.segments) for one in pieces[0] for two in pieces[1]
-                   for f in facing(skins(one), skins(two), laws.tolerance(index), laws.reach(index), laws.opposite(index), bool(laws.apart(index)))]
-        skins.slaves[ordered] = ordered[slave_of(patches, matter, asked)]
+        pieces = [[b for b in skins.bodies if search.partition.body(b.subdomain) == name] for name in ordered]
+        patches = [surfaces_of(search.mesh.nodes, (one, two), f.segments) for one in pieces[0] for two in pieces[1]
+                   for f in _facing(search, skins, (one, two), index)]
+        skins.slaves[ordered] = ordered[slave_of(patches, search.matter, asked)]
     return named.index(skins.slaves[ordered])
 
 
-def _interface(surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], numbering: SplitNumbering,
-               laws: Laws, index: int, problems: Problems) -> Interface:
-    sides = tuple(skin.body.subdomain for skin in skins)
-    own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i, nodes in zip(sides, surfaces.nodes))
-    interface = Interface(-1, " | ".join(name for name, _ in names), sides, surfaces.nodes[0], own, surfaces.triangles[0],
-                          surfaces.behind[0], np.ones((len(own[0]), 3), dtype=bool), surfaces=surfaces)
+def _interface(search: Search, surfaces: Surfaces, skins: list[Skin], names: list[tuple[str, str]], index: int) -> Interface:
+    interface = search.interface(tuple(skin.body.subdomain for skin in skins), surfaces.nodes, surfaces.triangles[0], surfaces.behind[0],
+                                 surfaces=surfaces)
     distance = None
-    if apart := laws.apart(index):
+    if apart := search.laws.apart(index):
         bulge = tuple(skin.bulge_of(nodes[t]) for skin, nodes, t in zip(skins, surfaces.nodes, surfaces.triangles))
-        distance = initial_gap(interface.name, surfaces, bulge, (index, apart), problems)
-    laws.apply(index, interface, names[0], distance)
+        distance = surface_gap(search, interface.name, surfaces, bulge, (index, apart))
+    search.laws.apply(index, interface, names[0], distance)
     return interface
 
 

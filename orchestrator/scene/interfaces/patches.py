@@ -2,94 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.distances import paired_gap, tell_distances
-from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.hinges import hinges
-from orchestrator.scene.interfaces.loose_pieces import report_loose_pieces
-from orchestrator.scene.interfaces.mortar.sides import Matter
-from orchestrator.scene.interfaces.neighbours import piece_of, report_neighbours
+from orchestrator.scene.interfaces.neighbours import report_loose_pieces, report_neighbours
 from orchestrator.scene.interfaces.overlap import Solid, overlap
-from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, Body, close_bodies, match, nearest, outer_bodies
+from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, close_bodies, match, nearest
+from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.
 MOST = 50
 
 
-def make_interfaces(mesh: Mesh, faces: Faces, partition: Partition, numbering: SplitNumbering, entries: list[Any],
-                    problems: Problems, asked: bool = True,
-                    matter: Matter | None = None, factors: Sequence[Sequence[float]] = ()) -> tuple[list[Interface], list[tuple[int, int]]]:
+def make_interfaces(search: Search) -> tuple[list[Interface], list[tuple[int, int]]]:
     """Finds all interfaces, ordered by pair of subdomains, then by their lowest face; then those of opposite faces, then ``hinges``.
 
-    Pairs that touch along an edge or in a node are one only where nothing else joins them there. All components count as free, see ``leave_free``.
-
-    Parameters
-    ----------
-    entries : of ``interfaces:`` in the YAML
-    asked : whether the user has written them; what is near without an interface is a mistake then
-    matter : what chooses slaves where nodes do not match; None: such faces are no interface
-    factors : per entry (steps,) what multiplies it
+    Pairs that touch along an edge or in a node are one only where nothing else joins them there. All components count as
+    free, see ``leave_free``.
 
     Returns
     -------
     interfaces, and the pairs of volumes that are near each other without one
     """
+    laws, partition, problems = search.laws, search.partition, search.problems
+    found, near = _shared(search), []
+    _report_loose(search, found)
+    found += _opposite(search)
+    within = [partition.body(one) == partition.body(two) for one, two in (i.subdomains for i in found)]
+    cuts, pairs = ([search.names(i.subdomains) for i, cut in zip(found, within) if cut == wanted] for wanted in (True, False))
+    found += hinges(search, found)
+    for number, interface in enumerate(found):
+        interface.index = number
+    laws.refuse_within(cuts, problems)
+    if search.asked:
+        laws.report_unused(list(dict.fromkeys(pairs)), search.pieces[0], problems, lambda entry: _how_far(search, entry))
+    if search.bodies and not problems.found:
+        tell_distances(search, found)
+        near = report_neighbours(search, found)
+    return found, near
+
+
+def _shared(search: Search) -> list[Interface]:
+    """Interfaces of faces that two subdomains share; cuts through a body are perfect, whatever the laws."""
+    faces, partition, laws = search.faces, search.partition, search.laws
     shared, sides, bounds = patches(faces, partition.subdomain)
     triangles, cells = _outward_of_first(faces, partition.subdomain, shared)
-    laws = Laws(entries, [*partition.names, *mesh.volumes], factors)
     found: list[Interface] = []
-    pairs: list[tuple[str, str]] = []
-    cuts: list[tuple[str, str]] = []  # names of the two sides, between bodies and within one
     for first, last in zip(bounds[:-1], bounds[1:]):
-        one, other = (int(i) for i in sides[first])
-        names = partition.names[one], partition.names[other]
-        known = _known_as(mesh, faces, partition, shared[first:last], names)
-        whole = partition.body(one) == partition.body(other)  # cuts through a body are perfect, whatever the laws
-        (cuts if whole else pairs).append(names)
-        entry = -1 if whole else laws.between(*known)
+        one, two = (int(i) for i in sides[first])
+        known = _known_as(search, shared[first:last], search.names((one, two)))
+        entry = -1 if partition.body(one) == partition.body(two) else laws.between(*known)
         nodes, local = np.unique(triangles[first:last], return_inverse=True)
-        own = tuple(numbering.find(np.int64(i), nodes) - numbering.offsets[i] for i in (one, other))
-        found.append(Interface(len(found), " | ".join(names), (one, other), nodes, own,
-                               local.reshape(-1, triangles.shape[1]), cells[first:last],
-                               np.ones((len(nodes), 3), dtype=bool)))
+        found.append(search.interface((one, two), (nodes, nodes), local.reshape(-1, triangles.shape[1]), cells[first:last]))
         laws.apply(entry, found[-1], known[0])
         if laws.follows(entry):
-            problems.add(("interfaces", entry, "pairing"), f"follow between {names[0]} and {names[1]}, which share faces of one mesh",
-                         "bodies with meshes of their own: shared nodes are no faces to slide on",
-                         "mesh each by itself (parts:, or a STEP file with conforming: false), or write pairing: fixed")
-    count, piece = components(*sides.T, len(partition.names))
+            search.problems.add(("interfaces", entry, "pairing"), f"follow between {' and '.join(search.names((one, two)))}, which share "
+                                "faces of one mesh", "bodies with meshes of their own: shared nodes are no faces to slide on",
+                                "mesh each by itself (parts:, or a STEP file with conforming: false), or write pairing: fixed")
+    return found
+
+
+def _report_loose(search: Search, shared: list[Interface]) -> None:
+    """Pieces of one volume that no faces connect."""
+    sides = np.array([i.subdomains for i in shared], dtype=int).reshape(-1, 2)
+    count, piece = components(*sides.T, len(search.partition.names))
     if count > 1:
-        report_loose_pieces(mesh, faces, piece[partition.subdomain], problems)
-    bodies = outer_bodies(mesh, faces, partition.subdomain) if len(mesh.volumes) > 1 else []
-    for interface, names in _opposite(mesh, faces, bodies, partition, numbering, laws, problems, matter if asked else None):
-        interface.index = len(found)
-        found.append(interface)
-        pairs.append(names)
-    for interface in hinges(mesh, partition, numbering, found, laws):
-        interface.index = len(found)
-        found.append(interface)
-    laws.refuse_within(cuts, problems)
-    if asked:
-        laws.report_unused(list(dict.fromkeys(pairs)), piece_of(mesh, faces)[0], problems,
-                           lambda entry: _how_far(mesh, bodies, partition, laws, entry))
-    near = []
-    if bodies and not problems.found:
-        tell_distances(mesh, partition, numbering, found, laws, problems)
-        near = report_neighbours(mesh, faces, bodies, found, partition, numbering, laws, asked, problems)
-    return found, near
+        report_loose_pieces(search, piece[search.partition.subdomain])
 
 
 def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -133,17 +120,17 @@ def _outward_of_first(faces: Faces, subdomain: np.ndarray, shared: np.ndarray) -
             np.where(swapped[:, None], cells[:, ::-1], cells))
 
 
-def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray,
-              names: tuple[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _known_as(search: Search, shared: np.ndarray, names: tuple[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The names each side of a patch goes by.
 
     Inside one volume only the subdomains' names count: a law for a part against all others is not meant for
     the cuts within that part.
     """
+    mesh, faces = search.mesh, search.faces
     if len(mesh.volumes) == 1:
         return (names[0],), (names[1],)
     beside = np.stack([faces.owner[shared], faces.neighbour[shared]])
-    lower = partition.subdomain[beside].argmin(axis=0)
+    lower = search.partition.subdomain[beside].argmin(axis=0)
     columns = np.arange(len(shared))
     volumes = [np.unique(mesh.volume[beside[side, columns]]) for side in (lower, 1 - lower)]
     if len(np.intersect1d(*volumes)):
@@ -151,48 +138,44 @@ def _known_as(mesh: Mesh, faces: Faces, partition: Partition, shared: np.ndarray
     return tuple((name, *(mesh.volumes[v] for v in own)) for name, own in zip(names, volumes))
 
 
-def _opposite(mesh: Mesh, faces: Faces, bodies: list[Body], partition: Partition, numbering: SplitNumbering,
-              laws: Laws, problems: Problems, matter: Matter | None) -> Iterator[tuple[Interface, tuple[str, str]]]:
-    """Interfaces of parts that share no faces there, and the names of their subdomains."""
-    within, skins = max((e.reach or 0.0 for e in laws.entries), default=0.0), Skins(mesh, faces, bodies)
-    for pair in close_bodies(bodies, within):
-        names = tuple(partition.names[b.subdomain] for b in pair)
-        known = tuple((name, mesh.volumes[b.volume]) for name, b in zip(names, pair))
+def _opposite(search: Search) -> Iterator[Interface]:
+    """Interfaces of parts that share no faces there."""
+    laws = search.laws
+    within, skins = max((e.reach or 0.0 for e in laws.entries), default=0.0), Skins(search.mesh, search.faces, search.bodies)
+    for pair in close_bodies(search.bodies, within):
+        known = tuple(map(search.known, pair))
         if laws.excluded(*known):
             continue
         index = laws.foreseen(*known)
         apart = laws.apart(index)
         patches, mismatch = match(*pair, bool(apart), laws.reach(index), laws.tolerance(index))
-        if matter is not None and index >= 0:
+        if search.asked and search.matter is not None and index >= 0:
             from orchestrator.scene.interfaces.nonmatching import nonmatching  # SciPy, only where it is asked for
 
-            unmatched = list(nonmatching(mesh, pair, skins, patches, partition, numbering, laws, index, matter, problems))
+            unmatched = list(nonmatching(search, pair, skins, patches, index))
             if unmatched:
                 laws.between(*known)
-                yield from ((interface, names) for interface in unmatched)
+                yield from unmatched
                 continue
         if mismatch and (patches or not laws.found(index)):
-            problems.add(("interfaces", index, apart), f"{mismatch.count} faces of {' | '.join(names)} lie opposite each "
-                         f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
-                         f"{format_point(mismatch.point)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
-                         "mesh both sides alike, or lower within: to what is meant to touch")
+            search.problems.add(("interfaces", index, apart), f"{mismatch.count} faces of {known[0][0]} | {known[1][0]} lie opposite each "
+                                f"other and do not match: nodes miss each other by up to {mismatch.distance:.3g} at "
+                                f"{format_point(mismatch.point)}", f"nodes that project onto each other within {mismatch.tolerance:.3g}",
+                                "mesh both sides alike, or lower within: to what is meant to touch")
         for patch in patches:
             laws.between(*known)
             nodes, at, local = np.unique(patch.triangles, return_index=True, return_inverse=True)
             others = patch.opposite.ravel()[at]
-            own = tuple(numbering.find(np.int64(b.subdomain), ids) - numbering.offsets[b.subdomain]
-                        for b, ids in zip(pair, (nodes, others)))
-            interface = Interface(-1, " | ".join(names), tuple(b.subdomain for b in pair), nodes, own,
-                                  local.reshape(patch.triangles.shape), patch.cells, np.ones((len(nodes), 3), dtype=bool))
-            laws.apply(index, interface, known[0], paired_gap(mesh, interface, others, (index, apart), problems) if apart else None)
-            yield interface, names
+            interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape), patch.cells)
+            laws.apply(index, interface, known[0], paired_gap(search, interface, (index, apart)) if apart else None)
+            yield interface
 
 
-def _how_far(mesh: Mesh, bodies: list[Body], partition: Partition, laws: Laws, entry: Any) -> str:
+def _how_far(search: Search, entry: Any) -> str:
     """How far apart the nearest nodes are of the parts that an entry names."""
-    sides = [[b for b in bodies if laws.means(pattern, (partition.names[b.subdomain], mesh.volumes[b.volume]))]
-             for pattern in entry.pair]
-    found = [nearest(a, b) for a in sides[0] for b in sides[1] if a is not b and a.volume != b.volume]
+    mesh = search.mesh
+    sides = [[b for b in search.bodies if search.laws.means(pattern, search.known(b))] for pattern in entry.pair]
+    found = [nearest(a, b) for a, b in product(*sides) if a is not b and a.volume != b.volume]
     if not found or len(found) > MOST:
         return ""
     for a, b in product(*sides):

@@ -1,4 +1,10 @@
-"""Outer faces of bodies with the surfaces they stand for, made once, for those bodies that are looked at."""
+"""Outer faces of bodies with the surfaces they stand for: how far these are off facets, whose chords cut inside the body, or
+bulge out of it.
+
+The surface over each edge is taken for the parabola that has the surface's normals at its ends (Nagata, Computer Aided
+Geometric Design 22, 2005): over the middle of an edge e from a to b it stands off by (n_b − n_a)·e / 8, outward positive.
+Normals are means over the facets around a corner that are part of the same smooth face.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +14,22 @@ from functools import cached_property
 
 import numpy as np
 
-from orchestrator.scene.interfaces.curvature import bulges, sagittas, smooth_faces
 from orchestrator.scene.interfaces.pairing import Body
-from orchestrator.scene.mesh.faces import Faces, pack
+from orchestrator.scene.mesh.faces import Faces, components, pack
+from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.mesh import Mesh
+
+# Facets beside each other that turn by less than this are one smooth face: a circle of seven chords is a circle, the side
+# of a hexagonal nut is plane.
+SMOOTH = np.cos(np.deg2rad(55.0))
+# The same where they are known to be of one face without a crease: a circle may be as coarse as a square's corners turn.
+SAME_FACE = np.cos(np.deg2rad(95.0))
+# Over this share of the square of its edges a facet's surface counts as plane: rounding of the normals.
+PLANE = 1e-9
+# Surfaces are known from their facets within this share of what they are off them: a circle of five chords is off its
+# parabolas by a tenth, and its facets' triangles lie as they happen to. What is beside such a place and within the whole
+# of it belongs to the same pair.
+UNSURE = 0.25
 
 
 @dataclass(frozen=True)
@@ -72,3 +90,92 @@ class Skins:
     @cached_property
     def _smooth(self) -> np.ndarray:
         return smooth_faces(self.mesh, self.faces)
+
+
+def smooth_faces(mesh: Mesh, faces: Faces) -> np.ndarray:
+    """(f,) int, number of the CAD face that each of the mesh's faces is on, −1 where that is not known."""
+    result = np.full(len(faces.keys), -1)
+    for number, name in enumerate(mesh.smooth):
+        found = faces.find(mesh.surfaces[name])
+        result[found[found >= 0]] = number
+    return result
+
+
+def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """(k,) int, number of the patch of each facet; patches hang together through edges that are no creases.
+
+    Parameters
+    ----------
+    triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``bulges``
+    """
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+    facet = np.tile(np.arange(len(triangles)), 3)
+    order = np.lexsort(edges.T)
+    same = np.flatnonzero((np.diff(edges[order], axis=0) == 0).all(axis=1))
+    a, b = facet[order[same]], facet[order[same + 1]]
+    joined = np.einsum("mi,mi->m", normal[a], normal[b]) > _least(face[a], face[b])
+    return components(a[joined], b[joined], len(triangles))[1]
+
+
+def _least(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """(m,) cosine between normals from which facets on CAD faces (m,) and (m,) are one smooth face."""
+    return np.where((one >= 0) & (one == two), SAME_FACE, SMOOTH)
+
+
+def bulges(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """(k, 3) how far the surface stands off the middles of the facets' edges, outward positive; edges as in ``TRIANGLE_EDGES``.
+
+    Over the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂).
+
+    Parameters
+    ----------
+    nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
+    face : (k,) int, the CAD face that each is on, −1 where that is not known
+    """
+    corners = triangles[:, :3]
+    normal = area_vectors(nodes, corners)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    points = nodes[corners]
+    ahead, behind = np.roll(points, -1, axis=1) - points, np.roll(points, 1, axis=1) - points
+    cosine = np.einsum("kvi,kvi->kv", ahead, behind) / np.linalg.norm(ahead, axis=2) / np.linalg.norm(behind, axis=2)
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    at = _corner_normals(corners, normal, angle, face)
+    edge = np.roll(points, -1, axis=1) - points
+    off = np.einsum("kvi,kvi->kv", np.roll(at, -1, axis=1) - at, edge) / 8
+    return np.where(np.abs(off) > PLANE * np.linalg.norm(edge, axis=2), off, 0.0)
+
+
+def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """(k, 3, 3) unit normals at the corners of each facet, as its own smooth face has them.
+
+    Parameters
+    ----------
+    corners : (k, 3) int; normal : (k, 3) unit; angle : (k, 3) of the facets at their corners;
+    face : (k,) as in ``bulges``
+    """
+    facet = np.repeat(np.arange(len(corners)), 3)
+    order = np.argsort(corners.ravel(), kind="stable")
+    start = np.flatnonzero(np.r_[True, np.diff(corners.ravel()[order]) != 0])
+    count = np.diff(np.r_[start, len(order)])
+    total = np.zeros((len(order), 3))
+    # each corner with each facet around its node, k-th neighbours at once
+    first = np.repeat(start, count)
+    for k in range(int(count.max(initial=0))):
+        there = np.repeat(count, count) > k
+        mine, theirs = order[there], order[first[there] + k]
+        i, j = facet[mine], facet[theirs]
+        same = np.einsum("mi,mi->m", normal[i], normal[j]) > _least(face[i], face[j])
+        mine, theirs = mine[same], theirs[same]
+        total[mine] += angle.ravel()[theirs, None] * normal[facet[theirs]]
+    return (total / np.linalg.norm(total, axis=1, keepdims=True)).reshape(*corners.shape, 3)
+
+
+def sagittas(bulge: np.ndarray) -> np.ndarray:
+    """(k,) the farthest that the surface is off each facet, from the bulges (k, 3) over its edges."""
+    return np.abs(bulge).max(axis=1)
+
+
+def over(bulge: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(m,) how far the surface is off facets at barycentric coordinates (m, 3), from the bulges (m, 3) over their edges."""
+    a, b, c = np.moveaxis(at, -1, 0)
+    return 4 * (a * b * bulge[..., 0] + b * c * bulge[..., 1] + c * a * bulge[..., 2])

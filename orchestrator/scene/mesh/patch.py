@@ -6,6 +6,8 @@ import numpy as np
 
 from orchestrator.scene.mesh.geometry import area_vectors
 
+PLACES = 64 * np.finfo(float).eps
+
 
 def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(n,) local mesh size at the nodes of a patch: √(2 × mean area of the adjacent facets); 0 where there is none.
@@ -20,6 +22,12 @@ def local_size(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     count = np.bincount(triangles.ravel(), minlength=len(points))
     total = np.bincount(triangles.ravel(), weights=np.repeat(area, triangles.shape[1]), minlength=len(points))
     return np.sqrt(2 * total / np.maximum(count, 1))
+
+
+def rounding(points: np.ndarray, h: np.ndarray | float) -> np.ndarray:
+    """(n,) distances that are rounding where elements measure some h (n,): a share of h, or units in the last place of the
+    coordinates that may add up on the way."""
+    return np.maximum(h, PLACES * np.abs(points).max(initial=0.0))
 
 
 def node_areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -11,13 +11,11 @@ from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.points import COVERED, merged
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.patch import local_size, rounding
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 # A point this near its image, in units of the facets around, is where it is but for rounding: no link, no gap.
 ROUNDING = 1e-12
-# Units in the last place of the coordinates that may add up on the way.
-PLACES = 64 * np.finfo(float).eps
 TURNED = [0, 2, 1, 5, 4, 3]
 
 
@@ -50,7 +48,7 @@ def make_mortar(surfaces: Surfaces, quadratic: bool, free: tuple[np.ndarray, np.
                           for m in (weights.own, weights.other, weights.facets))
     x1, x2 = surfaces.points
     offset = own @ x1 - other @ x2
-    offset[np.linalg.norm(offset, axis=1) <= rounding(x1, triangles[0])[points]] = 0.0
+    offset[np.linalg.norm(offset, axis=1) <= _nothing(x1, triangles[0])[points]] = 0.0
     turned = triangles[1][:, TURNED[: triangles[1].shape[1]]]
     return Mortar(points, sp.csr_array(sp.kron(own, sp.eye_array(3), format="csr")),
                   linked(other, facets, offset, x2, triangles[1][:, :3]), area, normal[points], gap[points], turned,
@@ -80,13 +78,12 @@ def node_gaps(surfaces: Surfaces, weights: Weights, normal: np.ndarray) -> np.nd
     there is none."""
     x1, x2 = surfaces.points
     apart = (weights.other @ x2 - weights.own @ x1) / np.where(weights.area > 0, weights.area, 1.0)[:, None]
-    apart[np.linalg.norm(apart, axis=1) <= rounding(x1, surfaces.triangles[0])] = 0.0
+    apart[np.linalg.norm(apart, axis=1) <= _nothing(x1, surfaces.triangles[0])] = 0.0
     return np.einsum("ni,ni->n", normal, apart)
 
 
-def rounding(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) distances that are rounding at the nodes of a surface."""
-    return np.maximum(ROUNDING * local_size(points, triangles), PLACES * np.abs(points).max(initial=0.0))
+def _nothing(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    return rounding(points, ROUNDING * local_size(points, triangles))
 
 
 def point_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -112,18 +109,3 @@ def covered_around(surfaces: Surfaces) -> np.ndarray:
     area = np.bincount(surfaces.segments.slave, surfaces.segments.area, minlength=len(surfaces.triangles[0]))
     corners = surfaces.triangles[0][:, :3]
     return np.bincount(corners.ravel(), weights=np.repeat(area, 3), minlength=len(surfaces.points[0]))
-
-
-def sagitta(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """(n,) how far flat facets may be from the surface that they are chords of, at their corners.
-
-    Between two corners whose normals n differ, a chord c of an arc is off by |Δn·c|/8; the largest of the edges around.
-    """
-    normal, corners = point_normals(points, triangles), triangles[:, :3]
-    result = np.zeros(len(points))
-    for a, b in TRIANGLE_EDGES:
-        i, j = corners[:, a], corners[:, b]
-        off = np.abs(np.einsum("ki,ki->k", normal[j] - normal[i], points[j] - points[i])) / 8
-        for end in (i, j):
-            np.maximum.at(result, end, off)
-    return result

@@ -13,12 +13,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.interfaces.curvature import smooth_patches
 from orchestrator.scene.interfaces.mortar.assembly import make_mortar, point_normals
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.interfaces.skins import Skin
+from orchestrator.scene.interfaces.skins import Skin, smooth_patches
 from orchestrator.scene.mesh.patch import local_size
 
 
