@@ -72,6 +72,6 @@ def _check_iterations(scene: Scene, method: Method) -> None:
     """Whether there are enough of them; where there is no doubt, the method is not even imported."""
     if scene.steps > method.max_iterations:
         from orchestrator.method.load_cases import load_cases
-        from orchestrator.method.solver import check_iterations
+        from orchestrator.method.increments import check_iterations
 
         check_iterations(len(load_cases(scene, method.skip).chosen), all(i.law.perfect for i in scene.interfaces), method)

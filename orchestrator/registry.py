@@ -91,6 +91,21 @@ LAWS = Registry({
     "pretension": "orchestrator.laws.pretension:Pretension",
 })
 
+# What watches the iterations, in the order in which it is asked: criteria, what changes the problem, when to end, the rest.
+MONITORS = Registry({
+    "error_bound": "orchestrator.method.monitors.error_bound:ErrorBoundCriterion",
+    "law_residual": "orchestrator.method.monitors.law_residual:LawCriterion",
+    "mesh_error": "orchestrator.method.monitors.mesh_error:MeshError",
+    "true_error": "orchestrator.method.monitors.true_error:TrueErrorMonitor",
+    "following": "orchestrator.method.monitors.following:FollowingMonitor",
+    "giving_way": "orchestrator.method.monitors.giving_way:GivingWay",
+    "ending": "orchestrator.method.monitors.ending:Ending",
+    "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
+    "places": "orchestrator.method.monitors.places:Places",
+    "self_stress": "orchestrator.method.monitors.self_stress:SelfStressMonitor",
+    "placing": "orchestrator.method.monitors.placing:Placing",
+})
+
 # What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.
 GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "orchestrator.laws.coupling:Coupling"})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -30,8 +31,8 @@ from orchestrator.method.delivery.reference import Reference, TrueError, check_r
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.load_cases import LoadCases, common_load_cases
 from orchestrator.method.part import Part
-from orchestrator.method.placing import Placing, Unbalanced
-from orchestrator.method.solver import check_iterations, iterate
+from orchestrator.method.increments import check_iterations, iterate
+from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.start import Start, numbers_of
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
@@ -212,17 +213,19 @@ def _part_solved(config: Config, part: Part, placement: Placement, codes: Sequen
         begin = Start.handed_out(start, chosen, numbers)
         if team.size > 1:
             keep_at_hand(16 * d.steps * d.space.size)  # traces of all load steps, two such arrays in one
-        iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, true_error=true_error,
-                           estimate=estimate, savings=savings, numbers=[int(step) + 1 for step in cases.chosen],
-                           placing=placing and placing(chosen))
+        iterated = iterate(chosen, method, whole_states(told.all, numbers, team), watch, begin, [int(step) + 1 for step in cases.chosen],
+                           {"true_error": true_error, "estimate": estimate, "placing": placing and placing(chosen)})
+        if d.all_perfect and team.rank == 0:
+            savings.add("bound", "evaluations of the bound's second part",
+                        sum(math.isnan(event.error_bound) for event in iterated.history))
         workload.end("iterations")
         if team.size > 1:
             give_back()
 
         if d.nonlinear is not None:
             d = chosen = chosen.reloaded()
-            iterated = with_pseudo_loads(d, iterated, method.tolerance)
-        delivered = deliver(d, chosen, cases, iterated, method.tolerance, watch)
+            iterated = with_pseudo_loads(d, iterated)
+        delivered = deliver(d, chosen, cases, iterated, watch)
         ranks = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                      true_error.asked if true_error else 0.0))
     return delivered, d.setup_sweeps, ranks

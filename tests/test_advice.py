@@ -9,7 +9,7 @@ from in_process import IN_PROCESS
 from method_case import CLAMP, CUBES
 
 from orchestrator.config import config_from
-from orchestrator.method.stopping import ending
+from orchestrator.method.monitors import ending
 from orchestrator.results.summary.advice import CAUSES
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve

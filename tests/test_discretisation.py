@@ -10,7 +10,7 @@ from in_process import FREEFEM, IN_PROCESS
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
-from orchestrator.method.stopping.criteria import LEAST
+from orchestrator.method.monitors.mesh_error import LEAST
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.run import solve

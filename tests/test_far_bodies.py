@@ -7,7 +7,8 @@ import pytest
 from contact_case import BOTTOM, TOP, contact
 
 from orchestrator import Subscriber
-from orchestrator.method.stopping.far_bodies import PATIENCE, FarBodies
+from orchestrator.method.evaluation import Verdict
+from orchestrator.method.monitors.far_bodies import PATIENCE, FarBodies
 from orchestrator.results.subscribers.progress import Progress
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -48,7 +49,7 @@ def test_a_block_that_slides_away_is_told_while_it_runs():
     assert found["sliding"] == [LOWER] and not found["sticking"] and not found["apart"]
     moved = np.abs(solved.parts[1][1]).max()
     assert found["shift"] == pytest.approx(moved / np.linalg.norm([1, 1, 0.5]), rel=0.05)
-    assert heard.far[-1] == 1 and str(solved.iterated.far[0]) in solved.summary["warnings"]
+    assert heard.far[-1] == 1 and str(solved.iterated.found["far_bodies"][0]) in solved.summary["warnings"]
 
 
 def test_a_block_that_friction_holds_is_not_told():
@@ -66,11 +67,19 @@ def watch(bodies=3, steps=2):
     interfaces = [SimpleNamespace(index=i, subdomains=(i, i + 1), law=law) for i in range(bodies - 1)]
     pairs = SimpleNamespace(interfaces=interfaces, bounds=np.arange(bodies))
     team = SimpleNamespace(max=lambda *values: values)
-    d = SimpleNamespace(steps=steps, local=SimpleNamespace(pairs=pairs), scene=SimpleNamespace(interfaces=interfaces),
+    problem = SimpleNamespace(steps=steps, local=SimpleNamespace(pairs=pairs), scene=SimpleNamespace(interfaces=interfaces),
                         space=SimpleNamespace(team=team))
     lengths = SimpleNamespace(count=bodies, size=np.full(bodies, 2.0), names=list("abc"), body=np.arange(bodies))
     status = np.array([[int(OPEN)] * (bodies - 1), [int(STICK)] * (bodies - 1)])
-    return FarBodies(d, lengths, [4, 7]), SimpleNamespace(status=status)
+    monitor, local = FarBodies(lengths, [4, 7]), SimpleNamespace(status=status)
+
+    def judge(iteration, rigid, ended=False):
+        """Bodies that are warned of."""
+        said = Verdict(reason="converged" if ended else "", lengths=SimpleNamespace(rigid=rigid))
+        warned = monitor.judge(SimpleNamespace(number=iteration, problem=problem, local=local, verdict=said)).warnings
+        return [body for body in monitor.far if str(body) in warned]
+
+    return monitor, judge
 
 
 def motion(body, step, component, size, bodies=3, steps=2):
@@ -80,36 +89,36 @@ def motion(body, step, component, size, bodies=3, steps=2):
 
 
 def test_only_what_lasts_is_told_and_once():
-    far, local = watch()
+    far, judge = watch()
     moved = motion(1, 0, 2, -0.5)  # an eighth of the box's diagonal
-    told = [far(i, moved if i != 2 else 0 * moved, local) for i in range(1, PATIENCE + 6)]
+    told = [judge(i, moved if i != 2 else 0 * moved) for i in range(1, PATIENCE + 6)]
     assert [bool(new) for new in told].index(True) == PATIENCE + 1  # the second iteration began anew
-    assert sum(map(len, told)) == 1 and len(far.found) == 1
-    body = far.found[0]
+    assert sum(map(len, told)) == 1 and len(far.far) == 1
+    body = far.far[0]
     assert (body.body, body.load_step, body.iteration, body.along, body.apart) == ("b", 4, 3, [0, 0, -1], ["a", "c"])
     assert "a law that joins it to a, c" in str(body) and "moved by 12%" in str(body)
-    far(20, 0 * moved, local)
-    assert not far.found
+    judge(20, 0 * moved)
+    assert not far.far
 
 
 def test_the_last_iteration_tells_at_once():
-    far, local = watch()
-    turned, = far(1, motion(0, 1, 4, 0.3), local, ended=True)  # 0.15 rad about y
+    _, judge = watch()
+    turned, = judge(1, motion(0, 1, 4, 0.3), ended=True)  # 0.15 rad about y
     assert turned.turn == pytest.approx(0.15) and turned.turns and turned.load_step == 7 and turned.sticking == ["b"]
     assert "turned by 0.15 rad about (0, 1, 0)" in str(turned) and "another neighbour" in str(turned)
 
 
 def test_a_run_goes_on_with_what_it_knew():
-    far, local = watch()
+    far, judge = watch()
     moved = motion(1, 0, 0, 0.5)
     for i in range(1, PATIENCE):
-        assert not far(i, moved, local)
-    again, _ = watch()
-    again.recall(far.notes)
-    assert [b.iteration for b in again(PATIENCE, moved, local)] == [1]
-    third, _ = watch()
-    third.recall(again.notes)
-    assert third.found == again.found and not third(PATIENCE + 1, moved, local)
+        assert not judge(i, moved)
+    again, judge = watch()
+    again.restore(far.state(), None)
+    assert [b.iteration for b in judge(PATIENCE, moved)] == [1]
+    third, judge = watch()
+    third.restore(again.state(), None)
+    assert third.far == again.far and not judge(PATIENCE + 1, moved)
 
 
 def test_without_a_terminal_warnings_go_to_standard_error(capsys):

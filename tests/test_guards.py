@@ -19,7 +19,7 @@ from orchestrator.method.delivery.guards import failed_guards, with_noise, works
 from orchestrator.method.delivery.interface_fields import interface_fields
 from orchestrator.method.delivery.recovery import recover
 from orchestrator.method.linear.answers import GuardedTraces
-from orchestrator.method.solver import iterate
+from orchestrator.method.increments import iterate
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

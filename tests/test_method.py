@@ -13,7 +13,7 @@ from orchestrator.method.acceleration.residual_minimisation import Relaxation, R
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.solver import Start, iterate
+from orchestrator.method.increments import Start, iterate
 from orchestrator.method.stopping.dual_energy import dual_energy
 from orchestrator.parallel.team import Team
 from orchestrator.run import solve
@@ -275,19 +275,6 @@ def test_directions_of_gmres_stay_orthogonal():
         s = gmres.next()
     Q = np.array([q[0] for q, _ in gmres.directions])
     assert len(Q) == taken - 1 and np.abs(Q @ Q.T - np.eye(len(Q))).max() < 1e-11
-
-
-def test_codes_work_while_an_iteration_is_judged(monkeypatch):
-    """In runs as users make them; what is begun is what is evaluated next, and it changes no result."""
-    begun, asked, begin, call = [], [], LinearStage.begin, LinearStage.__call__
-    monkeypatch.setattr(LinearStage, "begin", lambda self, s: begun.append(s) or begin(self, s))
-    monkeypatch.setattr(LinearStage, "__call__", lambda self, s: asked.append(s) or call(self, s))
-    ahead = solved(reference=False, **CUBES)
-    assert len(begun) > ahead.iterations / 2 and {id(s) for s in begun} <= {id(s) for s in asked}
-    monkeypatch.setattr(LinearStage, "begin", lambda self, s: None)
-    plain = solved(reference=False, **CUBES)
-    assert plain.iterations == ahead.iterations
-    assert np.abs(plain.displacement - ahead.displacement).max() <= 1e-12 * np.abs(plain.displacement).max()
 
 
 def test_residuals_of_gmres_never_grow():

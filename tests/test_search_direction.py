@@ -15,7 +15,7 @@ from orchestrator.config import config_from
 from orchestrator.method.acceleration.choice import stable_relaxation
 from orchestrator.method.decomposition import prepare
 from orchestrator.method.interface.placed import PlacedBlocks, placed
-from orchestrator.method.solver import iterate
+from orchestrator.method.increments import iterate
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles

@@ -12,11 +12,11 @@ from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.load_cases import load_cases
-from orchestrator.method.stopping import giving_way
+from orchestrator.method.monitors import giving_way
 from orchestrator.method.stopping.law_residuals import LawResiduals
-from orchestrator.method.stopping.giving_way import SHARE as SHARE_LEFT
-from orchestrator.method.stopping.giving_way import GivingWay
-from orchestrator.method.stopping.places import SEEN, Places
+from orchestrator.method.monitors.giving_way import SHARE as SHARE_LEFT
+from orchestrator.method.monitors.giving_way import GivingWay
+from orchestrator.method.monitors.places import SEEN, Places
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -187,14 +187,15 @@ def test_what_springs_carried_is_told_and_below_the_tolerance():
 
 
 def test_what_is_known_of_places_is_told_and_taken_back():
-    rng, one, other = np.random.default_rng(6), Places(), Places()
+    rng, one, other = np.random.default_rng(6), Places(None), Places(None)
     steps = rng.normal(size=(SEEN + 3, 4, 2, 6))
     for rigid in steps[:-1]:
-        one(rigid)
-    other.recall({name: np.array(array) for name, array in one.told.items()})
+        one.take(rigid)
+    other.restore({name: np.array(array) for name, array in one.state().items()}, None)
     for places in (one, other):
-        places(steps[-1])
-    assert one.told.keys() == other.told.keys() and all(np.array_equal(one.told[name], other.told[name]) for name in one.told)
+        places.take(steps[-1])
+    told, same = one.state(), other.state()
+    assert told.keys() == same.keys() and all(np.array_equal(told[name], same[name]) for name in told)
     assert len(one.moves) == SEEN
 
 
@@ -223,44 +224,49 @@ def test_springs_that_alone_keep_a_run_from_its_end_give_way(tmp_path, monkeypat
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, lawful.parts)) <= 2e-6 * largest
     # stopped before, at and after it, it goes on as if nothing had happened
     resumed, heard = stopped_and_resumed(tmp_path, made, one.scene, [after - 1, after, after + 1])
-    assert [event.iteration for event in heard] == list(range(1, one.iterations + 1)) and resumed.iterated.gave_way == [after]
+    assert [event.iteration for event in heard] == list(range(1, one.iterations + 1)) and resumed.iterated.found["giving_way"] == [after]
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
     # and so it does load step by load step, in the second of which springs give way, also from the third
     steps = [[0.0, 0.0, None], [2e-2, 0.0, None], [2e-2, 1e-3, None]]
     far["boundary"][1] = {"on": TOP, "displacement": steps}
     each = contact(0.2, method=method(increment=1), **far)
     one = converged(each)
-    after, = one.iterated.gave_way
+    after, = one.iterated.found["giving_way"]
     resumed, heard = stopped_and_resumed(tmp_path / "each", each, one.scene, [after, one.iterations - 2])
-    assert [event.iteration for event in heard] == list(range(1, one.iterations + 1)) and resumed.iterated.gave_way == [after]
+    assert [event.iteration for event in heard] == list(range(1, one.iterations + 1)) and resumed.iterated.found["giving_way"] == [after]
     assert resumed.summary["residuals"] == pytest.approx(one.summary["residuals"], rel=1e-9, abs=1e-12, nan_ok=True)
     assert max(np.abs(u - v).max() for u, v in zip(one.parts, resumed.parts)) <= 1e-12 * largest
     # what has no balance loads them as before
     beyond = solve(slider(1.00002 * 0.2 * 100.0, method=method()))
-    assert beyond.summary["stop_reason"] == "held by stabilisation alone" and len(beyond.iterated.gave_way) == 1
+    assert beyond.summary["stop_reason"] == "held by stabilisation alone" and len(beyond.iterated.found["giving_way"]) == 1
     monkeypatch.setattr(giving_way, "MOST", 0.0)  # nobody gives way
     held = solve(made, one.scene)
     assert held.stop_reason == "held by stabilisation alone" and held.summary["stabilised"]["force"] > 2e-6
 
 
 def test_what_is_known_of_giving_way_is_told_and_taken_back():
-    one, other = GivingWay(), GivingWay()
+    one = GivingWay(None)
 
     def laws(springs, rest=1e-6):
         return LawResiduals(rest, rest, {"stabilisation": springs, "penetration": rest})
 
+    def asked(watch, iteration, laws):
+        due = watch.due(iteration, laws, 1e-6)
+        watch.at += [iteration] * due
+        return due
+
     seen = [(2e-6, 1e-4), (2e-6, 9e-6), (1.5e-6, 1e-6), (1.5e-6, 1e-6), (0.9e-6, 1e-6), (1.5e-6, 9e-6), (1.5e-6, 1e-8), (2e-4, 1e-8)]
     found = []
     for iteration, (springs, rest) in enumerate(seen, 1):
-        other = GivingWay()
-        other.recall(one.notes)
-        answers = {watch(iteration, laws(springs, rest), 1e-6) for watch in (one, other)}
-        assert len(answers) == 1 and repr(one.notes) == repr(other.notes)
+        other = GivingWay(None)
+        other.restore(one.state(), None)
+        answers = {asked(watch, iteration, laws(springs, rest)) for watch in (one, other)}
+        assert len(answers) == 1 and repr(one.state()) == repr(other.state())
         found += answers
     assert found == [False, True] + 6 * [False] and one.at == [2]
-    fresh = GivingWay()
-    assert not fresh(1, laws(2e-6, 9e-6), 1e-6)  # nothing is known of their pace
-    assert fresh(2, laws(4e-5, 1e-9), 1e-6) and not fresh(3, laws(3e-5, 1e-9), 1e-6) and fresh(4, laws(2e-5, 1e-9), 1e-6)
+    fresh = GivingWay(None)
+    assert not asked(fresh, 1, laws(2e-6, 9e-6))  # nothing is known of their pace
+    assert asked(fresh, 2, laws(4e-5, 1e-9)) and not asked(fresh, 3, laws(3e-5, 1e-9)) and asked(fresh, 4, laws(2e-5, 1e-9))
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -33,7 +33,7 @@ from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.solver import Start, iterate
+from orchestrator.method.increments import Start, iterate
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.summary.summary import memory_peak_mb
@@ -199,7 +199,7 @@ def _solve(config: Config, scene: Scene, watch: Stopwatch, towards: Followed | N
     with blackbox:
         d = prepare(scene, soles, method, blackbox, workers, watch)
         trail = Trail(d.space)
-        iterated = iterate(d, method, (shown,), watch, true_error=trail)
+        iterated = iterate(d, method, (shown,), watch, given={"true_error": trail})
         with watch("linear_stage"):
             continuous, _ = recover(d, iterated.fields, iterated.bound)
         interfaces = interface_fields(d, iterated)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.local.stage import LawStage
-from orchestrator.method.linear.stage import LinearStage
+from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.linear.macro import Macro
@@ -43,9 +42,6 @@ from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.soles.sole import Sole
 from orchestrator.timing import Stopwatch
 
-if TYPE_CHECKING:
-    from orchestrator.method.iterated import Iterated
-
 
 @dataclass
 class Decomposition:
@@ -65,6 +61,8 @@ class Decomposition:
     sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
     self_stress : beside the coarse contact problem, makes that at nodes where interfaces that open meet, or None where there is
         none; once, when it is first asked for, by all ranks: most runs end before
+    resting : self-stress is corrected too
+    yielded : traces (T, D) at which springs of stabilisation have given way, and what they carry at most, force per area
     """
 
     scene: Scene
@@ -84,6 +82,8 @@ class Decomposition:
     following: Following | None = None
     sole_scale: float = 1.0
     self_stress: Callable[[], SelfStress | None] | None = None
+    resting: bool = False
+    yielded: tuple[np.ndarray, float] | None = None
 
     @property
     def all_perfect(self) -> bool:
@@ -99,6 +99,34 @@ class Decomposition:
     def steps(self) -> int:
         """Number of load steps that are solved together."""
         return len(self.loading.boundary)
+
+    def evaluated(self, s: np.ndarray) -> Admissible:
+        """The linear stage at a state (T, D); its traces are under way to other ranks."""
+        fields = self.stage(s)
+        fields.send(None if self.bound is None else self.bound.continuity.weight)
+        return fields
+
+    def corrected(self, fields: Admissible) -> Admissible:
+        """Fields of the linear stage with what the coarse contact problem adds to them."""
+        if self.coarse is None:
+            return fields
+        fields = self.coarse(fields)
+        at_nodes = self.self_stress() if self.resting else None
+        return fields if at_nodes is None else at_nodes(fields, self.local)
+
+    def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
+        """What the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
+        changed is extrapolated."""
+        return fields if self.nonlinear is None else replace(fields, s=s)
+
+    @property
+    def told(self) -> dict[str, object]:
+        """What events say of the coarse contact problem, where there is one."""
+        if self.coarse is None:
+            return {}
+        problem = self.coarse.problem
+        return {"newton_steps": problem.newton_steps, "coarse_left": max(problem.left.values(), default=0.0),
+                "coarse_ends": dict(problem.ends)}
 
     def batch(self, steps: slice | np.ndarray, before: History | None = None) -> "Decomposition":
         """The same decomposition for some of the load steps.
@@ -140,14 +168,15 @@ class Decomposition:
         if coarse is not None:
             coarse = coarse.paired(pairs)
             coarse.start_from(local)
-        return replace(self, local=local, coarse=coarse)
+        result = replace(self, local=local, coarse=coarse)
+        return result if self.yielded is None else result.yielding(*self.yielded)
 
     def yielding(self, w: np.ndarray, most: float) -> "Decomposition":
         """The same with springs of stabilisation that have given way until they carry ``most``, force per area, where they would
         carry more with pairs where traces w (T, D) have brought them."""
         everywhere, = self.space.extended(w)
         coarse = None if self.coarse is None else self.coarse.yielding(everywhere, most)
-        return replace(self, local=self.local.yielding(everywhere, most), coarse=coarse)
+        return replace(self, local=self.local.yielding(everywhere, most), coarse=coarse, yielded=(w, most))
 
     def paired_as(self, other: "Decomposition") -> "Decomposition":
         """The same with the pairs of another one, for fewer load steps, at the beginning of the next of which it ends."""
@@ -156,15 +185,6 @@ class Decomposition:
         if coarse is not None:
             coarse.radius = None
         return replace(self, local=local, coarse=coarse)
-
-    def by_pairing(self, iterated: Iterated) -> Iterator[tuple[slice, Pairs]]:
-        """Load steps in which the same pairs meet, and these; the scene has their operators meanwhile."""
-        if self.following is None:
-            yield slice(0, self.steps), self.local.pairs
-        for step, paired in enumerate(iterated.paired):
-            for i in self.following.interfaces:
-                i.mortar = paired.mortars[i.index]
-            yield slice(step, step + 1), paired.pairs
 
     def __repr__(self) -> str:
         macro = self.stage.macro

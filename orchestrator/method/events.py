@@ -37,6 +37,7 @@ class Iteration:
     coarse_ends : how its solves have ended so far → how many, see ``CoarseProblem``
     newton_steps : of the coarse contact problem so far, all load steps together
     state : (steps, dofs) the best state s so far
+    more : name → number, what further monitors tell; each has a column
     memory : all that has to be known to go on after this iteration as if nothing had happened
     """
 
@@ -60,6 +61,7 @@ class Iteration:
     coarse_ends: Mapping[str, int] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
     laws: Mapping[str, float] = field(default_factory=dict)
+    more: Mapping[str, float] = field(default_factory=dict)
     memory: Memory | None = None
 
     @property
@@ -69,10 +71,10 @@ class Iteration:
 
     @property
     def row(self) -> dict[str, float]:
-        """Column → value: ``HISTORY_COLUMNS``, then other statuses that the laws know, then their measures."""
+        """Column → value: ``HISTORY_COLUMNS``, then other statuses that the laws know, their measures, what else monitors tell."""
         counts = dict.fromkeys(COUNTED, 0) | dict(self.counts)
         fixed = {name: counts.pop(name) if name in COUNTED else getattr(self, name) for name in HISTORY_COLUMNS}
-        return {**fixed, **counts, **self.laws}
+        return {**fixed, **counts, **self.laws, **self.more}
 
 
 # What every history has; columns for further statuses and for the laws' measures follow.

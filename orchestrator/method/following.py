@@ -27,10 +27,6 @@ from orchestrator.method.local.state import LocalState
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Interface, Scene
 
-# A residual of this share of how far points have moved since they were paired, in elements, is worth to pair them anew: what
-# is solved better than that is solved for the wrong place.
-WORTH = 0.1
-
 
 @dataclass
 class Following:

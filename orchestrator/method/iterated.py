@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-import numpy as np
-
+from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Iteration
 from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.bound import Bound
-from orchestrator.method.stopping.far_bodies import FarBody
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 
 
@@ -47,11 +46,7 @@ class Iterated:
     sweeps : back-substitutions per subdomain and load step, iterations alone
     last : the last event
     history : all events, without their states
-    frozen : load steps that took no part in a linear stage because they were accurate enough, summed over the stages
-    far : bodies beyond small displacements, see ``stopping.far_bodies``
-    paired : per load step, where sides are paired anew as they slide; else empty
-    open : (bodies, T) how far the places of loose bodies are open, see ``stopping.places``; None where nothing is stabilised
-    gave_way : iterations after which springs of stabilisation have given way, see ``stopping.giving_way``
+    found : monitor's name → what it has found, case after case
     """
 
     fields: Admissible
@@ -63,11 +58,7 @@ class Iterated:
     sweeps: float
     last: Iteration
     history: list[Iteration] = field(default_factory=list)
-    frozen: int = 0
-    far: list[FarBody] = field(default_factory=list)
-    paired: list[Paired] = field(default_factory=list)
-    open: np.ndarray | None = None
-    gave_way: list[int] = field(default_factory=list)
+    found: Mapping[str, list[Any]] = field(default_factory=dict)
 
     @classmethod
     def joined(cls, batches: Sequence[Iterated]) -> Iterated:
@@ -78,8 +69,15 @@ class Iterated:
         return cls(
             Admissible.joined([b.fields for b in batches]), LocalState.joined([b.local for b in batches]),
             Bound.joined([b.bound for b in batches]), decisive.converged, decisive.stop_reason,
-            batches[-1].iterations, batches[-1].sweeps, decisive.last,
-            [event for b in batches for event in b.history], sum(b.frozen for b in batches),
-            [body for b in batches for body in b.far], [paired for b in batches for paired in b.paired],
-            None if any(b.open is None for b in batches) else np.concatenate([b.open for b in batches], axis=1),
-            [iteration for b in batches for iteration in b.gave_way])
+            batches[-1].iterations, batches[-1].sweeps, decisive.last, [event for b in batches for event in b.history],
+            {name: [x for b in batches for x in b.found[name]] for name in batches[0].found})
+
+    def by_pairing(self, d: Decomposition) -> Iterator[tuple[slice, Pairs, History]]:
+        """Load steps of a decomposition in which the same pairs meet, these, and what the step before has left; the scene has
+        their operators meanwhile."""
+        if d.following is None:
+            yield slice(0, d.steps), d.local.pairs, d.local.before
+        for step, paired in enumerate(self.found.get("following", [])):
+            for i in d.following.interfaces:
+                i.mortar = paired.mortars[i.index]
+            yield slice(step, step + 1), paired.pairs, paired.before

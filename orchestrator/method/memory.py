@@ -23,6 +23,7 @@ import numpy as np
 
 INTERVAL = 8  # iterations after which the memory is told as a whole, not only what has been added
 COMMON = "common"
+MONITOR = "monitor."  # name of a monitor's array, behind its kind: needed at the end of an increment, too
 # kind → number of each of this rank's columns in the whole scene
 Numbers = Mapping[str, np.ndarray]
 

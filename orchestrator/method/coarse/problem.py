@@ -167,7 +167,7 @@ class CoarseProblem:
     def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
         """What is remembered from one iteration to the next: the reach of the pairs, and what has been factorised."""
         steps = sorted(self._reach)
-        arrays = {"interface/reach": np.array([self._reach[t] for t in steps]).reshape(len(steps), -1)}
+        arrays = {"interface/reach": np.reshape([self._reach[t] for t in steps], (len(steps), len(self.fields.bodies)))}
         arrays |= {f"{FACTORISED}{t}": kept.blocks.ravel() for t, kept in self._kept.items() if kept.blocks is not None}
         return (arrays, {"newton_steps": self.newton_steps, "ends": dict(self.ends)})
 

@@ -109,7 +109,7 @@ def _carried(interfaces: InterfaceFields, length: np.ndarray, chosen: Sequence[I
 def _slid_on(d: Decomposition, iterated: Iterated) -> Iterator[tuple[slice, Interface, tuple[np.ndarray, np.ndarray]]]:
     """Per load step and interface whose sides slide on, what its points do at the nodes of either side, (n, 3) each."""
     mine = {i.index for i in own_interfaces(d)}
-    for t, pairs in d.by_pairing(iterated):
+    for t, pairs, _ in iterated.by_pairing(d):
         w, f = iterated.fields.extended
         force = pairs.traces(w[t], f[t]).force[0]
         for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):

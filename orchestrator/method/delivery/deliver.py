@@ -16,9 +16,9 @@ from orchestrator.method.delivery.resultants import Resultants, interface_result
 from orchestrator.method.delivery.stabilised import Stabilised, stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
-from orchestrator.method.stopping.criteria import LawCriterion
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawMeasure, LawResiduals, law_residuals
+from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
@@ -70,14 +70,12 @@ class Delivered:
         return None if self.all_perfect else self.continuous
 
 
-def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, tolerance,
-            watch: Stopwatch) -> Delivered:
+def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated: Iterated, watch: Stopwatch) -> Delivered:
     """Recover what is delivered, and judge it; ``on_whole`` completes it.
 
     Parameters
     ----------
     d, chosen : the decomposition for all load steps, and for those of ``cases``, which have been iterated
-    tolerance : ``method.tolerance`` of the configuration
     """
     with watch("linear_stage"):
         continuous, parts = ([part if part is None else cases.all_steps(part) for part in each]
@@ -89,9 +87,10 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         iterated = with_noise(d, iterated, parts, inside)
     else:
         own = delivered(d, iterated.bound, parts)
-        criterion = LawCriterion(d, tolerance)
-        laws, lengths = criterion.laws(d, iterated), criterion.lengths(iterated.fields.u)
-        places = open_places(iterated, criterion.lengths, parts, d.space.team)
+        scale = LengthScale(d)
+        lengths, places = scale(iterated.fields.u), open_places(iterated, scale, parts, d.space.team)
+        laws = law_residuals([LawMeasure(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
+                              for t, pairs, before in iterated.by_pairing(d)], lengths, d.space.team)
         if d.nonlinear is not None:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])
     broken = failed_guards(d, iterated, parts, interfaces, lengths, inside)

@@ -138,7 +138,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     status = np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
     gap, slip, pressure, traction, areas = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
     resultant = np.zeros((steps, len(chosen), 3))
-    for t, here in d.by_pairing(iterated):
+    for t, here, _ in iterated.by_pairing(d):
         both = [pair_normals(scene.points(i), i) for i in chosen]
         normal = _joined([n[c] for (n, _), c in zip(both, corners)], (0, 3))
         length = _joined([l[c] for (_, l), c in zip(both, corners)])

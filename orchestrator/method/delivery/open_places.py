@@ -33,10 +33,11 @@ def open_places(iterated: Iterated, lengths: LengthScale, parts: Sequence[np.nda
     ----------
     parts : displacements (T, n_E, 3) of this rank's subdomains; None: not ours
     """
-    if iterated.open is None:
+    found = iterated.found.get("places", [])
+    if sum(places.shape[1] for places in found) < len(iterated.fields.s):
         return None
     largest, = team.max(max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0))
-    each = iterated.open.max(axis=1) / (largest or 1.0)
+    each = np.concatenate(found, axis=1).max(axis=1) / (largest or 1.0)
     bodies: dict[str, float] = {}
     for b in np.argsort(-each, kind="stable"):
         if each[b] > 0:

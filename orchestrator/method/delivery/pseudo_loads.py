@@ -6,15 +6,14 @@ from dataclasses import replace
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.criteria import LawCriterion
+from orchestrator.method.stopping.delivered_bound import bound_of
 
 
-def with_pseudo_loads(d: Decomposition, iterated: Iterated, tolerance) -> Iterated:
+def with_pseudo_loads(d: Decomposition, iterated: Iterated) -> Iterated:
     """The same with energies of the loads that are in the decomposition by now.
 
     Parameters
     ----------
     d : ``reloaded``, for all load steps
-    tolerance : ``method.tolerance`` of the configuration
     """
-    return replace(iterated, bound=LawCriterion(d, tolerance).final(iterated.fields, None)[0])
+    return replace(iterated, bound=bound_of(d, iterated.fields))

@@ -64,7 +64,7 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     energy = 0.5 * iterated.bound.energy.max(initial=0.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
                       [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
-                      names[int(share.max(axis=0).argmax())], list(iterated.gave_way))
+                      names[int(share.max(axis=0).argmax())], list(iterated.found.get("giving_way", [])))
 
 
 def _ratio(part: float, whole: float) -> float:

@@ -5,8 +5,7 @@ For boundary loads f and answers u = C f of one subdomain, C = N M⁻¹ Nᵀ = (
 - reciprocity (Betti): fᵀu' = f'ᵀu for two loads f, f' and their answers;
 - strain energy: fᵀu − uᵀk u = uᵀS u ≥ 0: what the soles do not store, the subdomain itself does.
 
-Traces w = N u and what the soles answer to them, k w, are formed on the way; ``answered`` hands them on. Where the forces
-are known before anything else has to be done, ``begin`` has them answered meanwhile.
+Traces w = N u and what the soles answer to them, k w, are formed on the way; ``answered`` hands them on.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.segments import Segments
-from orchestrator.method.linear.meanwhile import Meanwhile
 
 # Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below 1e-5.
 CONSISTENT = 1e-3
@@ -48,7 +46,6 @@ class GuardedTraces(Layer):
         self.earlier = np.zeros((2, size))  # a load of each subdomain and its answer
         self.known = np.zeros(len(self.parts), dtype=bool)  # which of them have one
         self.own: dict[int, sp.csr_array] = {}
-        self._begun: tuple[np.ndarray, Meanwhile] | None = None
 
     @cached_property
     def all(self) -> Segments:
@@ -69,7 +66,6 @@ class GuardedTraces(Layer):
         ------
         BlackBoxError : also for an answer that no elastic body gives, naming the subdomain
         """
-        self.settle()
         answers, judged = self.inner.traces(forces), {}
         first = {(id(forces[e]), id(u)): e for e, u in reversed(answers.items()) if u.size}
         self.soles(list(first.values()))
@@ -95,38 +91,11 @@ class GuardedTraces(Layer):
         """As ``Layer`` says, and as ``traces`` does, all subdomains at once."""
         return self.answered(forces)[0]
 
-    def begin(self, forces: np.ndarray) -> None:
-        """Have boundary forces (rows, B) answered while the caller goes on, who leaves them as they are; ``answered`` with
-        the same array then waits for it. Whatever else is asked meanwhile waits too, so that the codes hear one request after
-        the other, in the same order in every run.
-        """
-        self.settle()
-        self._begun = forces, Meanwhile(lambda: self._answered(forces))
-
-    def settle(self) -> None:
-        """Wait for what has been begun, if anything has, and keep it for who asks next."""
-        begun = self._begun  # who has begun it may fetch it from another thread
-        if begun is not None:
-            begun[1].result()
-
-    def forget(self) -> None:
-        """Wait for what has been begun, and let it go: nobody will ask."""
-        self.settle()
-        self._begun = None
-
     def answered(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Answers u (rows, B) of all subdomains to boundary forces (rows, B), with w = N u and k w, (rows, D) each.
 
         They are the caller's to change.
         """
-        self.settle()
-        begun = self._begun
-        if begun is not None and begun[0] is forces:
-            self._begun = None
-            return begun[1].result()
-        return self._answered(forces)
-
-    def _answered(self, forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         inner = self.inner if isinstance(self.inner, Layer) else Layer(self.inner)
         answers, space = inner.all_traces(forces, self.parts), self.direction.space
         w = space.trace(answers)

@@ -21,7 +21,6 @@ import numpy as np
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_answers import MacroAnswers
-from orchestrator.method.linear.meanwhile import Meanwhile
 from orchestrator.method.linear.nonlinear import AtStep
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
@@ -117,41 +116,16 @@ class LinearStage:
                  loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces, nonlinear: AtStep | None = None):
         self.space, self.direction, self.macro = space, direction, macro
         self.loaded, self.known, self.blackbox, self.nonlinear = loaded, known, blackbox, nonlinear
-        self._begun: tuple[np.ndarray, Callable[[], Admissible]] | None = None
 
     def under(self, loaded: np.ndarray, known: np.ndarray | None, nonlinear: AtStep | None = None) -> LinearStage:
         """The same for other load steps."""
         return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox, nonlinear)
-
-    def begin(self, s: np.ndarray) -> None:
-        """Begin with a state (T, D) that is likely to be the next, and that nobody changes: the codes answer meanwhile, and
-        where no other rank has to be heard, what follows from their answers is done meanwhile too."""
-        if s.any():
-            forces = self.space.loads(s)
-            self.blackbox.begin(forces)
-
-            def rest() -> Admissible:
-                return self._corrected(s, self.blackbox.answered(forces))
-
-            self._begun = s, Meanwhile(rest).result if self.space.team.size == 1 else rest
-
-    def forget(self) -> None:
-        """What has been begun is not wanted: wait for its end."""
-        begun, self._begun = self._begun, None
-        if begun is not None and self.space.team.size == 1:
-            begun[1]()
-        self.blackbox.forget()
 
     def __call__(self, s: np.ndarray) -> Admissible:
         """Admissible fields for the state s (T, D), eq. 20; one back-substitution per subdomain and row.
 
         A zero state needs none: the loads' part is known.
         """
-        if self._begun is not None and self._begun[0] is s:
-            begun, self._begun = self._begun, None
-            return begun[1]()
-        if self._begun is not None:
-            self.forget()
         if self.nonlinear is not None:
             robin = self.space.loads(s)
             u = self.blackbox.answered(robin)[0] + self.loaded if s.any() else self.loaded.copy()

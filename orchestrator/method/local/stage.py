@@ -7,7 +7,7 @@ At points with the jump d, from the predicted force F to the traces as ``point_t
 
     f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
 
-or, where springs have given way (``stopping.giving_way``), keq (d_before + δ) there.
+or, where springs have given way (``monitors.giving_way``), keq (d_before + δ) there.
 
 Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """

@@ -1,18 +1,17 @@
 """Quantities that watch the iterations: the paper's η and what it should not replace.
 
-All are relative and dimensionless. Norms sum over both sides of all interfaces and all load steps, and over
-all ranks: their parts are summed together, while the rank goes on with something else.
+All are relative and dimensionless. Norms sum over both sides of all interfaces and all load steps, and over all ranks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from orchestrator.compiled import compiled, in_parts
+from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
@@ -34,7 +33,8 @@ class Measures:
     macro_imbalance : largest |Cᵀf| relative to the largest force resultant of one interface: 0 to rounding,
         eq. 17; nan without macro problem
     counts : name of a status → pairs that have it, summed over the steps
-    more, largest : what ``measure`` was given to sum, and to find the largest of, over the ranks
+    moved : largest interface displacement of the linear stage
+    asked : 1 where the codes were asked, 0 for a state of zeros
     """
 
     indicator: float
@@ -43,22 +43,26 @@ class Measures:
     residual: float
     macro_imbalance: float
     counts: dict[str, int]
-    more: list[np.ndarray]
-    largest: list[float]
+    moved: float
+    asked: float
 
 
-def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalState, residual: np.ndarray,
-            exact: bool, more: Sequence[np.ndarray] = (), largest: Sequence[float] = ()) -> Callable[[], Measures]:
-    """Begin to measure; calling what is returned waits for the other ranks' parts.
+def measure(problem: Decomposition, fields: Admissible, local: LocalState, residual: np.ndarray, exact: bool,
+            more: Sequence[np.ndarray], largest: Sequence[float]) -> tuple[Measures, list[np.ndarray], list[float]]:
+    """Measure an iteration; one message among ranks.
 
     Parameters
     ----------
-    stage : linear stage; fields : its result
-    local_stage : local stage; local : its result
     residual : (T, D) F(s) − s
     exact : η exactly, whatever it costs
-    more, largest : what else is to be summed over the ranks, and to be found the largest of, in the same message
+    more, largest : what else is to be summed over the ranks, and to be found the largest of; of the latter the first two are
+        the largest displacement, and whether codes were asked
+
+    Returns
+    -------
+    measures, and the rest of the sums and of the largest
     """
+    stage, local_stage = problem.stage, problem.local
     direction, macro = stage.direction, stage.macro
     k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
@@ -74,20 +78,20 @@ def measure(stage: LinearStage, local_stage, fields: Admissible, local: LocalSta
     parts.append(np.array(list(counted.values())))
     if macro is not None:
         parts += macro.imbalance(f)
-    both, count = space.team.both_later([*parts, *more], largest), len(parts)
+    sums, ends = space.team.both_later([*parts, *more], largest)()
+    count = len(parts)
+    return _measures(sums[:count], ends[:2], list(counted)), sums[count:], ends[2:]
 
-    def result() -> Measures:
-        sums, ends = both()
-        gap, total, jump, moved, imbalance, force, change, state, counts, *resultant = sums[:count]
-        eta = float(gap / total) if total > 0 else 0.0
-        macro_imbalance = np.nan
-        if resultant:
-            unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
-            macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
-        return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
-                        dict(zip(counted, counts.astype(int).tolist())), sums[count:], ends)
 
-    return cache(result)
+def _measures(sums: Sequence[np.ndarray], ends: Sequence[float], counted: Sequence[str]) -> Measures:
+    """From the sums and the largest values of all ranks."""
+    gap, total, jump, moved, imbalance, force, change, state, counts, *resultant = sums
+    eta, macro_imbalance = float(gap / total) if total > 0 else 0.0, np.nan
+    if resultant:
+        unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
+        macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
+    return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
+                    dict(zip(counted, counts.astype(int).tolist())), *map(float, ends))
 
 
 def exact_norms(direction: SearchDirection, wanted: bool) -> bool:

@@ -21,7 +21,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from orchestrator.method.events import Finished, Iteration, Subscriber
-from orchestrator.method.memory import INTERVAL, Memory
+from orchestrator.method.memory import INTERVAL, MONITOR, Memory
 from orchestrator.method.start import Start
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.log import append
@@ -207,7 +207,7 @@ class Checkpoint(Subscriber):
     def _end(self, memory: Memory) -> None:
         """The end of a batch in a file of its own; the iterations before it are needed no more once it is there."""
         arrays = {name: array for name, array in memory.arrays.items()
-                  if "/delivered" in name or name.startswith(("common/", "interface"))}
+                  if "/delivered" in name or f"/{MONITOR}" in name or name.startswith(("common/", "interface"))}
         with self._new(self._path / f"batch-{memory.batch:03}.log") as file:
             append(file, self._fingerprint, _header(memory), arrays)
             os.fsync(file.fileno())

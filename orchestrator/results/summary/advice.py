@@ -1,6 +1,6 @@
 """What to do after a stop: the likely causes in this scene, with these settings, and their cures.
 
-What the stops mean is in ``stopping.ending``; the same table, for all scenes, is in docs/running.md.
+What the stops mean is in ``monitors.ending``; the same table, for all scenes, is in docs/running.md.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from orchestrator.config.method import Method
 from orchestrator.method.delivery.stabilised import Stabilised
 from orchestrator.method.iterated import Iterated
-from orchestrator.method.stopping.ending import ROUNDING
+from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
 from orchestrator.scene.soles.difficulty import SLENDER, slenderness
 from orchestrator.wording import some

@@ -14,7 +14,7 @@ from orchestrator.method.delivery.energy import stored_energy
 from orchestrator.method.delivery.held_bodies import held_bodies
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
-from orchestrator.method.stopping.far_bodies import sentences
+from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
 from orchestrator.results.summary.codes import foreign_matter
@@ -63,8 +63,8 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
         "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered), "reactions": delivered.reactions, **contact,
-        "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.far],
-        "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.far)
+        "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
+        "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
                    estimated and estimated.relative),
         **spent, "config": config.complete(),

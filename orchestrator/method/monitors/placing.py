@@ -16,6 +16,8 @@ import numpy as np
 
 from orchestrator.blackbox.cost import STAGES, to_come
 from orchestrator.blackbox.pool.sharing import IMBALANCE, LEAST, NOTICED
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.parallel.team import Team
 
 CERTAIN = 2.0  # times the set-up's seconds that are to be saved: on a machine with others seconds repeat no better than that
@@ -29,7 +31,7 @@ class Unbalanced(Exception):
         self.speeds, self.imbalance, self.iteration = speeds, imbalance, iteration
 
 
-class Placing:
+class Placing(Monitor):
     """What the ranks' codes take, iteration by iteration.
 
     Parameters
@@ -41,33 +43,38 @@ class Placing:
     possible : on rank 0, whether what has been done so far can be gone on from
     """
 
+    name = "placing"
+
     def __init__(self, team: Team, busy: Callable[[], float], load: float, set_up: float, possible: Callable[[], bool] | None):
         self._team, self._busy, self._load, self._set_up, self._possible = team, busy, load, set_up, possible
         self._before, self._requests = busy(), 0
 
-    def told(self) -> np.ndarray:
-        """(4, ranks) this rank's column of what is summed over the ranks."""
+    @classmethod
+    def of(cls, case: Case) -> Placing | None:
+        return case.given.get("placing")
+
+    def ask(self, now: Evaluation) -> tuple[list[np.ndarray], list[float]]:
+        """This rank's column of a table (4, ranks)."""
         table = np.zeros((4, self._team.size))
         sound = self._possible is not None and self._possible()
         table[:, self._team.rank] = self._busy() - self._before, self._load, self._set_up, sound
-        return table
+        return [table], []
 
-    def judge(self, table: np.ndarray, iteration: int) -> None:
+    def judge(self, now: Evaluation) -> Verdict:
         """After an iteration that is not the last.
-
-        Parameters
-        ----------
-        table : sum of all ranks' ``told``
 
         Raises
         ------
         Unbalanced : it pays to place anew
         """
+        if now.verdict.reason:
+            return Verdict()
         self._requests += 1
-        busy, load, set_up, sound = table
+        (busy, load, set_up, sound), = now.shared[self.name][0]
         if self._requests < LEAST or not sound.any() or busy.min() <= 0 or busy.max() <= IMBALANCE * busy.mean():
-            return
+            return Verdict()
         speeds = load / busy
         gain = (busy.max() - load.sum() / speeds.sum()) / self._requests * to_come(self._requests, STAGES)
         if gain > max(NOTICED, CERTAIN * set_up.max()):
-            raise Unbalanced(speeds / speeds.sum(), float(busy.max() / busy.mean()), iteration)
+            raise Unbalanced(speeds / speeds.sum(), float(busy.max() / busy.mean()), now.number)
+        return Verdict()

@@ -19,8 +19,14 @@ place by them would otherwise go far, and everything with them. It is done when
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.method.stopping.law_residuals import LawResiduals
 
 # Of the tolerance, what springs that give way carry: the less is changed, the less is to be found anew. 125 grains at 1e-6, with ε
@@ -32,19 +38,43 @@ MOST = 100.0  # tolerances that they may carry: from there on they hold a load
 LESS = 0.5  # of what they carried above the tolerance when they last gave way, below which that has served
 
 
-class GivingWay:
-    """Watches what springs carry in the iterations of one batch of load steps.
+class GivingWay(Monitor):
+    """Lets springs of stabilisation give way where they alone keep the run from its end.
 
     Attributes
     ----------
     at : iterations after which they have given way
     """
 
-    def __init__(self) -> None:
+    name = "giving_way"
+
+    def __init__(self, value: Callable[[], float]):
+        self.value = value
+        self.yielded: tuple[np.ndarray, float] | None = None  # traces (T, D) where they have, and what they carried then at most
         self.at: list[int] = []
         self._above, self._before = math.nan, math.nan
 
-    def __call__(self, iteration: int, laws: LawResiduals, tolerance: float) -> bool:
+    @classmethod
+    def of(cls, case: Case) -> GivingWay | None:
+        problem = case.problem
+        if not case.by_error or problem.all_perfect or problem.coarse is None or problem.local.pairs.stabilisation is None:
+            return None
+        return cls(lambda: case.value)
+
+    def judge(self, now: Evaluation) -> Verdict:
+        if now.verdict.changes or not self.due(now.number, now.verdict.laws, self.value()):
+            return Verdict()
+        return Verdict(changes=(self.name,))
+
+    def change(self, now: Evaluation) -> Decomposition:
+        self.yielded = now.best.w, SHARE * self.value() * now.verdict.laws.traction
+        self.at.append(now.number)
+        return now.problem.yielding(*self.yielded)
+
+    def found(self, problem: Decomposition) -> list[int]:
+        return self.at
+
+    def due(self, iteration: int, laws: LawResiduals, tolerance: float) -> bool:
         """Whether they are to give way after this iteration; all ranks see the same."""
         above, pace = laws.springs - tolerance, abs(laws.springs - self._before)
         self._before = laws.springs
@@ -53,14 +83,15 @@ class GivingWay:
         if not (0 < above <= most and near):
             return False
         self._above = above
-        self.at.append(iteration)
         return True
 
-    @property
-    def notes(self) -> dict[str, object]:
-        """For the ``Memory`` of an iteration."""
-        return {"at": list(self.at), "above": self._above, "before": self._before}
+    def state(self) -> dict[str, Any]:
+        told = {"at": list(self.at), "above": self._above, "before": self._before}
+        return told if self.yielded is None else {**told, "trace/yielded": self.yielded[0], "most": self.yielded[1]}
 
-    def recall(self, notes: Mapping[str, object]) -> None:
-        """Take ``notes`` back."""
-        self.at, self._above, self._before = list(notes["at"]), notes["above"], notes["before"]
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        self.at, self._above, self._before = list(state["at"]), state["above"], state["before"]
+        if "most" not in state:
+            return problem
+        self.yielded = state["trace/yielded"], state["most"]
+        return problem.yielding(*self.yielded)

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from orchestrator.laws.status import table
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation, Verdict
 from orchestrator.method.local.state import LocalState
+from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
 from orchestrator.wording import SHOWN, some
@@ -76,8 +79,8 @@ class FarBody:
         return face + (f", or a law that joins it to {some(self.apart)}" if self.apart else "")
 
 
-class FarBodies:
-    """Watches the bodies of one batch of load steps.
+class FarBodies(Monitor):
+    """Warns of each body once, at the load step where it is farthest.
 
     Parameters
     ----------
@@ -86,17 +89,30 @@ class FarBodies:
 
     Attributes
     ----------
-    found : bodies that have been told and are still far, the farthest first
+    far : bodies that have been told and are still far, the farthest first
     """
 
-    def __init__(self, d: Decomposition, lengths: LengthScale, numbers: Sequence[int]):
-        self.d, self.lengths, self.numbers = d, lengths, [int(number) for number in numbers]
-        self.since = np.zeros((lengths.count, d.steps), dtype=int)  # iteration; 0: not far
-        self.found: list[FarBody] = []
+    name = "far_bodies"
+
+    def __init__(self, lengths: LengthScale, numbers: Sequence[int]):
+        self.lengths, self.numbers = lengths, [int(number) for number in numbers]
+        self.since = np.zeros((lengths.count, len(self.numbers)), dtype=int)  # iteration; 0: not far
+        self.far: list[FarBody] = []
         self.told: set[str] = set()
 
-    def __call__(self, iteration: int, rigid: np.ndarray, local: LocalState, ended: bool = False) -> list[FarBody]:
-        """Those that are to be told now, each at the load step where it is farthest, and never twice.
+    @classmethod
+    def of(cls, case: Case) -> FarBodies | None:
+        return None if case.problem.all_perfect else cls(case.lengths, case.numbers)
+
+    def judge(self, now: Evaluation) -> Verdict:
+        new = self._new(now.number, now.verdict.lengths.rigid, now, bool(now.verdict.reason))
+        return Verdict(told={"far_bodies": len(self.far)}, warnings=tuple(sentences(new)))
+
+    def found(self, problem: Decomposition) -> list[FarBody]:
+        return self.far
+
+    def _new(self, iteration: int, rigid: np.ndarray, now: Evaluation, ended: bool) -> list[FarBody]:
+        """Those that are to be told now.
 
         Parameters
         ----------
@@ -111,47 +127,45 @@ class FarBodies:
         lasting = far & ((iteration - self.since >= PATIENCE - 1) | ended)
         bodies = np.flatnonzero(lasting.any(axis=1))
         if not len(bodies):
-            self.found = []
+            self.far = []
             return []
-        touch, names = self._touch(local), self.lengths.names
-        self.found = []
+        touch, names = self._touch(now.problem, now.local), self.lengths.names
+        self.far = []
         for b in bodies[np.argsort(-np.where(lasting, excess, 0.0)[bodies].max(axis=1), kind="stable")]:
             t = int(np.argmax(np.where(lasting[b], excess[b], 0.0)))
             motion = rigid[b, t, 3:] if turn[b, t] / ROTATION > shift[b, t] / DISPLACEMENT else rigid[b, t, :3]
             around = {names[other]: max(touch[pair][t] for pair in ((b, other), (other, b)) if pair in touch)
                       for other in dict.fromkeys(x for pair in touch if b in pair for x in pair if x != b)}
-            self.found.append(FarBody(
+            self.far.append(FarBody(
                 names[b], self.numbers[t], int(self.since[b, t]), float(shift[b, t]), float(turn[b, t]),
                 (motion / np.linalg.norm(motion)).tolist(),
                 *([name for name, what in around.items() if what == wanted] for wanted in (2, 1, 0))))
-        new = [body for body in self.found if body.body not in self.told]
+        new = [body for body in self.far if body.body not in self.told]
         self.told.update(body.body for body in new)
         return new
 
-    @property
-    def notes(self) -> dict[str, object]:
-        """For the ``Memory`` of an iteration."""
-        return {"since": [[*place, int(self.since[*place])] for place in np.argwhere(self.since).tolist()], "told": sorted(self.told), "found": [asdict(body) for body in self.found]}
+    def state(self) -> dict[str, Any]:
+        since = [[*place, int(self.since[*place])] for place in np.argwhere(self.since).tolist()]
+        return {"since": since, "told": sorted(self.told), "far": [asdict(body) for body in self.far]}
 
-    def recall(self, notes: Mapping[str, object]) -> None:
-        """Take ``notes`` back."""
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.since[:] = 0
-        for body, step, iteration in notes["since"]:
+        for body, step, iteration in state["since"]:
             self.since[body, step] = iteration
-        self.told = set(notes["told"])
-        self.found = [FarBody(**body) for body in notes["found"]]
+        self.told, self.far = set(state["told"]), [FarBody(**body) for body in state["far"]]
+        return problem
 
-    def _touch(self, local: LocalState) -> dict[tuple[int, int], np.ndarray]:
+    def _touch(self, problem: Decomposition, local: LocalState) -> dict[tuple[int, int], np.ndarray]:
         """Two bodies → (T,) int: 0 where they are apart, 1 where they only press on each other, 2 where they stick."""
-        pairs, interfaces, body = self.d.local.pairs, self.d.scene.interfaces, self.lengths.body
+        pairs, interfaces, body = problem.local.pairs, problem.scene.interfaces, self.lengths.body
         statuses = table(i.law for i in interfaces)
         holds = np.array([2 if s.tangential else int(bool(s.normal)) for s in statuses])
         holds = holds[np.searchsorted(statuses, local.status)]
-        most = np.zeros((len(interfaces), self.d.steps))
+        most = np.zeros((len(interfaces), problem.steps))
         for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
             if b > a:
                 most[i.index] = holds[:, a:b].max(axis=1)
-        most = np.reshape(self.d.space.team.max(*most.ravel()), most.shape).astype(int)
+        most = np.reshape(problem.space.team.max(*most.ravel()), most.shape).astype(int)
         result: dict[tuple[int, int], np.ndarray] = {}
         for i, row in zip(interfaces, most):
             ends = tuple(int(body[e]) for e in i.subdomains)

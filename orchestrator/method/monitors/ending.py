@@ -11,6 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.monitors.monitor import Case, Monitor
 
 DIVERGED = "diverged"
 STALL = 20  # stages without progress at rounding level that end a run
@@ -19,50 +24,46 @@ RUNAWAY = 1e6  # growth of the displacement that no convergent run shows
 LOOSE = 10.0  # the same times ε: a body that springs alone hold goes 1/ε times as far as its load would deform it
 
 
-class Ending:
-    """Watches the iterations of one batch of load steps for their end.
+class Ending(Monitor):
+    """Says which iteration of a case is the last.
 
     Parameters
     ----------
-    last : iteration after which there is no other
     epsilon : the smallest ε of springs of stabilisation; infinite where there are none
     """
 
-    def __init__(self, last: int, epsilon: float = math.inf):
-        self.last, self.runaway = last, max(RUNAWAY, LOOSE / epsilon)
+    name = "ending"
+
+    def __init__(self, epsilon: float = math.inf):
+        self.runaway = max(RUNAWAY, LOOSE / epsilon)
         self.reach = 0.0  # largest interface displacement of the first stage that moved
         self.residuals: list[float] = []
 
-    def reason(self, iteration: int, met: bool, residual: float, moved: float, springs: bool = False) -> str | None:
-        """Why this iteration is the last one; None where another follows.
+    @classmethod
+    def of(cls, case: Case) -> Ending:
+        problem = case.problem
+        return cls() if problem.all_perfect else cls(problem.local.pairs.weakest(problem.space.team))
 
-        Parameters
-        ----------
-        met : whether the stopping criterion holds
-        residual : ‖F(s) − s‖ relative
-        moved : largest interface displacement
-        springs : whether stabilisation keeps a balance that the laws do not have
-        """
+    def judge(self, now: Evaluation) -> Verdict:
+        verdict, residual, moved = now.verdict, now.measures.residual, now.measures.moved
         self.reach = self.reach or moved
         self.residuals.append(residual)
-        if met:
-            return "converged"
+        if verdict.met:
+            return Verdict(reason="converged")
         if not math.isfinite(residual) or moved > self.runaway * self.reach > 0:
-            return DIVERGED
-        if springs:
-            return "held by stabilisation alone"
+            return Verdict(reason=DIVERGED)
+        if not verdict.changes and verdict.laws is not None and verdict.laws.held_by_springs(verdict.told["target"][1]):
+            return Verdict(reason="held by stabilisation alone")
         if self._stalled():
-            return "stagnated at rounding"
-        return None if iteration < self.last else "max_iterations"
+            return Verdict(reason="stagnated at rounding")
+        return Verdict(reason="max_iterations" if now.last else "")
 
-    @property
-    def notes(self) -> dict[str, object]:
-        """For the ``Memory`` of an iteration: what has been watched so far."""
+    def state(self) -> dict[str, Any]:
         return {"reach": self.reach, "residuals": list(self.residuals)}
 
-    def recall(self, notes: Mapping[str, object]) -> None:
-        """Take ``notes`` back."""
-        self.reach, self.residuals = notes["reach"], list(notes["residuals"])
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        self.reach, self.residuals = state["reach"], list(state["residuals"])
+        return problem
 
     def _stalled(self) -> bool:
         """Rounding has been reached and nothing improves any more."""

@@ -18,21 +18,23 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.local.state import LocalState
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.monitors.ending import DIVERGED
+from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.method.stopping.lengths import RIGID, LengthScale
 
 SEEN = 5  # iterations: single ones may stand still, and a digit takes seven to ten
 BENT = 2.0  # what affine fields move by, as bodies bend as well: measured 0.5 … 1.5 times as far in all
-ARRAYS = ("common/places.rigid", "common/places.moves", "common/places.open")
+ARRAYS = ("common/rigid", "common/moves", "common/open")
 
 
-class Places:
-    """Follows the places of the bodies of one batch of load steps.
+class Places(Monitor):
+    """Follows the places of loose bodies, and estimates in the last iteration how far they are open.
 
     Attributes
     ----------
@@ -41,34 +43,47 @@ class Places:
     open : (bodies, T) how far places are open, once iterations have ended
     """
 
-    def __init__(self) -> None:
+    name = "places"
+
+    def __init__(self, lengths: LengthScale):
+        self.lengths = lengths
         self.rigid: np.ndarray | None = None
         self.moves: deque[np.ndarray] = deque(maxlen=SEEN)
         self.open: np.ndarray | None = None
 
-    def __call__(self, rigid: np.ndarray) -> None:
+    @classmethod
+    def of(cls, case: Case) -> Places | None:
+        problem = case.problem
+        if problem.coarse is None or problem.local.pairs.stabilisation is None:
+            return None
+        return cls(case.lengths)
+
+    def judge(self, now: Evaluation) -> Verdict:
+        self.take(now.verdict.lengths.rigid)
+        if now.verdict.reason not in ("", DIVERGED):
+            let_go = self.lengths(now.problem.coarse.let_go(now.best, now.local.jump)).rigid
+            self.open = BENT * _size(let_go - self.lengths(now.best.u).rigid) + sum(self.moves)
+        return Verdict()
+
+    def found(self, problem: Decomposition) -> list[np.ndarray]:
+        return [] if self.open is None else [self.open]
+
+    def take(self, rigid: np.ndarray) -> None:
         """Take in the rigid motions (bodies, T, 6) of an iteration."""
         if self.rigid is not None:
             self.moves.append(_size(rigid - self.rigid))
         self.rigid, self.open = rigid, None
 
-    def end(self, d: Decomposition, lengths: LengthScale, fields: Admissible, local: LocalState) -> None:
-        """Estimate how far places are open; all ranks have to ask."""
-        let_go = lengths(d.coarse.let_go(fields, local.jump)).rigid
-        self.open = BENT * _size(let_go - lengths(fields.u).rigid) + sum(self.moves)
-
-    @property
-    def told(self) -> dict[str, np.ndarray]:
-        """For the ``Memory`` of an iteration."""
+    def state(self) -> dict[str, Any]:
         bodies, steps, _ = self.rigid.shape
         told = (self.rigid.reshape(bodies, -1), np.array(self.moves).reshape(-1, steps), self.open)
         return {name: array for name, array in zip(ARRAYS, told) if array is not None}
 
-    def recall(self, arrays: Mapping[str, np.ndarray]) -> None:
-        """Take back what was told."""
-        rigid, moves, self.open = map(arrays.get, ARRAYS)
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        rigid, moves, self.open = map(state.get, ARRAYS)
         self.rigid = rigid.reshape(len(rigid), -1, RIGID)
         self.moves = deque(moves.reshape(-1, *self.rigid.shape[:2]), maxlen=SEEN)
+        return problem
 
 
 def _size(rigid: np.ndarray) -> np.ndarray:

@@ -1,0 +1,194 @@
+"""The load steps of a run: all together where they do not depend on each other, else increment after increment.
+
+Each increment begins with the state that the one before has ended with, and with its history.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from orchestrator.errors import InputError, Problem
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.journal import Journal, ended, finished
+from orchestrator.method.latin import Latin
+from orchestrator.method.monitors.monitor import Case, monitors_of
+from orchestrator.method.start import Start
+from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.timing import Stopwatch
+
+TOGETHER = 12  # load steps solved as one batch with contact; more are taken INCREMENT at a time
+INCREMENT = 4
+# What a load step of nonlinear matter begins with is elastic to this residual, or after so many iterations as good as it will be.
+FORESEEN, MOST_FORESEEN = 1e-2, 100
+
+
+def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: Stopwatch, start: Start = Start(),
+            numbers: Sequence[int] | None = None, given: Mapping[str, Any] | None = None) -> Iterated:
+    """Solve all load steps; with perfect interfaces they are one increment.
+
+    Parameters
+    ----------
+    method : ``method`` of the configuration. ``increment`` load steps are solved together. One that does not converge does not
+        keep the next ones from being tried: of the iterations that are allowed for all of them, one is left to each
+    subscribers : told of every ``Iteration``, and that they have ``Finished``
+    start : where to go on from
+    numbers : of the load steps, from 1, for people; None: 1, 2, …
+    given : for monitors, see ``Case``
+
+    Raises
+    ------
+    Unbalanced : see ``monitors.placing``
+    """
+    run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start, given or {})
+    told, batches = Subscribers(subscribers), batches_of(d, method)
+    # a load step may unload: what its residuals are relative to is what the scene was told in all of them
+    run.told = LengthScale(d).told if len(batches) > 1 and not d.all_perfect else 0.0
+    for number, steps in enumerate(batches):
+        run.solve(number, batches, steps, told)
+    result = Iterated.joined(run.ended)
+    told.finished(Finished(result.converged, result.stop_reason, result.iterations))
+    return result
+
+
+class _Run:
+    """Increments that are solved so far; ``d`` has the pairs of the last one.
+
+    Parameters
+    ----------
+    as for ``iterate``
+    """
+
+    def __init__(self, d: Decomposition, method, watch: Stopwatch, numbers: Sequence[int], start: Start, given: Mapping[str, Any]):
+        self.d, self.method, self.watch, self.numbers, self.start, self.given = d, method, watch, numbers, start, given
+        self.state = np.zeros((d.steps, d.space.size)) if start.state is None else start.state.copy()
+        self.ended: list[Iterated] = []
+        self.told, self.begun = 0.0, start.before  # iterations of earlier runs
+
+    def solve(self, number: int, batches: Sequence[slice], steps: slice, told: Subscriber) -> None:
+        """One increment of load steps."""
+        start, before, several = self.start, self.ended[-1] if self.ended else None, len(batches) > 1
+        view = self._view(number, steps, several)
+        case = Case(view, self.method, self.numbers[steps], self.told, self.given)
+        latin = Latin(view, self.method, monitors_of(case), self.watch)
+        journal = Journal((number, len(batches), self.d.steps), start.seconds)
+        if number < len(start.ended):
+            result = ended(latin, start.ended[number])
+        else:
+            if before is not None and start.state is None:
+                self.state[steps] = before.fields.s[-1:]
+            if number == len(start.ended) and start.latest:
+                journal.go_on(latin, start.latest)
+            else:
+                self._begin(latin, journal, number, steps)
+            if self.begun is None:
+                self.begun = latin.number
+            # one is left to each that follows, and one to this: it gives the fields
+            latin.last = max(self.begun + self.method.max_iterations - (len(batches) - 1 - number), latin.number + 1)
+            result = iterations(latin, journal, _PartOfAll(told, self.state, steps) if view is not self.d else told)
+        self.state[steps] = result.fields.s
+        self.ended.append(result)
+        if self.d.following is not None:
+            self.d = self.d.paired_as(latin.problem)
+
+    def _view(self, number: int, steps: slice, several: bool) -> Decomposition:
+        """The decomposition for the load steps of an increment, and what the one before has left."""
+        d, before = self.d, self.ended[-1] if self.ended else None
+        history = None if before is None else before.local.left()
+        if d.following is not None and before is not None:
+            history = d.following.begin(d.local.pairs, before.fields, before.local)
+        if d.nonlinear is not None:
+            d = d.foreseen(number)
+        return d.batch(steps, history) if several or d.nonlinear is not None else d
+
+    def _begin(self, latin: Latin, journal: Journal, number: int, steps: slice) -> None:
+        """From the state, after so many iterations and sweeps as have been done."""
+        start, before = self.start, self.ended[-1:]
+        latin.number = journal.whole_at = max([start.iteration, *(b.iterations for b in before)])
+        latin.sweeps = max([start.sweeps, *(b.sweeps for b in before)])
+        journal.whole_at += 1
+        if before and number == len(start.ended) and latin.problem.coarse is not None:
+            latin.problem.coarse.problem.recall(start.ended[-1])
+        if latin.problem.nonlinear is not None:
+            self.state[steps] = foreseen(latin.problem, self.method, self.state[steps], self.numbers[steps], self.watch)
+        latin.s = self.state[steps].copy()  # those who listen write into what they were given
+
+
+def iterations(latin: Latin, journal: Journal, told: Subscriber) -> Iterated:
+    """Iterate to the end: eq. 6 is solved."""
+    history: list[Iteration] = []
+    while True:
+        now = latin.iterate()
+        for sentence in now.verdict.warnings:
+            told.warned(sentence)
+        event = journal.event(latin, now)
+        history.append(replace(event, state=event.state[:0].copy(), memory=None))  # states are large, and views hold them
+        told.iteration(event)
+        if now.verdict.reason:
+            return finished(latin, now, event, history)
+
+
+def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int], watch: Stopwatch) -> np.ndarray:
+    """State (1, D) to begin a load step with where matter is nonlinear: the elastic answer to what the step adds, roughly.
+
+    Nobody is asked what matter truly does, and nobody is told. Without it, parts would be asked under forces that nothing bears,
+    as where a body is to slide and has not been let go yet.
+    """
+    elastic = replace(view, stage=view.stage.under(view.loading.boundary, view.loading.known), following=None)
+    rough = method.model_copy(update={"tolerance": method.tolerance.model_copy(update={"error": FORESEEN})})
+    latin = Latin(elastic, rough, monitors_of(Case(elastic, rough, numbers)), watch)
+    latin.s, latin.last = s.copy(), MOST_FORESEEN
+    while True:
+        now = latin.iterate()
+        if now.verdict.reason:
+            return now.best.s
+
+
+def batches_of(d: Decomposition, method) -> list[slice]:
+    """The load steps that are solved together."""
+    return _batches(d.steps, d.all_perfect, 1 if d.nonlinear or d.following else method.increment)
+
+
+def _batches(steps: int, perfect: bool, size: int | str) -> list[slice]:
+    if perfect:
+        return [slice(0, steps)]
+    if size == "auto":
+        size = steps if steps <= TOGETHER else INCREMENT
+    return [slice(a, min(a + size, steps)) for a in range(0, steps, size)]
+
+
+def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False) -> None:
+    """Every increment of load steps needs an iteration for its fields.
+
+    Parameters
+    ----------
+    one_by_one : whether load steps follow each other because matter is nonlinear, or sides are paired anew as they slide
+
+    Raises
+    ------
+    InputError : that is more than ``method.max_iterations``
+    """
+    count = len(_batches(steps, perfect and not one_by_one, 1 if one_by_one else method.increment))
+    if count > method.max_iterations:
+        raise InputError(Problem(
+            ("method", "max_iterations"), f"{method.max_iterations} iterations for {count} batches of load steps",
+            f"at least {count}: it bounds the whole run, and every batch takes one", "raise it, or raise method.increment"))
+
+
+class _PartOfAll(Subscriber):
+    """Hears of the states of an increment and tells of whole ones."""
+
+    def __init__(self, told: Subscriber, state: np.ndarray, steps: slice):
+        self.told, self.state, self.steps = told, state, steps
+
+    def iteration(self, event: Iteration) -> None:
+        self.state[self.steps] = event.state
+        self.told.iteration(replace(event, state=self.state))
+
+    def warned(self, sentence: str) -> None:
+        self.told.warned(sentence)

@@ -1,0 +1,93 @@
+"""The multiscale LATIN method: Algorithm 1 of the paper, mended, for load steps that are solved together.
+
+    s                       the state, s = f̂ + k ŵ
+    linear stage            admissible fields u, w, f of s, eq. 20, with the macro problem, eq. 33 and 38
+    coarse problem          whole bodies moved under the true laws, where there are such
+    local stage             ŵ, f̂ that satisfy the interface laws, eq. 3, 7 and 10, and the next state F(s) = f̂ + k ŵ
+    acceleration            relaxation, eq. 12, or the combination of all evaluations whose residual F(s) − s is least
+    measures and monitors   indicator η, eq. 16, stopping criterion, and whatever else watches
+
+It knows no law, no code, no file and no monitor by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from orchestrator.method.acceleration.choice import make_acceleration
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation
+from orchestrator.method.monitors.monitor import Monitor
+from orchestrator.method.stopping.indicator import measure
+from orchestrator.timing import Stopwatch
+
+
+class Latin:
+    """The iterations of one case.
+
+    Parameters
+    ----------
+    problem : the decomposition for these load steps
+    method : ``method`` of the configuration
+    monitors : in the order in which they are asked
+    watch : where seconds are counted
+
+    Attributes
+    ----------
+    s : (T, D) state to evaluate next
+    number, sweeps : iterations, and back-substitutions per subdomain and load step, done so far
+    last : iteration after which there is no other
+    """
+
+    def __init__(self, problem: Decomposition, method, monitors: Sequence[Monitor], watch: Stopwatch):
+        self.problem, self.method, self.monitors, self.watch = problem, method, monitors, watch
+        self.acceleration = make_acceleration(problem, method)
+        self.s, self.number, self.sweeps, self.last = np.empty(0), 0, 0.0, 0
+
+    def iterate(self) -> Evaluation:
+        """One iteration; ``s`` then is the state of the next one, if another follows (``verdict.reason``)."""
+        problem, watch, s = self.problem, self.watch, self.s
+        self.number += 1
+        with watch("linear_stage"):
+            fields = problem.evaluated(s)
+            ends = np.abs(fields.w).max(initial=0.0), float(s.any())
+        with watch("coarse"):
+            fields = problem.corrected(fields)
+        with watch("local_stage"):
+            local = problem.local(fields)
+        with watch("acceleration"):
+            residual = self.acceleration.take(problem.point(s, fields), local.s)[0]
+            best = self.acceleration.best(fields)
+        now = Evaluation(self.number, self.number >= self.last, problem, fields, best, local)
+        with watch("bound"):
+            self.judge(now, residual, ends)
+        share = problem.steps / problem.scene.steps  # of a sweep through all load steps
+        self.sweeps += share * (now.measures.asked + now.verdict.sweeps)
+        if not now.verdict.reason:
+            self.go_on(now)
+        return now
+
+    def judge(self, now: Evaluation, residual: np.ndarray, ends: Sequence[float]) -> None:
+        """Measure, and ask all monitors, each of which sees what those before it have said; ranks need one message for it."""
+        asked = {monitor.name: monitor.ask(now) for monitor in self.monitors}
+        sums, largest = ([x for both in asked.values() for x in both[kind]] for kind in (0, 1))
+        now.measures, *rest = measure(now.problem, now.best, now.local, residual, self.method.tolerance.indicator is not None,
+                                      sums, [*ends, *largest])
+        rest = [iter(told) for told in rest]
+        now.shared = {name: tuple([next(told) for _ in own] for told, own in zip(rest, both)) for name, both in asked.items()}
+        for monitor in self.monitors:
+            now.verdict = now.verdict.and_then(monitor.judge(now))
+
+    def go_on(self, now: Evaluation) -> None:
+        """Change the problem as monitors want it changed, and choose the next state."""
+        for monitor in self.monitors:
+            if monitor.name in now.verdict.changes:
+                now.problem = monitor.change(now)
+        self.problem = now.problem
+        with self.watch("acceleration"):
+            if now.verdict.anew:
+                self.acceleration, self.s = make_acceleration(self.problem, self.method), now.fields.s.copy()
+            else:
+                self.s = self.acceleration.next()

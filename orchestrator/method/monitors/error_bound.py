@@ -1,0 +1,69 @@
+"""Stopping criterion of perfect interfaces: the Prager–Synge bound of ``stopping.bound``, or the paper's η for its studies.
+
+    error_bound ≤ tolerance.error     or     indicator η ≤ tolerance.indicator
+
+The bound's second part costs back-substitutions. It is evaluated once the first part is below the tolerance, and again when
+the force imbalance has fallen enough to make a difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.monitors.monitor import Case, Monitor
+
+BALANCED = 1e-12  # force imbalance that is nothing but rounding and foretells no bound
+
+
+class ErrorBoundCriterion(Monitor):
+    """The guaranteed error, or η."""
+
+    name = "error_bound"
+
+    def __init__(self, case: Case):
+        self.case, self.spare, self.ratio = case, case.method.skip.bound, 0.0
+
+    @classmethod
+    def of(cls, case: Case) -> ErrorBoundCriterion | None:
+        return cls(case) if case.problem.all_perfect else None
+
+    def ask(self, now: Evaluation) -> tuple[list[np.ndarray], list[float]]:
+        self._begun = now.problem.bound.begin(now.best)
+        return self._begun.parts, []
+
+    def judge(self, now: Evaluation) -> Verdict:
+        evaluate, value = now.problem.bound, self.case.value
+        begun, self._begun = self._begun.summed(*now.shared[self.name][0]), None
+        bound = evaluate(now.best, complete=False, begun=begun)
+        if not self.case.by_error:
+            eta = now.measures.indicator
+            return self._verdict("indicator", eta, bound)
+        imbalance = now.measures.force_imbalance
+        due = bound.a <= value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(value))
+        if due or not self.spare:
+            bound = evaluate(now.best, useful=value if self.spare else np.inf, begun=begun)
+            known = bound.relative if np.isfinite(bound.relative) else bound.least
+            self.ratio = _of_size(known) / imbalance if np.isfinite(known) and imbalance > 0 else 0.0
+        return self._verdict(self.name, bound.relative, bound)
+
+    def _verdict(self, name: str, measure: float, bound) -> Verdict:
+        return Verdict(bool(measure <= self.case.value), measure=measure, bound=bound, sweeps=bound.sweeps,
+                       told={"target": (name, self.case.value), "error_bound": bound.relative})
+
+    def state(self) -> dict[str, Any]:
+        return {"ratio": self.ratio}
+
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        self.ratio = state["ratio"]
+        return problem
+
+
+def _of_size(relative: float) -> float:
+    """An error relative to ‖u_exact‖ ≥ ‖u_D‖ − error, relative to ‖u_D‖: which falls with the forces' imbalance, as the other does
+    not while it is large."""
+    return relative / (1 + relative)

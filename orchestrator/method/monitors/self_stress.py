@@ -1,0 +1,39 @@
+"""Where several interfaces that open meet at a node: when the rest is small, what is left may be self-stress, and is corrected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from orchestrator.method.coarse.self_stress import RESTING
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.monitors.monitor import Case, Monitor
+
+
+class SelfStressMonitor(Monitor):
+    """Lets the coarse contact problem correct self-stress from the iteration on whose measure is small."""
+
+    name = "self_stress"
+
+    def __init__(self) -> None:
+        self.resting = False
+
+    @classmethod
+    def of(cls, case: Case) -> SelfStressMonitor | None:
+        return None if case.problem.self_stress is None else cls()
+
+    def judge(self, now: Evaluation) -> Verdict:
+        return Verdict(changes=(self.name,)) if not self.resting and now.verdict.measure <= RESTING else Verdict()
+
+    def change(self, now: Evaluation) -> Decomposition:
+        self.resting = True
+        return replace(now.problem, resting=True)
+
+    def state(self) -> dict[str, Any]:
+        return {"resting": self.resting}
+
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        self.resting = state["resting"]
+        return replace(problem, resting=self.resting)
