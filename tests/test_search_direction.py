@@ -8,13 +8,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from in_process import IN_PROCESS
 
-from orchestrator.blackbox.models.assembly import Assembled, Block, assembled, cut
+from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.acceleration.choice import stable_relaxation
 from orchestrator.method.decomposition import prepare
-from orchestrator.method.interface.placed import PlacedBlocks, placed
 from orchestrator.method.increments import iterate
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
@@ -101,23 +100,6 @@ def test_parts_of_stiffnesses_are_cut_from_what_they_lie_in_together():
     for one, dofs, block in zip(found, chosen, cut(found, chosen)):
         matrix = sp.csr_array((block.data, block.indices, block.indptr), shape=block.shape)
         assert np.array_equal(matrix.toarray(), one.matrix.toarray()[np.ix_(dofs, dofs)])
-
-
-def test_blocks_that_are_on_many_places_are_kept_once():
-    rng = np.random.default_rng(1)
-    sizes, parts = (5, 7, 5), []
-    for n in sizes:
-        matrix = sp.csr_array(sp.random_array((n, n), density=0.3, rng=rng) + sp.eye_array(n))
-        parts.append(Block(matrix.data, matrix.indices, matrix.indptr))
-    kinds = rng.permutation(np.repeat([0, 1, 2], [9, 3, 10]))
-    starts = np.cumsum([2, *(sizes[kind] for kind in kinds)])
-    size = int(starts[-1]) + 1  # the first two dofs and the last have no block
-    kept = PlacedBlocks([parts[kind] for kind in kinds], starts[:-1].tolist(), size)
-    whole = placed([parts[kind] for kind in kinds], [a + np.arange(sizes[kind]) for kind, a in zip(kinds, starts)], size)
-    rows = rng.random((3, size))
-    assert len(kept.often) == 2 and kept.rest.nnz == 3 * parts[1].nnz
-    assert np.array_equal(kept.times(rows), (whole @ rows.T).T) and np.array_equal(kept.diagonal(), whole.diagonal())
-    assert not PlacedBlocks([], [], 4).times(np.ones((2, 4))).any()
 
 
 def test_relaxation_of_conjugate_directions_is_the_papers():

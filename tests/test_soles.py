@@ -12,7 +12,6 @@ from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.soles.facets import Facets, between, facets_of
-from orchestrator.scene.soles.layers import layers
 from orchestrator.scene.soles.make import make_soles, soles_of
 from orchestrator.scene.soles.nodal import WALL, stiffer
 from orchestrator.scene.soles.prisms import prisms
@@ -167,15 +166,6 @@ def test_concave_creases_do_not_invert(fold, thickness):
         assert volumes(facets, sole).min() > 1e-4 * 0.5 * thickness / 3
         assert set(sole.cells[sole.cells >= len(facets.points)]) == {
             len(facets.points) + i for i in range(len(sole.points))}, "no outer vertex is an orphan"
-
-
-def test_layers_made_together_are_those_made_one_by_one():
-    """To the last bit, of each side, where some have to be mended too."""
-    several = [patch(seed=1), patch(cells=(4, 4), fold=30, thickness=1.0), patch(fold=100, thickness=1.5), patch(cells=(1, 1))]
-    for facets, pair in zip(several, layers(several), strict=True):
-        for direction, sole in zip((1, -1), pair):
-            for found, wanted in zip(vars(sole).values(), vars(prisms(facets, direction)).values(), strict=True):
-                assert np.array_equal(found, wanted)
 
 
 def test_too_sharp_creases_get_outer_nodes_of_their_own():

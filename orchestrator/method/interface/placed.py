@@ -8,44 +8,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.models.assembly import Block
-from orchestrator.method.interface.rows import times
-
-OFTEN = 8  # places from which a block is kept once: a product for all of them costs less than that of each, and no memory
-
-
-class PlacedBlocks:
-    """A large matrix (size, size) of small ones on its diagonal, those that are on many places kept once.
-
-    Parameters
-    ----------
-    blocks : (n, n) each; one and the same may be on many places
-    starts : first dof of each place; those of a block follow each other, and no dof belongs to two
-    """
-
-    def __init__(self, blocks: Sequence[Block], starts: Sequence[int], size: int):
-        alike: dict[int, list[int]] = {}
-        for number, block in enumerate(blocks):
-            alike.setdefault(id(block), []).append(number)
-        rest = [number for members in alike.values() if len(members) < OFTEN for number in members]
-        self.often = [(sp.csr_array((b.data, b.indices, b.indptr), shape=b.shape), np.array([starts[i] for i in members]))
-                      for members in alike.values() if len(members) >= OFTEN for b in (blocks[members[0]],)]
-        self.rest = placed([blocks[i] for i in rest], [starts[i] + np.arange(blocks[i].shape[0]) for i in rest], size)
-
-    def times(self, rows: np.ndarray) -> np.ndarray:
-        """(T, size) its product with each of the rows (T, size)."""
-        result = times(self.rest, rows) if self.rest.nnz else np.zeros(rows.shape)
-        for block, starts in self.often:
-            at = starts[:, None] + np.arange(block.shape[0])
-            own = rows[:, at]
-            result[:, at] = (block @ own.reshape(-1, block.shape[0]).T).T.reshape(own.shape)
-        return result
-
-    def diagonal(self) -> np.ndarray:
-        """(size,)."""
-        result = self.rest.diagonal()
-        for block, starts in self.often:
-            result[starts[:, None] + np.arange(block.shape[0])] = block.diagonal()
-        return result
 
 
 def placed(blocks: Sequence[Block], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:

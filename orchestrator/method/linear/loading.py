@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
-from orchestrator.method.interface.placed import PlacedBlocks
+from orchestrator.method.interface.placed import placed
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
@@ -62,18 +62,18 @@ def assemble_rims(scene: Scene, own: list[Subdomain], sides, blackbox: BlackBox,
     return [RimStiffness(next(found) if len(r.model.cells) else None, r.nodes) for r in rims]
 
 
-def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> PlacedBlocks:
+def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[RimStiffness]) -> sp.csr_array:
     """(B, B) the subdomains' stiffness on their boundary dofs: energy of fields that vanish inside."""
-    different, numbers, starts = {}, [], []
+    different, numbers, slots = {}, [], []
     for trace, rim, part in zip(traces, rims, space.boundary):
         if not len(trace):
             continue
         position = np.searchsorted(rim.dofs, trace)
         key = id(rim.found), position.tobytes()  # congruent rims share their stiffness
         numbers.append(different.setdefault(key, (len(different), rim.found, position))[0])
-        starts.append(part.start)
+        slots.append(np.arange(part.start, part.stop))
     blocks = cut([found for _, found, _ in different.values()], [position for *_, position in different.values()])
-    return PlacedBlocks([blocks[number] for number in numbers], starts, len(space.global_dof))
+    return placed([blocks[number] for number in numbers], slots, len(space.global_dof))
 
 
 @dataclass

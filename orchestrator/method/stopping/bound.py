@@ -25,7 +25,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.placed import PlacedBlocks
 from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.loading import Loading
@@ -115,7 +114,7 @@ class ErrorBound:
     Among ranks, sums per subdomain and per interface are formed where these are.
     """
 
-    def __init__(self, direction: SearchDirection, stiffness: PlacedBlocks, modes: list[np.ndarray],
+    def __init__(self, direction: SearchDirection, stiffness: sp.csr_array, modes: list[np.ndarray],
                  external: np.ndarray):
         self.space = direction.space
         self.team, transfer = self.space.team, self.space.transfer
@@ -217,7 +216,7 @@ class ErrorBound:
         delta = self.continuity(u, self.stage.known, sums)
         forces = self.space.loads(fields.f)
         robin = self.space.loads(self.stage.robin_of(fields))
-        a2 = dots(delta, self.stiffness.times(delta))
+        a2 = dots(delta, times(self.stiffness, delta))
         energy = self.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
         return Begun(c, u, delta, a2, energy)
 

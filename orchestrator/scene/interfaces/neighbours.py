@@ -18,7 +18,7 @@ import numpy as np
 from orchestrator.errors import KeyPath
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.overlap import Solid, overlap
-from orchestrator.scene.interfaces.pairing import Body, close_bodies, match, nearest, outer_bodies
+from orchestrator.scene.interfaces.pairing import close_bodies, match, nearest, outer_bodies
 from orchestrator.scene.interfaces.proximity import Near, near
 from orchestrator.scene.interfaces.search import Search, side_nodes
 from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces

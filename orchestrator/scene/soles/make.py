@@ -11,7 +11,7 @@ from orchestrator.scene.congruence import first_congruent
 from orchestrator.scene.model import Difficulty, Interface, Scene
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.facets import Facets, facets_of
-from orchestrator.scene.soles.layers import layers
+from orchestrator.scene.soles.prisms import prisms
 from orchestrator.scene.soles.overlap import overlap
 from orchestrator.scene.soles.sole import Sole, merge
 
@@ -61,15 +61,12 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
     kind : layer, springs or symmetric
     second : the facets where the second side is, if not on the first
     """
-    own = [facets] if second is None else [facets, second]
-    return _chosen(kind, own, layers(own))
-
-
-def _chosen(kind: str, own: Sequence[Facets], made: Sequence[tuple[Sole, Sole]]) -> tuple[Sole, Sole]:
-    """The soles of an interface from the ``layers`` on its facets, of both sides or of one."""
     if kind in ("layer", "springs"):
-        return made[0][0], made[-1][1]
-    both = [merge(*(replace(layer, young=layer.young / 2) for layer in pair), len(f.points)) for f, pair in zip(own, made)]
+        return prisms(facets, +1), prisms(second or facets, -1)
+    both = []
+    for f in [facets] if second is None else [facets, second]:
+        one, two = (prisms(f, direction) for direction in (+1, -1))
+        both.append(merge(replace(one, young=one.young / 2), replace(two, young=two.young / 2), len(f.points)))
     return both[0], both[-1]
 
 
@@ -79,11 +76,10 @@ def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[t
             for number, (kind, own) in enumerate(zip(kinds, facets))]
     first = first_congruent(keys, [np.vstack([f.points for f in own]) for own in facets],
                             lambda i, j: all(a.same_matter(b) for a, b in zip(facets[i], facets[j])))
-    made = iter(layers([f for number, own in enumerate(facets) if first[number] == number for f in own]))
     soles: list[tuple[Sole, Sole]] = []
     for number, (kind, own) in enumerate(zip(kinds, facets)):
         if first[number] == number:
-            soles.append(_chosen(kind, own, [next(made) for _ in own]))
+            soles.append(soles_of(own[0], kind, own[1] if len(own) > 1 else None))
             continue
         shift = own[0].points[0] - facets[first[number]][0].points[0]
         one, two = soles[first[number]]
