@@ -64,9 +64,9 @@ def run(config: ConfigFile, overrides: Overrides = None,
                 return lead(team)
         except BaseException as error:
             if team.lost():
-                from orchestrator.blackbox.pool import folder
+                from orchestrator import folders
 
-                folder.sweep()  # what the lost ones left
+                folders.sweep()  # what the lost ones left
             if not team.speaks():
                 return CONVERGED
             raise team.cause(error)

@@ -11,29 +11,19 @@ from orchestrator.blackbox.cost import Request, compliance_pays, copies, to_come
 from orchestrator.blackbox.start import make_blackbox
 
 
-# Seconds per entry of a product, for one row and per row of many: a machine of 10 GB/s and 10 GFlop/s, and others.
-MACHINES = {"usual": (8e-10, 2e-10), "slow memory": (8e-9, 2e-10), "slow throughout": (3e-9, 3e-9), "quick": (1e-10, 2e-11)}
-
-
-@pytest.fixture(params=MACHINES)
-def machine(request, monkeypatch):
-    """What products cost, whatever the machine that the tests run on."""
-    monkeypatch.setattr(cost, "_speeds", lambda: MACHINES[request.param])
-
-
 def spent(requests: int, trace: int, cases: int, request: Request, unit_loads: Request, expected: int = 0) -> float:
     """Seconds of a run of so many requests that follows the model."""
     seconds = 0.0
     for done in range(requests):
         if compliance_pays(trace, to_come(done, expected), cases, request, unit_loads):
-            return seconds + unit_loads.of(trace) + (requests - done) * cost.product_seconds(trace, cases)
+            return seconds + unit_loads.of(trace)
         seconds += request.of(cases)
     return seconds
 
 
 @pytest.mark.parametrize("start, each, factor", [(0.0, 1e-3, 1.0), (0.3, 1e-3, 1.0), (0.0, 0.2, 0.01), (0.05, 0.01, 30.0)],
                          ids=["alive", "runs", "green", "dear unit loads"])
-def test_at_most_twice_the_cheaper_way(start, each, factor, machine):
+def test_at_most_twice_the_cheaper_way(start, each, factor):
     """However many requests come: codes that stay alive, end after every run, or have a cheaper way to unit loads."""
     request, unit_loads = Request(start, each), Request(start, factor * each)
     for trace in (9, 150, 1500):
@@ -42,24 +32,15 @@ def test_at_most_twice_the_cheaper_way(start, each, factor, machine):
             for requests in (1, 2, 5, 17, 60, 400, 5000):
                 found = spent(requests, trace, cases, request, unit_loads)
                 solved = requests * request.of(cases)
-                product = formed + requests * cost.product_seconds(trace, cases)
-                assert found <= 2 * min(solved, product) + request.of(cases)
+                assert found <= 2 * min(solved, formed) + request.of(cases)
 
 
 def test_what_is_expected_decides_before_anything_has_been():
-    """Twenty stages are worth twenty solves of each load case, less the products; forty dofs are not."""
+    """Twenty stages are worth twenty solves of each load case, less nothing more; forty dofs are not."""
     request = Request(0.0, 1.0)
     assert [compliance_pays(trace, to_come(0, 20), 2, request, request) for trace in (39, 40, 41)] == [True, False, False]
     assert not compliance_pays(39, to_come(0), 2, request, request), "nothing is expected of who was never asked"
     assert [to_come(done, 20) for done in (0, 5, 10, 19, 30)] == [20, 15, 11, 20, 31]
-
-
-def test_products_are_not_free(machine):
-    """Where back-substitutions are as quick as products nothing is gained."""
-    quick = cost.product_seconds(1000, 1)
-    assert 0 < quick < cost.product_seconds(1000, 4000) and math.isclose(quick, 100 * cost.product_seconds(100, 1))
-    assert not compliance_pays(1000, 10**6, 1, Request(0.0, 0.9 * quick), Request(0.0, 0.9 * quick))
-    assert compliance_pays(1000, 10**6, 1, Request(0.0, 1.1 * quick), Request(0.0, 1.1 * quick))
 
 
 def test_copies_pay_by_the_solves_they_take_off_others():

@@ -15,7 +15,7 @@ import pytest
 from blackbox_case import box, forces, settings
 from processes import begin, gone, running
 
-from orchestrator.blackbox.pool import folder
+from orchestrator import folders
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.errors import BlackBoxError, InputError
@@ -284,11 +284,11 @@ def test_the_program_forgets_to_close(temporary):
 
 OWNER = """
 import sys
-from orchestrator.blackbox.pool import folder
+from orchestrator import folders
 if len(sys.argv) > 1:
-    boot = folder.here()[1]
-    folder.here = lambda: (sys.argv[1], boot)
-print(folder.make(), flush=True)
+    boot = folders.here()[1]
+    folders.here = lambda: (sys.argv[1], boot)
+print(folders.make(), flush=True)
 sys.stdin.read()
 """
 
@@ -302,40 +302,40 @@ def owner(*host: str) -> tuple[subprocess.Popen, Path]:
 @pytest.mark.parametrize("host", [(), ("another_container",)], ids=["here", "another container"])
 def test_folders_of_the_living_are_left_alone(temporary, host):
     """Those of another process live as long as it does, whatever its container is called; then they are swept."""
-    mine = folder.make()
+    mine = folders.make()
     child, theirs = owner(*host)
     assert theirs.parent == temporary and (not host or f"-{host[0]}-" in theirs.name)
-    folder.sweep()
+    folders.sweep()
     assert mine.is_dir() and theirs.is_dir()
     child.kill()
     child.wait()
-    folder.sweep()
+    folders.sweep()
     assert mine.is_dir() and not theirs.exists()
-    folder.remove(mine)
+    folders.remove(mine)
 
 
 def test_folders_of_other_hosts_are_left_alone(temporary):
     """Nobody can tell from here whether their owners live; a host that was started anew has no owner left."""
-    host, boot = folder.here()
+    host, boot = folders.here()
     foreign = temporary / f"orchestrator-{host}x-0123456789ab-1-abc"
     before = temporary / f"orchestrator-{host}-0123456789ab-1-abc"
     for path in (foreign, before):
         path.mkdir()
-    folder.sweep()
+    folders.sweep()
     assert foreign.is_dir() and not before.exists()
     foreign.rmdir()
 
 
 def test_whoever_sweeps_while_folders_are_made_takes_none(temporary):
     """Between its making and its lock a folder looks abandoned."""
-    sweeping = begin(sys.executable, "-c", "from orchestrator.blackbox.pool import folder; import time\n"
-                     "end = time.monotonic() + 2\nprint(flush=True)\nwhile time.monotonic() < end: folder.sweep()")
+    sweeping = begin(sys.executable, "-c", "from orchestrator import folders; import time\n"
+                     "end = time.monotonic() + 2\nprint(flush=True)\nwhile time.monotonic() < end: folders.sweep()")
     sweeping.stdout.readline()
-    made = [folder.make() for _ in range(300)]
+    made = [folders.make() for _ in range(300)]
     assert sweeping.wait(timeout=120) == 0
     assert all((path / "owner").exists() for path in made)
     for path in made:
-        folder.remove(path)
+        folders.remove(path)
 
 
 def processes_in(folder: Path) -> list[int]:

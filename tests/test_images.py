@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from blackbox_case import box
 
-from orchestrator.blackbox.models.images import _AXES, _SIGNS, images, spanned
+from orchestrator.blackbox.models.images import _AXES, _SIGNS, images
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.protocol import Model
 
@@ -66,15 +66,3 @@ def test_what_only_looks_alike_is_no_image():
     swapped = other.cells.copy()
     swapped[0, [4, 5]] = swapped[0, [5, 4]]
     assert images([ten, other], [0, 1]) and not images([ten, replace(other, cells=swapped)], [0, 1])
-
-
-def test_rows_in_one_span_are_solved_once():
-    random = np.random.default_rng(3)
-    basis = random.standard_normal((6, 40)) * 10.0 ** random.integers(-3, 4, (6, 1))
-    parts = [basis, random.standard_normal((6, 6)) @ basis, np.vstack([random.standard_normal((1, 40)), basis[:2], np.zeros((1, 40))])]
-    rows, weights = spanned(parts)
-    assert len(rows) == 7 and np.abs(rows @ rows.T - np.eye(7)).max() <= 1e-13
-    whole = np.vstack(parts)
-    assert np.abs(weights @ rows - whole).max() <= 1e-13 * np.abs(whole).max()
-    rows, weights = spanned([0 * basis, 0 * basis])
-    assert rows.shape == (0, 40) and weights.shape == (12, 0)

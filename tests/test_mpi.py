@@ -15,7 +15,7 @@ import pytest
 from processes import begin, gone
 from ranks_case import CASES, PLACED, found
 
-from orchestrator.blackbox.pool import folder
+from orchestrator import folders
 from orchestrator.parallel.join import SHARED
 from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
@@ -203,8 +203,8 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
     assert gone(theirs, SECONDS) and saved_iteration(results) > iterations[-1] - 2
     end = time.monotonic() + SECONDS
     while any(path.exists() for path in [*shared, *temporary.glob("orchestrator-*")]) and time.monotonic() < end:
-        folder.sweep(SHARED)  # as the next run does
-        folder.sweep(str(temporary))
+        folders.sweep(SHARED)  # as the next run does
+        folders.sweep(str(temporary))
     assert not any(path.exists() for path in shared)
 
 

@@ -45,8 +45,8 @@ def _share_memory() -> None:
     """A folder of this rank's own for what Open MPI shares with others of its host, swept like all others where it is killed."""
     if BACKING in os.environ or not os.access(SHARED, os.W_OK):
         return
-    from orchestrator.blackbox.pool import folder  # ranks alone need it
+    from orchestrator import folders  # ranks alone need it
 
-    folder = folder.make(SHARED)
+    folder = folders.make(SHARED)
     os.environ[BACKING] = str(folder)
-    atexit.register(folder.remove, folder)  # before MPI is imported, so that it has ended by then
+    atexit.register(folders.remove, folder)  # before MPI is imported, so that it has ended by then

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from orchestrator.blackbox.transport.worker import Worker
     from orchestrator.blackbox.protocol import Model
 
+_HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory", "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
+
 
 class Code(ABC):
     """A finite element code, found once and then started as often as there are workers.
@@ -33,6 +35,7 @@ class Code(ABC):
     translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its process tells
     check_runs : whether ``check`` runs what the user has written, so that it needs the user's word
     guarded : whether its matrices and fields are judged as they arrive; else it judges them itself
+    meanings : of its exit codes
 
     The constructor of a code raises InputError when the code is not installed: nothing has been started yet.
 
@@ -49,6 +52,7 @@ class Code(ABC):
     own_matter: ClassVar[bool | None] = False
     check_runs: ClassVar[bool] = False
     guarded: ClassVar[bool] = True
+    meanings: ClassVar[Mapping[int, str]] = {}
 
     def __init__(self, settings: CodeSettings | None = None):
         self.settings = settings or self.Settings()
@@ -75,8 +79,13 @@ class Code(ABC):
         return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
     def meaning(self, exit_code: int) -> str:
-        """What an exit code (negative: killed by that signal) says."""
-        return exit_meaning(exit_code, {})
+        """What an exit code says; negative: killed by that signal."""
+        if exit_code >= 0:
+            otherwise = "ended with an error" if exit_code else "normal end"
+            return f"{exit_code}: {self.meanings.get(exit_code, otherwise)}"
+        known = [s.name for s in signal.Signals if s == -exit_code]
+        name = known[0] if known else f"signal {-exit_code}"
+        return f"{exit_code}: killed by {name}{_HINTS.get(name, '')}"
 
     def check(self) -> None:
         """Raises InputError for what is wrong with files of its own, as far as it shows before anything is solved."""
@@ -100,24 +109,6 @@ class Code(ABC):
             return [f"{name}: {cls(cls.Settings(code=name)).version()}"]
         except InputError as error:
             return [f"no {name} (optional): {error.problems[0].cure}"]
-
-
-_HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory", "SIGSEGV": ", segmentation fault", "SIGABRT": ", abnormal end"}
-
-
-def exit_meaning(exit_code: int, meanings: Mapping[int, str], otherwise: str = "ended with an error") -> str:
-    """What an exit code says; negative codes are signals.
-
-    Parameters
-    ----------
-    meanings : the code's own exit codes
-    otherwise : what to say of unknown ones
-    """
-    if exit_code >= 0:
-        return f"{exit_code}: {meanings.get(exit_code, 'normal end' if exit_code == 0 else otherwise)}"
-    known = [s.name for s in signal.Signals if s == -exit_code]
-    name = known[0] if known else f"signal {-exit_code}"
-    return f"{exit_code}: killed by {name}{_HINTS.get(name, '')}"
 
 
 class MessageCode(Code):

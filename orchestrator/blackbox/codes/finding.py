@@ -43,7 +43,8 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
             if run_programs:
                 found[index].ask()
         except InputError as error:  # a code knows nothing of lists
-            problems += error.problems if settings[index].code in FOREIGN else [replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
+            own = settings[index].code in FOREIGN
+            problems += [p if own else replace(p, path=(*entry_path(index, settings), *p.path[1:])) for p in error.problems]
     if problems:
         raise InputError(problems)
     return found

@@ -13,12 +13,13 @@ from importlib import metadata
 from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from importlib.resources import files
+from inspect import getfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, JsonValue
 
-from orchestrator.blackbox.codes.code import Code, MessageCode, exit_meaning
+from orchestrator.blackbox.codes.code import Code, MessageCode
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 TEMPLATE = Path(__file__).with_name("template.py")
 _ROOT = Path(str(files("orchestrator"))).parent  # of the packages: the clone, or site-packages
 _NO_SOLVER = 67  # exit code of ``python_server``
-_MEANINGS = {1: "an exception in the solver's Python code"}
 # What another interpreter runs: this package from where it is, and nothing else that is beside it.
 _HOSTED = """import runpy, sys
 from importlib.util import module_from_spec, spec_from_file_location
@@ -76,6 +76,7 @@ class PythonCode(MessageCode):
     package: ClassVar[str] = ""
     translation_invariant, own_matter = None, None  # said by the solver's class, which this process does not import
     mesh_suffix = "npz"
+    meanings = {1: "an exception in the solver's Python code"}
 
     class Settings(CodeSettings):
         """A solver in Python."""
@@ -168,10 +169,6 @@ class PythonCode(MessageCode):
                  **({} if model.origin is None else model.origin.arrays(len(model.nodes), len(model.cells))))
         return file.getvalue()
 
-    def meaning(self, exit_code: int) -> str:
-        """As ``Code`` says."""
-        return exit_meaning(exit_code, _MEANINGS)
-
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
         """The class: the module is imported by the process alone, which finds out."""
         if exit_code != _NO_SOLVER:
@@ -201,9 +198,10 @@ def code_of(named: type) -> type[Code]:
     if issubclass(named, Code):
         return named
     kind = PythonCode if "P2" in named.elements else FourNodeCode
+    where = named.__module__ if "." in named.__module__ else os.path.abspath(getfile(named))  # of a package, or a file by itself
     return type(f"{named.__name__}Code", (kind,), {
-        "__doc__": named.__doc__, "__module__": named.__module__, "solver": f"{named.__module__}:{named.__qualname__}",
-        "package": named.package, "translation_invariant": named.translation_invariant, "own_matter": named.own_matter})
+        "__doc__": named.__doc__, "__module__": named.__module__, "solver": f"{where}:{named.__qualname__}", "package": named.package,
+        "translation_invariant": named.translation_invariant, "own_matter": named.own_matter})
 
 
 @cache

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
 
 import numpy as np
 
 from orchestrator.blackbox.cost import copies
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.models.congruence import representatives
-from orchestrator.blackbox.models.images import Image, images, spanned
+from orchestrator.blackbox.models.images import Image, images
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.savings import Savings
@@ -49,7 +48,7 @@ class SharedModels(Layer):
         self.workers, self.steps, self.savings = workers, steps, savings
         self.model_of = np.empty(0, int)
         self.image_of: dict[int, tuple[Image, Image]] = {}
-        self._last: dict[int, tuple[_Rows, np.ndarray]] = {}
+        self._last: dict[int, dict[bytes, np.ndarray]] = {}  # of each model, rows and their answers
         self._parts: Sequence[slice] | None = None
         self._columns: dict[int, tuple[np.ndarray | slice, np.ndarray | None]] = {}
 
@@ -119,7 +118,7 @@ class SharedModels(Layer):
         count, rows = len(forces), {}
         for model, (columns, sign) in self._columns.items():
             if isinstance(columns, slice):
-                rows[model] = np.array(forces[:, columns])  # a copy: it is remembered
+                rows[model] = forces[:, columns]
             else:
                 own = forces[:, columns] if sign is None else forces[:, columns] * sign
                 rows[model] = own.transpose(1, 0, 2).reshape(-1, columns.shape[1])
@@ -159,147 +158,46 @@ class SharedModels(Layer):
         key = {index: (id(f) if self.repeated else index, id(images.get(index))) for index, f in forces.items()}
         for index in forces:
             groups.setdefault(int(self.model_of[index]), {}).setdefault(key[index], index)
-        rows, expansions = {}, {}
-        for model, different in groups.items():
-            parts = [images[i].to_other(forces[i]) if i in images else forces[i] for i in different.values()]
-            rows[model] = np.vstack(parts)
-            if remember and len(parts) > 1 and any(i in images for i in different.values()):
-                rows[model], expansions[model] = spanned(parts)
+        rows = {model: np.vstack([images[i].to_other(forces[i]) if i in images else forces[i] for i in different.values()])
+                for model, different in groups.items()}
         again = sum(len(f) for f in forces.values()) - sum(len(r) for r in rows.values())
         answers, result = self._answered(rows, solve, remember, again), {}
         for model, different in groups.items():
-            whole = expansions[model] @ answers[model] if model in expansions else answers[model]
             ends = np.cumsum([0] + [len(forces[i]) for i in different.values()]).tolist()
             for (array, i), a, b in zip(different.items(), ends[:-1], ends[1:]):
-                result[model, array] = images[i].back(whole[a:b]) if i in images else whole[a:b]
+                result[model, array] = images[i].back(answers[model][a:b]) if i in images else answers[model][a:b]
         return {index: result[int(self.model_of[index]), key[index]] for index in forces}
 
     def _answered(self, rows: dict[int, np.ndarray], solve, remember: bool, again: int = 0) -> dict[int, np.ndarray]:
-        """Answers per model to rows per model, of which ``again`` more have been asked for."""
+        """Answers per model to rows (n, size) per model, of which ``again`` more have been asked for.
+
+        Rows that are zero, that occur twice, or that were asked the last time are told by their bytes, and not solved.
+        """
         if not self.repeated:
             return solve(rows)
-        plans = {model: _plan(r, self._last.get(model) if remember else None) for model, r in rows.items()}
-        asked = {model: plan.chosen for model, plan in plans.items() if len(plan.solved)}
-        new = solve(asked) if asked else {}
-        answers = {model: plan.answers(new.get(model)) for model, plan in plans.items()}
+        keys = {model: [row.tobytes() for row in r] for model, r in rows.items()}
+        known = {model: self._last.get(model, {}) if remember else {} for model in rows}
+        first = {model: _new(r, keys[model], known[model]) for model, r in rows.items()}
+        asked = {model: r if len(first[model]) == len(r) else r[list(first[model].values())] for model, r in rows.items() if first[model]}
+        answers = solve(asked) if asked else {}
+        for model, r in rows.items():
+            if len(first[model]) < len(r):
+                found = known[model] | dict(zip(first[model], answers.get(model, ())))
+                answers[model] = np.zeros(r.shape)
+                for row, key in enumerate(keys[model]):
+                    if key in found:
+                        answers[model][row] = found[key]
         if remember:
-            self._last |= {model: (plans[model].asked, answers[model]) for model in rows}
+            self._last |= {model: dict(zip(keys[model], answers[model])) for model in rows}
         self.savings.add("repeated", "back-substitutions",
                          again + sum(len(r) for r in rows.values()) - sum(len(a) for a in asked.values()))
         return answers
 
 
-class _Rows:
-    """Right-hand sides (n, size), found by their keys."""
-
-    def __init__(self, rows: np.ndarray):
-        self.rows = rows
-
-    @cached_property
-    def keys(self) -> list[float]:
-        """(n,) each row's product with random numbers, summed in one order: the same for equal rows wherever they are."""
-        return np.einsum("ij,j->i", self.rows, _weights(self.rows.shape[1])).tolist()
-
-    @cached_property
-    def _first(self) -> dict[float, int]:
-        """Key to the first row that has it."""
-        return {key: place for place, key in reversed([*enumerate(self.keys)])}
-
-    def find(self, other: _Rows, chosen: np.ndarray) -> np.ndarray:
-        """(m,) int, where the chosen rows (m,) of others are; −1 where they are not."""
-        if len(self.rows) == 1:
-            return np.where((other.rows[chosen] == self.rows).all(axis=1), 0, -1)
-        found = np.array([self._first.get(other.keys[i], -1) for i in chosen.tolist()], dtype=int)
-        known = np.flatnonzero(found >= 0)
-        if len(known):
-            found[known[(self.rows[found[known]] != other.rows[chosen[known]]).any(axis=1)]] = -1
-        return found
-
-    def firsts(self, chosen: np.ndarray) -> np.ndarray:
-        """(m,) int, for each of the chosen rows (m,) the first of them that is equal."""
-        if len(chosen) <= 1:
-            return chosen
-        first: dict[float, int] = {}
-        twin = np.array([first.setdefault(self.keys[i], i) for i in chosen.tolist()])
-        again = np.flatnonzero(twin != chosen)
-        if len(again):
-            different = again[(self.rows[twin[again]] != self.rows[chosen[again]]).any(axis=1)]  # by chance of equal keys
-            twin[different] = chosen[different]
-        return twin
-
-
-@lru_cache(maxsize=1024)
-def _weights(size: int) -> np.ndarray:
-    return np.random.default_rng(0).uniform(1.0, 2.0, size)
-
-
-class _Plan:
-    """Which of the rows (n, size) are solved, and where the others' answers come from.
-
-    Parameters
-    ----------
-    last : rows asked before, and their answers
-
-    Attributes
-    ----------
-    solved : (m,) int, ascending, rows that are new and occur for the first time
-    source : (n,) int, of each row the place of its answer among the solved; −1 where it is zero or recalled
-    recalled : (n,) int, of each row the place of its answer among those remembered; −1 where it is not
-    """
-
-    def __init__(self, rows: np.ndarray, last: tuple[_Rows, np.ndarray] | None):
-        self.asked, self.last = _Rows(rows), last
-        self.source, self.recalled = np.full((2, len(rows)), -1)
-        new = np.flatnonzero(rows.any(axis=1))
-        if last is not None and len(last[1]) and len(new):
-            self.recalled[new] = last[0].find(self.asked, new)
-            new = new[self.recalled[new] < 0]
-        twin = self.asked.firsts(new)
-        if (twin == new).all():
-            self.solved, self.source[new] = new, np.arange(len(new))
-        else:
-            self.solved, self.source[new] = np.unique(twin, return_inverse=True)
-
-    @property
-    def chosen(self) -> np.ndarray:
-        """(m, size) the rows to solve."""
-        rows = self.asked.rows
-        return rows if len(self.solved) == len(rows) else rows[self.solved]
-
-    def answers(self, new: np.ndarray | None) -> np.ndarray:
-        """(n, size) the answers to all rows, given those (m, size) to the solved ones."""
-        if new is not None and len(new) == len(self.source):
-            return new
-        result, asked, known = np.zeros(self.asked.rows.shape), self.source >= 0, self.recalled >= 0
-        if new is not None:
-            result[asked] = new[self.source[asked]]
-        if known.any():
-            result[known] = self.last[1][self.recalled[known]]
-        return result
-
-
-class _PlanOfOne(_Plan):
-    """``_Plan`` of one row, where none or one was asked before: of a thousand subdomains each has one in every iteration."""
-
-    def __init__(self, rows: np.ndarray, last: tuple[_Rows, np.ndarray] | None):
-        self.asked = _Rows(rows)
-        self.known = last[1] if last is not None and (last[0].rows == rows).all() else None
-        self.solved = _FIRST if self.known is None and rows.any() else _NONE
-
-    @property
-    def chosen(self) -> np.ndarray:
-        """As ``_Plan`` says."""
-        return self.asked.rows
-
-    def answers(self, new: np.ndarray | None) -> np.ndarray:
-        """As ``_Plan`` says."""
-        if new is not None:
-            return new
-        return np.zeros(self.asked.rows.shape) if self.known is None else self.known.copy()
-
-
-_FIRST, _NONE = np.zeros(1, dtype=int), np.empty(0, dtype=int)
-
-
-def _plan(rows: np.ndarray, last: tuple[_Rows, np.ndarray] | None) -> _Plan:
-    return (_PlanOfOne if len(rows) == 1 and (last is None or len(last[1]) == 1) else _Plan)(rows, last)
+def _new(rows: np.ndarray, keys: Sequence[bytes], known: Mapping[bytes, np.ndarray]) -> dict[bytes, int]:
+    """Key → the first row that has it, of those that are neither zero nor known."""
+    first: dict[bytes, int] = {}
+    for row, (key, loaded) in enumerate(zip(keys, rows.any(axis=1).tolist())):
+        if loaded and key not in known:
+            first.setdefault(key, row)
+    return first

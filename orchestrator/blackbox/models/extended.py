@@ -41,8 +41,7 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
                    soles: Sequence[SolePair]) -> Model:
     """The subdomain's mesh with the soles of all its interfaces: its stiffness is K + NᵀkN of eq. 13."""
     count = len(subdomain.nodes)
-    points, cells = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity]
-    matter = [np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material]]
+    points, cells, matter = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity], [_moduli(scene, subdomain.material)]
     for index, side in sides:
         sole, inner = soles[index][side], scene.interfaces[index].nodes[side]
         numbering = np.concatenate([inner, count + np.arange(len(sole.points))])
@@ -52,20 +51,14 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
         count += len(sole.points)
     fixed = np.ones((count, 3), dtype=bool)
     fixed[: len(subdomain.nodes)] = subdomain.fixed
-    region, materials = _regions(np.vstack(matter))
-    return Model(
-        name=subdomain.name, nodes=np.vstack(points), cells=np.vstack(cells), region=region, materials=materials,
-        fixed=fixed, trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code,
-        origin=Origin(subdomain.nodes, subdomain.cells, scene.mesh.volume, scene.mesh.volumes),
-    )
+    return _model(subdomain.name, np.vstack(points), np.vstack(cells), np.vstack(matter), fixed=fixed,
+                  trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code, origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
 
 def body_model(scene: Scene, subdomain: Subdomain) -> Model:
     """The subdomain's own mesh, without soles."""
-    region, materials = _regions(np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material])
-    return Model(subdomain.name, scene.mesh.nodes[subdomain.nodes], subdomain.connectivity, region, materials, subdomain.fixed,
-                 np.empty(0, int), code=subdomain.code,
-                 origin=Origin(subdomain.nodes, subdomain.cells, scene.mesh.volume, scene.mesh.volumes))
+    return _model(subdomain.name, scene.mesh.nodes[subdomain.nodes], subdomain.connectivity, _moduli(scene, subdomain.material),
+                  fixed=subdomain.fixed, code=subdomain.code, origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
 
 def both_alike(scene: Scene, index: int, pair: SolePair) -> bool:
@@ -81,12 +74,10 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
     for interface, pair in zip(scene.interfaces, soles):
         for side in () if pair is None else (0,) if both_alike(scene, interface.index, pair) else (0, 1):
             sole = pair[side]
-            region, materials = _regions(np.column_stack([sole.young, sole.poisson]))
             nodes = np.vstack([scene.side_points(interface, side), sole.points])
             models.append((
-                Model(f"sole of {interface.name}", nodes, sole.cells, region, materials,
-                      np.zeros((len(nodes), 3), bool), np.empty(0, int),
-                      scene.subdomains[interface.subdomains[side]].code),
+                _model(f"sole of {interface.name}", nodes, sole.cells, np.column_stack([sole.young, sole.poisson]),
+                       code=scene.subdomains[interface.subdomains[side]].code),
                 (interface.index, side),
             ))
     return models
@@ -115,23 +106,32 @@ def rim_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int
     if subdomain.foreign and chosen.any():  # its stiffness couples all of its joints
         chosen[:] = True
     nodes, cells = np.unique(subdomain.connectivity[chosen], return_inverse=True)
-    matter = np.array([[m.young, m.poisson] for m in scene.materials])[subdomain.material[chosen]]
-    region, materials = _regions(matter.reshape(-1, 2))
-    model = Model(
-        name=f"rim of {subdomain.name}", nodes=scene.mesh.nodes[subdomain.nodes[nodes]],
-        cells=cells.reshape(-1, subdomain.connectivity.shape[1]), region=region, materials=materials, fixed=np.zeros((len(nodes), 3), bool), trace=np.empty(0, int),
-        code=subdomain.code,
-        origin=Origin(subdomain.nodes[nodes], subdomain.cells[chosen], scene.mesh.volume, scene.mesh.volumes),
-    )
+    model = _model(f"rim of {subdomain.name}", scene.mesh.nodes[subdomain.nodes[nodes]],
+                   cells.reshape(-1, subdomain.connectivity.shape[1]), _moduli(scene, subdomain.material[chosen]), code=subdomain.code,
+                   origin=_origin(scene, subdomain.nodes[nodes], subdomain.cells[chosen]))
     return Rim(model, nodes)
 
 
 def whole_model(scene: Scene) -> Model:
     """The undecomposed problem as one model, for the reference solution."""
-    region, materials = _regions(np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material])
     mesh = scene.mesh
-    return Model("the whole structure", mesh.nodes, mesh.cells, region, materials, scene.fixed, np.empty(0, int),
-                 origin=Origin(np.arange(len(mesh.nodes)), np.arange(len(mesh.cells)), mesh.volume, mesh.volumes))
+    return _model("the whole structure", mesh.nodes, mesh.cells, _moduli(scene, scene.cell_material), fixed=scene.fixed,
+                  origin=_origin(scene, np.arange(len(mesh.nodes)), np.arange(len(mesh.cells))))
+
+
+def _model(name: str, nodes: np.ndarray, cells: np.ndarray, matter: np.ndarray, **more) -> Model:
+    """A model of tets whose (E, ν) are ``matter`` (m, 2); nothing clamped and no traces unless said otherwise."""
+    region, materials = _regions(matter)
+    return Model(name, nodes, cells, region, materials, **{"fixed": np.zeros((len(nodes), 3), bool), "trace": np.empty(0, int), **more})
+
+
+def _origin(scene: Scene, nodes: np.ndarray, cells: np.ndarray) -> Origin:
+    return Origin(nodes, cells, scene.mesh.volume, scene.mesh.volumes)
+
+
+def _moduli(scene: Scene, material: np.ndarray) -> np.ndarray:
+    """(m, 2) E and ν of tets of these materials (m,)."""
+    return np.array([[m.young, m.poisson] for m in scene.materials])[material].reshape(-1, 2)
 
 
 def _regions(matter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator import folders, processes
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.blackbox.diagnosis import AGREE, ROUGH, difference
-from orchestrator.blackbox.pool import folder
 from orchestrator.blackbox.pool.crew import Crew, Task
 from orchestrator.blackbox.pool.sharing import Sharing, gathered, longest_first
 from orchestrator.blackbox.protocol import Model, Traits
@@ -46,8 +46,8 @@ class Pool:
         self._codes, self._models = dict(codes), []
         self._sharing: dict[int, Sharing] = {}  # where the models of each code are
         self._broken, self._closed = "", False
-        self._folder = folder.make()
-        folder.watch(self)
+        self._folder = folders.make()
+        processes.watch(self)
         self._teams: dict[int, range] = {}  # the workers of each code
         makers: list[partial[Worker]] = []
         for number, code in self._codes.items():
@@ -131,14 +131,14 @@ class Pool:
             return
         self._closed = True
         self._crew.stop()
-        folder.remove(self._folder)
-        folder.forget(self)
+        folders.remove(self._folder)
+        processes.forget(self)
 
     def kill(self) -> None:
         """End all processes at once and remove all files, without waiting for any thread."""
         self._closed = True
         self._crew.kill()
-        folder.remove(self._folder)
+        folders.remove(self._folder)
 
     def __enter__(self) -> Pool:
         return self

@@ -6,8 +6,6 @@ import contextlib
 import os
 import resource
 import select
-import shutil
-import signal
 import subprocess
 import tempfile
 import threading
@@ -23,6 +21,7 @@ from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.usage import STAGES
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.launcher import without_launcher
+from orchestrator.processes import end, started
 
 LOG_TAIL = 2000  # bytes
 MB_PER_KIB = 1024 / 1e6  # the kernel counts in KiB, the summary in MB
@@ -37,8 +36,8 @@ class Silence(Ended):
 
     def __init__(self) -> None:
         limited = resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
-        super().__init__("no answer within the time allowed (blackbox.timeout)"
-                         + (", perhaps for want of memory: ulimit -v is set, and OpenBLAS waits for ever for what it forbids" if limited else ""))
+        super().__init__("no answer within the time allowed (blackbox.timeout)" + limited * (
+            ", perhaps for want of memory: ulimit -v is set, and OpenBLAS waits for ever for what it forbids"))
 
 
 class Worker:
@@ -117,18 +116,12 @@ class Worker:
     # ---- processes ------------------------------------------------------------------------------
 
     def spawn(self, requests: str, replies: str = "", pass_fds: tuple[int, ...] = ()) -> subprocess.Popen:
-        """Start a process. The kernel kills it with the calling thread, which must live as long as the pool."""
-        command = self.code.command(requests, replies)
-        if setpriv := shutil.which("setpriv"):
-            command = [setpriv, "--pdeathsig", "KILL", *command]
+        """Start a process, which ends with the calling thread at the latest: that lives as long as the pool."""
         with self._lock:
             if self._killed:
                 raise Ended("the black box was closed")
-            self.process = subprocess.Popen(
-                command, cwd=self.folder, env=without_launcher(self.code.environment()), pass_fds=pass_fds,
-                stdin=subprocess.DEVNULL, stdout=self.log, stderr=self.log,
-                process_group=0,  # Ctrl-C is for the orchestrator, which then ends its processes itself
-            )
+            self.process = started(self.code.command(requests, replies), cwd=self.folder, pass_fds=pass_fds,
+                                   env=without_launcher(self.code.environment()), stdout=self.log, stderr=self.log)
         return self.process
 
     def wait_for_end(self, process: subprocess.Popen) -> tuple[int, float]:
@@ -152,9 +145,7 @@ class Worker:
             self._killed = True
             if self.process is not None and self.process.returncode is None:
                 self.note_memory()
-                # the whole group: the executable may be a script around the real one
-                with contextlib.suppress(ProcessLookupError):
-                    os.killpg(self.process.pid, signal.SIGKILL)
+                end(self.process)
 
     def release(self) -> None:
         """Reap the process and close what is open; after ``kill``, when the thread is done."""

@@ -13,19 +13,19 @@ digits; ids are the program's own. What it prints is quoted where it fails.
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
 
 from orchestrator.config.foreign_parts import ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.folders import temporary
 from orchestrator.parallel.launcher import without_launcher
-from orchestrator.scene.foreign.waiting import waited_for
+from orchestrator.processes import waited_for
 
 SPRINGS, FORCES, DISPLACEMENTS, JOINT = "springs.txt", "forces.txt", "displacements.txt", "joint.txt"
 TAIL = 2000  # bytes of what it printed last
@@ -111,8 +111,7 @@ class ProgramRuns:
     def _called(self, ids: np.ndarray, springs: np.ndarray, own: Sequence[int], forces: np.ndarray | Sequence,
                 folder: Path | None = None) -> Iterator[Path]:
         """A call; the folder with what it has left, which goes afterwards unless it was given."""
-        where = Path(tempfile.mkdtemp(prefix="orchestrator-program-")) if folder is None else folder
-        try:
+        with temporary() if folder is None else nullcontext(folder) as where:
             rows = [f"{i} {k[0]:.17g} {k[1]:.17g} {k[2]:.17g}" for i, k in zip(ids.tolist(), springs.tolist())]
             (where / SPRINGS).write_text("\n".join([str(len(ids)), *rows]) + "\n")
             rows = [f"{len(ids)} {len(own)}"]
@@ -122,9 +121,6 @@ class ProgramRuns:
             (where / FORCES).write_text("\n".join(rows) + "\n")
             self._run(where)
             yield where
-        finally:
-            if folder is None:
-                shutil.rmtree(where, ignore_errors=True)
 
     def _run(self, folder: Path) -> None:
         """Start it and wait for its end; whatever happens, nothing of it is left running."""

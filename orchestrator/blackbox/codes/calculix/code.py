@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.blackbox.codes.code import exit_meaning
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from orchestrator.blackbox.codes.calculix.worker import CalculixWorker
 
-_MEANINGS = {201: "CalculiX stopped with an error"}
 
 
 class CalculiX(Code):
@@ -33,6 +31,7 @@ class CalculiX(Code):
 
     translation_invariant = True
     install = "apt-get install calculix-ccx   (or ORCHESTRATOR_CALCULIX=/path/to/ccx)"
+    meanings = {201: "CalculiX stopped with an error"}
 
     class Settings(CodeSettings):
         """CalculiX, one run per question."""
@@ -74,7 +73,3 @@ class CalculiX(Code):
                                 timeout=60)
         found = re.search(r"Version\s+(\S+)", answer.stdout)
         return found[1] if found else ""
-
-    def meaning(self, exit_code: int) -> str:
-        """As ``Code`` says."""
-        return exit_meaning(exit_code, _MEANINGS)

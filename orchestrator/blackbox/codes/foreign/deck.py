@@ -34,7 +34,8 @@ class DeckCode(ForeignCode):
             try:
                 return self._made(runs)
             except Refused as error:
-                raise self.wrong("calculix", f"'{name}': {error}", "a deck that CalculiX runs", "run it alone, with ccx, until it does") from error
+                raise self.wrong("calculix", f"'{name}': {error}", "a deck that CalculiX runs",
+                                 "run it alone, with ccx, until it does") from error
 
     def _made(self, runs: DeckRuns) -> Condensed:
         part, path, name, joints = self.settings.part, self.settings.place, self.settings.name, runs.joints

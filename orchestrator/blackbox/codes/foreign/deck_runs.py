@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,10 +18,11 @@ from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.folders import temporary
 from orchestrator.scene.foreign.deck import Deck
 from orchestrator.scene.foreign.deck_cards import files_of, headings, period, runs_on
 from orchestrator.scene.foreign.joints import Joints
-from orchestrator.scene.foreign.waiting import waited_for
+from orchestrator.processes import waited_for
 
 JOB = "orchestrator-job"
 NAMED = "orchestrator-file-{}.inp"  # the deck and its files of loads, in their order
@@ -70,15 +71,27 @@ class DeckRuns:
         elements = [int(row.words[0]) for card, _, rows in self.deck.cards if card == "ELEMENT" for row in rows if row.words[0].isdigit()]
         self._named = [Path(file) for file in [part.calculix, *(part.loads or [])]]
         # CalculiX takes no two amplitudes on one dof: forces on the joints then act on nodes that follow theirs
-        amplitudes = any(card == "CLOAD" and "AMPLITUDE" in options for file in part.loads or [] for card, options, _ in headings(Path(file), path))
+        amplitudes = any(card == "CLOAD" and "AMPLITUDE" in options
+                         for file in part.loads or [] for card, options, _ in headings(Path(file), path))
         self._carriers = joints.ids if not amplitudes else 1 + int(self.deck.ids.max()) + np.arange(len(joints.ids))
         self._next = 1 + max(elements, default=0)
 
     def __enter__(self) -> DeckRuns:
-        self.folder = Path(tempfile.mkdtemp(prefix="orchestrator-deck-"))
-        for i, file in enumerate(self._named):  # by names of our own: files of two folders may have one name
+        with ExitStack() as stack:
+            self.folder = stack.enter_context(temporary())
+            self._link()
+            self._leaving = stack.pop_all()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._leaving.close()
+
+    def _link(self) -> None:
+        """The deck and its files by names of our own: files of two folders may have one name. And what they include, by names
+        beside them; CalculiX writes to files of its own names: nothing else."""
+        for i, file in enumerate(self._named):
             (self.folder / NAMED.format(i)).symlink_to(file.resolve())
-        for file in self._named:  # and what they include, by names beside them; CalculiX writes to files of its own names: nothing else
+        for file in self._named:
             for included in files_of(file)[1:]:
                 name = os.path.relpath(included, file.parent)
                 link = self.folder / name
@@ -90,10 +103,6 @@ class DeckRuns:
                 if not link.exists():
                     link.parent.mkdir(parents=True, exist_ok=True)
                     link.symlink_to(included.resolve())
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        shutil.rmtree(self.folder, ignore_errors=True)
 
     def stored(self) -> tuple[sp.csr_array, np.ndarray]:
         """(active, active) stiffness of the deck alone, and the dof 3 (number − 1) + component of each of its rows."""

@@ -35,15 +35,14 @@ class MatrixCode(ForeignCode):
         ids, points = nodes(part.nodes, (*path, "nodes"))
         K = _matrix(part.stiffness, (*path, "stiffness"), name)
         if K.shape != (3 * len(ids),) * 2:
-            raise InputError(Problem((*path, "stiffness"), f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
-                                     f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table",
-                                     "write the table of just the matrix's nodes, in its order; condense rotations of shells and beams out of it"))
+            raise self.wrong("stiffness", f"'{name}': a matrix of {K.shape[0]} × {K.shape[1]} for {len(ids)} nodes",
+                             f"{3 * len(ids)} rows and columns: three dofs, ux uy uz, for each node of the table", "write the table of "
+                             "just the matrix's nodes, in its order; condense rotations of shells and beams out of it")
         loads = np.zeros((1, K.shape[0])) if part.loads is None else _loads(part, ids, len(self.settings.factors), path, name)
         apart, size = abs(K - K.T).max(), np.abs(K.data).max(initial=0.0)
         if apart > SYMMETRIC * size:
-            raise InputError(Problem((*path, "stiffness"), f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is "
-                                     f"{apart / size:.1e} |K|", "a symmetric one", "write both halves, or the lower one with "
-                                     "'symmetric' in the file's head"))
+            raise self.wrong("stiffness", f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a "
+                             "symmetric one", "write both halves, or the lower one with 'symmetric' in the file's head")
         order = np.argsort(ids)
         at = order[np.searchsorted(ids[order], joints.ids)]
         dofs = (3 * at[:, None] + np.arange(3)).ravel()
@@ -78,7 +77,8 @@ def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding
 def _matrix(file: str, path: KeyPath, name: str) -> sp.csr_array:
     try:
         rows, columns, entries, *_ = scipy.io.mminfo(file)
-        check_memory(ENTRY * max(entries, rows + columns), path, f"{file}, of {rows:,} × {columns:,} with {entries:,} entries", "condense it to the joint")
+        check_memory(ENTRY * max(entries, rows + columns), path,
+                     f"{file}, of {rows:,} × {columns:,} with {entries:,} entries", "condense it to the joint")
         K = scipy.io.mmread(file)
     except (OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(Problem(path, f"{file}: {str(error) or type(error).__name__}", "a matrix in MatrixMarket's format",
@@ -99,7 +99,8 @@ def _loads(part: MatrixPart, ids: np.ndarray, steps: int, path: KeyPath, name: s
         at = (*path, "loads", i) if len(part.loads) > 1 else (*path, "loads")
         found = _matrix(file, at, name).toarray() if _is_matrix(file) else forces_of(file, ids, at)
         if found.shape[0] != size:
-            raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has", "write forces on just the matrix's dofs"))
+            raise InputError(Problem(at, f"{file}: {found.shape[0]} rows", f"{size}, as the stiffness of '{name}' has",
+                                     "write forces on just the matrix's dofs"))
         columns.append(found)
     loads = np.hstack(columns).T
     if len(loads) not in (1, steps):

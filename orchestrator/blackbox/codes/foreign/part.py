@@ -13,7 +13,7 @@ from orchestrator.blackbox.codes.code import Code
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.config.foreign_parts import ForeignPart
 from orchestrator.errors import InputError, Problem
-from orchestrator.scene.foreign.waiting import end_all
+from orchestrator.processes import end_all
 
 if TYPE_CHECKING:
     from orchestrator.blackbox.codes.foreign.condensed import Condensed

@@ -15,7 +15,6 @@ from pydantic import Field
 from orchestrator.blackbox.codes.code import MessageCode
 from orchestrator.blackbox.codes.freefem import installation
 from orchestrator.blackbox.codes.freefem.form import FORM_SERVER, check_form, form_server, not_compiled, refused_term, with_volumes
-from orchestrator.blackbox.codes.code import exit_meaning
 from orchestrator.config.base import Name
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
@@ -25,22 +24,6 @@ if TYPE_CHECKING:
 
 _COMPILING, _NO_PLUGIN = 1, 2
 _PATIENCE = 60  # seconds for a form to be compiled
-_MEANINGS = {
-    _COMPILING: "compile error in the script",
-    _NO_PLUGIN: "a plugin is missing",
-    6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)",
-    8: "runtime error in the script",
-    64: "the server script was started without its two paths",
-    65: "the server script received an unknown operation",
-    66: "the node numbers sent do not fit the mesh",
-    67: "the form's Stiffness(u, v) is not symmetric: Stiffness(v, u) is another matrix",
-    68: "the form's Stiffness(u, v) acts outside its own regions: write int3d(Th, mine, ...)",
-    69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the error bound would not hold",
-    250: "the script was not found",
-    139: "segmentation fault",
-    127: "the executable or one of its libraries was not found",
-    126: "the executable could not be run",
-}
 
 
 class FreeFem(MessageCode):
@@ -51,6 +34,22 @@ class FreeFem(MessageCode):
 
     translation_invariant = True
     mesh_suffix = "meshb"
+    meanings = {
+        _COMPILING: "compile error in the script",
+        _NO_PLUGIN: "a plugin is missing",
+        6: "internal assertion of FreeFEM (an inverted tet or an orphan vertex?)",
+        8: "runtime error in the script",
+        64: "the server script was started without its two paths",
+        65: "the server script received an unknown operation",
+        66: "the node numbers sent do not fit the mesh",
+        67: "the form's Stiffness(u, v) is not symmetric: Stiffness(v, u) is another matrix",
+        68: "the form's Stiffness(u, v) acts outside its own regions: write int3d(Th, mine, ...)",
+        69: "the form makes rigid motions cost force, as a bedding or a pre-stress does: the error bound would not hold",
+        250: "the script was not found",
+        139: "segmentation fault",
+        127: "the executable or one of its libraries was not found",
+        126: "the executable could not be run",
+    }
 
     class Settings(CodeSettings):
         """FreeFEM, which can do all that can be asked for."""
@@ -136,10 +135,6 @@ class FreeFem(MessageCode):
 
         return meshb.encode(model)
 
-    def meaning(self, exit_code: int) -> str:
-        """As ``Code`` says."""
-        return exit_meaning(exit_code, _MEANINGS, "ended by the script")
-
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
         """The plugin, or a term that a form may not have: FreeFEM finds out about them only when it reads the script."""
         if exit_code == _COMPILING and self.settings.form:
@@ -158,6 +153,6 @@ class FreeFem(MessageCode):
 def _version(executable: str) -> str:
     with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:  # not where freefem++.pref may lie
         (Path(folder) / "version.edp").write_text("cout << version << endl;\n", encoding="utf-8")
-        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], env={**os.environ, **installation.environment()}, cwd=folder,
-                                stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], cwd=folder,
+                                env={**os.environ, **installation.environment()}, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
     return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")

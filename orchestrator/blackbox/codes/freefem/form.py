@@ -21,7 +21,8 @@ FORM_SERVER = "form_server.edp"
 _BEFORE, _AFTER = ("elasticity.idp", "form_names.idp"), ("form.idp", "serve.idp")
 _REFUSALS = "form_refused.idp"  # between the form and what uses its macros
 _GIVEN = {"Stiffness", "Loads"}  # names that a form is there to define
-_DEFINED = re.compile(r"^[ \t]*(?:macro|func|NewMacro|real|int|bool|matrix|fespace|mesh3|string)(?:\s*\[[^\]]*\])*[ \t]+(\w+)", re.MULTILINE)
+_DEFINED = re.compile(r"^[ \t]*(?:macro|func|NewMacro|real|int|bool|matrix|fespace|mesh3|string)(?:\s*\[[^\]]*\])*[ \t]+(\w+)",
+                      re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z]\w*")
 _REFUSED = re.compile(r"Identifier refused(\w+) does not exist")  # FreeFEM's words where a form uses one of ``_REFUSALS``
 _COMPLAINS = re.compile(r"rror|does not exist")

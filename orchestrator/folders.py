@@ -1,4 +1,4 @@
-"""Folders for the files exchanged with codes, and their removal whatever happens.
+"""Folders for the files exchanged with programs, and their removal whatever happens.
 
 A folder carries host, boot and process of its owner in its name, and holds a file that the owner keeps locked for as long
 as it lives: the kernel opens the lock when the owner ends, however that happens. What a killed owner left is swept by
@@ -9,19 +9,16 @@ seen from here. (``filelock`` does not tell whether the file that it has locked 
 
 from __future__ import annotations
 
-import atexit
 import fcntl
 import os
 import re
 import shutil
-import signal
 import socket
 import tempfile
-import threading
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Protocol
 
 from orchestrator.errors import InputError, Problem
 
@@ -80,6 +77,17 @@ def remove(path: Path) -> None:
         os.close(lock)
 
 
+@contextmanager
+def temporary() -> Iterator[Path]:
+    """An empty folder that goes on leaving."""
+    path = make()
+    try:
+        (inner := path / "work").mkdir()
+        yield inner
+    finally:
+        remove(path)
+
+
 def _locked(folder: Path) -> int | None:
     """Descriptor of a folder's lock, now held; None while another process holds it, or if the folder is gone."""
     try:
@@ -95,49 +103,3 @@ def _locked(folder: Path) -> int | None:
         if not held:
             os.close(lock)
     return lock if held else None
-
-
-# ---- what would outlive the program, at its normal end and on SIGTERM --------------------------------
-
-_watched: list[Killable] = []
-
-
-class Killable(Protocol):
-    """A pool."""
-
-    def kill(self) -> None: ...
-
-    def close(self) -> None: ...
-
-
-def watch(pool: Killable) -> None:
-    """Close the pool when the program ends. A handler of SIGTERM that the program set itself is respected."""
-    _watched.append(pool)
-    _handle(signal.SIG_DFL, _terminated)
-
-
-def forget(pool: Killable) -> None:
-    """The pool is closed."""
-    if pool in _watched:
-        _watched.remove(pool)
-    if not _watched:
-        _handle(_terminated, signal.SIG_DFL)
-
-
-def _handle(before: object, after: object) -> None:
-    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is before:
-        signal.signal(signal.SIGTERM, after)
-
-
-def _terminated(number: int, frame: object) -> None:
-    for pool in list(_watched):
-        pool.kill()
-    # end the way the sender expects
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    os.kill(os.getpid(), signal.SIGTERM)
-
-
-@atexit.register
-def _at_exit() -> None:
-    for pool in list(_watched):
-        pool.close()

@@ -1,0 +1,110 @@
+"""Programs that are started: whatever happens, nothing of them is left running."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import signal
+import subprocess
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any, Protocol
+
+_running: set[subprocess.Popen] = set()
+_starting = threading.RLock()  # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
+
+
+def started(command: Sequence[str], **options: Any) -> subprocess.Popen:
+    """Start a program in a group of its own, which Ctrl-C does not reach; the kernel kills it with the thread that calls this.
+
+    Parameters
+    ----------
+    command : program and arguments; options : as of ``subprocess.Popen``
+    """
+    if setpriv := shutil.which("setpriv"):
+        command = [setpriv, "--pdeathsig", "KILL", *command]
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, process_group=0, **options)
+
+
+def end(process: subprocess.Popen) -> None:
+    """Kill a program and whatever it has started: it may be a script around others."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
+    """Starts a program and waits for its end: its exit code, or minus the signal that has ended it.
+
+    Parameters
+    ----------
+    patience : seconds; the others as of ``started``
+
+    Raises
+    ------
+    OSError : it cannot be started
+    subprocess.TimeoutExpired : it was ended after ``patience``
+    """
+    with _starting:
+        process = started(command, **options)
+        _running.add(process)
+    try:
+        return process.wait(patience)
+    finally:
+        end(process)
+        process.wait()
+        _running.discard(process)
+
+
+def end_all() -> None:
+    """End all that are waited for now; from any thread."""
+    with _starting:
+        for process in list(_running):
+            end(process)
+
+
+# ---- what would outlive the program, at its normal end and on SIGTERM --------------------------------
+
+_watched: list[Killable] = []
+
+
+class Killable(Protocol):
+    """A pool."""
+
+    def kill(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def watch(pool: Killable) -> None:
+    """Close the pool when the program ends. A handler of SIGTERM that the program set itself is respected."""
+    _watched.append(pool)
+    _handle(signal.SIG_DFL, _terminated)
+
+
+def forget(pool: Killable) -> None:
+    """The pool is closed."""
+    if pool in _watched:
+        _watched.remove(pool)
+    if not _watched:
+        _handle(_terminated, signal.SIG_DFL)
+
+
+def _handle(before: object, after: object) -> None:
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is before:
+        signal.signal(signal.SIGTERM, after)
+
+
+def _terminated(number: int, frame: object) -> None:
+    for pool in list(_watched):
+        pool.kill()
+    # end the way the sender expects
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+@atexit.register
+def _at_exit() -> None:
+    for pool in list(_watched):
+        pool.close()
