@@ -231,7 +231,7 @@ def test_check_loads_only_what_it_needs():
     assert not loaded_modules("check", "configs/traction_beam.yaml") & heavy
     assert not loaded_modules("check", "configs/two_blocks.yaml") & heavy
     assert not loaded_modules("check", "--syntax-only", "configs/polycrystal_100.yaml") & heavy
-    assert loaded_modules("check", "configs/metis_box.yaml") & heavy == {"pymetis", "scipy"}
+    assert loaded_modules("check", "configs/metis_box.yaml") & heavy == {"pymetis"}
 
 
 def test_a_run_draws_and_writes_only_what_is_asked_for(tmp_path):
