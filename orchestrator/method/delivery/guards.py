@@ -22,7 +22,7 @@ import numpy as np
 from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
-from orchestrator.method.interface.rows import dots
+from orchestrator.method.interface.rows import dots, times
 from orchestrator.method.delivery.interior import Interior, interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
 from orchestrator.method.interface.pair_geometry import lawful_corners, pair_normals
@@ -111,7 +111,7 @@ def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> floa
         apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - iterated.fields.u[:, part] - rigid
     # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
     forces = d.space.loads(d.stage.direction.times(d.space.trace(apart)))
-    strain = dots(apart, d.bound.stiffness.times(apart))
+    strain = dots(apart, times(d.bound.stiffness, apart))
     stress = np.sum(forces**2 / d.bound.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
     size = d.loading.size(iterated.bound.energy)
