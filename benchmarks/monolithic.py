@@ -1,7 +1,7 @@
 """The same discrete contact problem solved in one piece: nothing of ``orchestrator.method`` is used.
 
-Every subdomain keeps its own copy of the interface nodes; the black box gives the stiffness of the plain
-subdomains, no soles. Unknown are the displacements u and, per node pair of every interface, the force λ
+Every subdomain keeps its own copy of the interface nodes; subdomains are
+assembled by the elements of the studies, without soles. Unknown are the displacements u and, per node pair of every interface, the force λ
 that the second side exerts on the first, with jump d = u₂ − u₁ = D u and n from side 1 to side 2:
 
     K u + Dᵀλ = f,      contact:  0 ≥ λ_n ⟂ g + d_n ≥ 0,   |λ_t| ≤ μ|λ_n|, slip d_t − d_t(previous step) along λ_t
@@ -19,13 +19,14 @@ has the mean displacement of its ends: u = R u, in the place of K, f and D stand
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.blackbox.protocol import BlackBox, Model
-from orchestrator.scene.model import Interface, Scene
+from benchmarks.kit.elasticity import stiffness
+from orchestrator import Scene
 
 OPEN, STICK, SLIP, BONDED = 0, 1, 2, 3
 KNOWN = ("perfect", "jump", "contact", "elastic")
@@ -99,14 +100,14 @@ class Monolithic:
 
     Parameters
     ----------
-    scene, blackbox : the problem, and the code that assembles its subdomains
+    scene : the problem
     """
 
-    def __init__(self, scene: Scene, blackbox: BlackBox):
+    def __init__(self, scene: Scene):
         self.scene = scene
         self.offsets = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
         self.R, tied = self._tied()
-        K = sp.block_diag(blackbox.stiffness([_plain(scene, s) for s in scene.subdomains]))
+        K = sp.block_diag([_stiffness(scene, s) for s in scene.subdomains])
         self.K = sp.csr_array(self.R.T @ K @ self.R)
         self.free = ~np.concatenate([s.fixed.ravel() for s in scene.subdomains])
         self.supported = ~self.free
@@ -288,13 +289,13 @@ class Monolithic:
         at = [(np.concatenate([g[t] for g in gaps]), np.concatenate([j[t] for j in jumps])) for t in range(scene.steps)]
         return Pairs(D, bounds=bounds, at=at, **{k: np.concatenate(v) for k, v in found.items()})
 
-    def _at_steps(self, i: Interface, points, length, free: np.ndarray, gaps: list, jumps: list) -> None:
+    def _at_steps(self, i: Any, points, length, free: np.ndarray, gaps: list, jumps: list) -> None:
         """Gap and jump of an interface's pairs at every load step."""
         n, laws = len(i.global_nodes), i.law_at_steps or [i.law] * self.scene.steps
         gaps.append([getattr(law, "gap", np.zeros(n))[points] / length for law in laws])
         jumps.append([np.broadcast_to(getattr(law, "jump", np.zeros(3)), (n, 3))[points] * free for law in laws])
 
-    def _operators(self, i: Interface, count: int, rows: list, columns: list, values: list, found: dict, diagonal) -> None:
+    def _operators(self, i: Any, count: int, rows: list, columns: list, values: list, found: dict, diagonal) -> None:
         """The same where nodes do not match: points in the place of pairs, d = G₂ u₂ − G₁ u₁."""
         m, law = i.mortar, i.law
         stiffness = []
@@ -343,7 +344,7 @@ class Monolithic:
         return [u[a:b].reshape(-1, 3) for a, b in zip(self.offsets[:-1], self.offsets[1:])]
 
 
-def _say_law(i: Interface, mobile, presses, length, area, found: dict) -> None:
+def _say_law(i: Any, mobile, presses, length, area, found: dict) -> None:
     """Enters which law holds at the pairs of an interface, and the springs of elastic ones."""
     name = i.law.name
     if name not in KNOWN:
@@ -355,7 +356,8 @@ def _say_law(i: Interface, mobile, presses, length, area, found: dict) -> None:
     if name == "elastic":  # what prescribed components leave of the normal is shorter than one
         across = (1 - length**2 * presses) * i.law.stiffness_t
         taut = length**2 * presses * i.law.stiffness_n + across
-        springs[:] = area[:, None] * np.stack([taut, across if i.law.tension_only else taut, np.full(len(mobile), i.law.stiffness_t)], axis=1)
+        springs[:] = area[:, None] * np.stack(
+            [taut, across if i.law.tension_only else taut, np.full(len(mobile), i.law.stiffness_t)], axis=1)
     found["springs"].append(springs)
 
 
@@ -366,14 +368,13 @@ def _areas(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.bincount(corners.ravel(), weights=np.repeat(third, 3), minlength=len(points))
 
 
-def _plain(scene: Scene, s) -> Model:
-    """A subdomain as it is, without soles."""
-    matter = np.array([[m.young, m.poisson] for m in scene.materials])
-    return Model(s.name, scene.mesh.nodes[s.nodes], s.connectivity, s.material, matter,
-                 np.zeros((len(s.nodes), 3), bool), np.empty(0, int))
+def _stiffness(scene: Scene, s: Any) -> sp.csr_array:
+    """Of a subdomain as it is, without soles."""
+    moduli = np.array([[m.young, m.poisson] for m in scene.materials])[s.material]
+    return stiffness(scene.mesh.nodes[s.nodes], s.connectivity, *moduli.T)
 
 
-def normals(scene: Scene, interface: Interface) -> np.ndarray:
+def normals(scene: Scene, interface: Any) -> np.ndarray:
     """(n, 3) unit normals out of the first side: the facets' own, weighted by their angle at the node."""
     result = np.zeros((len(interface.global_nodes), 3))
     x = scene.points(interface)
@@ -386,7 +387,7 @@ def normals(scene: Scene, interface: Interface) -> np.ndarray:
     return result / np.maximum(np.linalg.norm(result, axis=1, keepdims=True), 1e-300)
 
 
-def free_normals(scene: Scene, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
+def free_normals(scene: Scene, interface: Any) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (n, 3) within the components that are not prescribed, and the length (n,) left of each.
 
     What is prescribed on both sides neither opens nor slips. The law lives on the other components, where

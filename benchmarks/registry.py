@@ -7,11 +7,11 @@ one line here; ``kit`` is what they are made of, ``problems`` what several of th
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from importlib.util import find_spec
 
-from orchestrator.errors import InputError, Problem
-from orchestrator.registry import Registry
+from orchestrator import InputError, Problem
 
 # name: module and function in ``benchmarks``, what it shows
 _LISTED = {
@@ -22,8 +22,8 @@ _LISTED = {
     "fig11": ("studies.sole_modulus:continuity", "paper, figure 11: soles 100 times softer to stiffer, continuity"),
     "slices": ("studies.stages:slices", "stages to a true error of 1e-6 for 8, 32, 64 and 128 slices in tension"),
     "cubes": ("studies.stages:cubes", "stages to 1e-6 for 3³, 4³ and 5³ cubes in bending and tension"),
-    "metis": ("studies.parts:metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
-    "assembly": ("studies.parts:assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
+    "metis": ("studies.stages:metis", "stages to 1e-6 for 64 METIS parts of an irregular mesh"),
+    "assembly": ("studies.stages:assembly", "a CAD assembly of 18 solids to 1e-6, with wall time"),
     "contact_cubes": ("studies.contact:cubes",
                       "sweeps to 1e-3 for 3³ cubes in contact, beside the paper's fixed point"),
     "contact_grains": ("studies.contact:polycrystals",
@@ -33,7 +33,7 @@ _LISTED = {
     "bolted": ("studies.bolted:run", "bolted and press-fitted assemblies: settings that should not matter"),
     "ten_grains": ("studies.ten_grains:run",
                    "a contact problem of 8,235 dofs from the command line, with wall time"),
-    "polycrystal": ("studies.polycrystal:full",
+    "polycrystal": ("studies.polycrystal:run",
                     "paper, figures 13 to 15 and tables 2 to 4: 100 grains in frictional contact"),
     "scaling": ("studies.scaling:run",
                 "strong and weak scaling over workers and ranks, and what a cluster would take"),
@@ -63,7 +63,12 @@ _LISTED = {
                     "random scenes over all features, turned, cut otherwise, in other units …: never silently wrong"),
 }
 STUDIES = {name: title for name, (_, title) in _LISTED.items()}
-FUNCTIONS = Registry({name: f"benchmarks.{place}" for name, (place, _) in _LISTED.items()})
+
+
+def function_of(name: str) -> Callable[..., None]:
+    """A study's function, imported when it is asked for."""
+    module, _, function = _LISTED[name][0].partition(":")
+    return getattr(import_module(f"benchmarks.{module}"), function)
 
 
 def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides: Sequence[str] = (),
@@ -90,8 +95,9 @@ def run_study(name: str, folder: str | os.PathLike[str] | None = None, overrides
     from benchmarks.kit.study import Study
     from benchmarks.kit.settings import arguments
 
-    asked = arguments(name, FUNCTIONS[name], overrides, resume)
+    function = function_of(name)
+    asked = arguments(name, function, overrides, resume)
     study = Study(name, STUDIES[name], folder)
-    FUNCTIONS[name](study, **asked)
+    function(study, **asked)
     study.close()
 

@@ -34,7 +34,7 @@ _PUBLIC = {
     "Law": "orchestrator.laws.base", "LAWS": "orchestrator.registry",
     "Code": "orchestrator.blackbox.codes.code", "PythonCode": "orchestrator.blackbox.codes.python_code",
     "CodeSettings": "orchestrator.config.blackbox", "CODES": "orchestrator.registry",
-    "OrchestratorError": "orchestrator.errors", "InputError": "orchestrator.errors",
+    "OrchestratorError": "orchestrator.errors", "InputError": "orchestrator.errors", "Problem": "orchestrator.errors",
     "BlackBoxError": "orchestrator.errors",
 }
 

@@ -10,7 +10,6 @@ from in_process import IN_PROCESS
 from benchmarks.monolithic import OPEN, Monolithic, free_normals
 
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
-from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.results.solution import Solution
@@ -48,10 +47,9 @@ def converged(made: Config) -> Solution:
     return solved
 
 
-def monolithic(solved: Solution, made: Config) -> Monolithic:
+def monolithic(solved: Solution) -> Monolithic:
     """The same scene in one piece."""
-    with make_blackbox(made.blackbox) as blackbox:
-        return Monolithic(solved.scene, blackbox)
+    return Monolithic(solved.scene)
 
 
 # --- pair by pair -----------------------------------------------------------------------------------------

@@ -2,9 +2,7 @@
 
 import numpy as np
 from in_process import IN_PROCESS
-from benchmarks.monolithic import Monolithic
 
-from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
 from orchestrator.config.parts import Rotate
 from orchestrator.scene.build import build_scene
@@ -93,11 +91,6 @@ def off(scene: Scene, parts, strains) -> float:
     """How far displacements, per subdomain (T, n, 3), are from ε x, at most, over the largest."""
     exact = np.einsum("tij,nj->tni", strains, scene.mesh.nodes)
     return max(np.abs(np.asarray(u) - exact[:, s.nodes]).max() for u, s in zip(parts, scene.subdomains)) / np.abs(exact).max()
-
-
-def one_piece(scene: Scene, made: Config) -> Monolithic:
-    with make_blackbox(made.codes[0]) as blackbox:
-        return Monolithic(scene, blackbox)
 
 
 def pairs_looked_at(monkeypatch, search) -> int:

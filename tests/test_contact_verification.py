@@ -41,7 +41,7 @@ def distance(scene, one, two, loose=False):
 def assert_agrees(made, loose):
     """Ours solves the independent formulation, and what that finds on its own from a cold start is the same."""
     solved = converged(made)
-    scene, one_piece = solved.scene, monolithic(solved, made)
+    scene, one_piece = solved.scene, monolithic(solved)
     ours = np.array(solved.summary["reactions"]).transpose(1, 0, 2)
     for start in (start_from(solved), None):
         for t, step in enumerate(one_piece.solve(start)):
@@ -75,7 +75,7 @@ def test_perfect_and_contact_interfaces_meet():
     made = contact(law=laws, **CASES["eight cubes"])
     solved = converged(made)
     assert sorted({i.law.name for i in solved.scene.interfaces}) == ["contact", "perfect"]
-    for t, step in enumerate(monolithic(solved, made).solve()):
+    for t, step in enumerate(monolithic(solved).solve()):
         assert step.converged
         difference = max(np.abs(u[t] - other).max() for u, other in zip(solved.parts, step.parts))
         assert difference <= 1e-6 * max(np.abs(u).max() for u in step.parts)

@@ -24,8 +24,8 @@ from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from benchmarks.problems.hard_scenes import slices
-from benchmarks.kit.rounded_traces import traces_of
 from orchestrator.timing import Stopwatch
+from rounded_traces import traces_of
 
 # Stands in front of FreeFEM, lets it work, then changes the displacements in its last reply.
 CORRUPT = """#!{python}

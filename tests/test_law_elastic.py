@@ -13,7 +13,6 @@ from matplotlib import image
 from benchmarks.monolithic import Monolithic
 from test_laws import assert_consistent
 
-from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from, load_config
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Written
@@ -131,8 +130,7 @@ PATH = [[0.004, 0.0, -0.005], [-0.02, 0.003, 0.0], [0.01, 0.005, 0.005]]
 
 def undecomposed(made, scene, normal, tangential, tension_only):
     """(T, N) displacements, subdomain after subdomain, and which springs are slack: K + springs, assembled by hand."""
-    with make_blackbox(made.blackbox) as blackbox:
-        whole = Monolithic(scene, blackbox)
+    whole = Monolithic(scene)
     rows, values, stiff, direction = [], [], [], []
     for i in scene.interfaces:
         corners = scene.mesh.nodes[i.global_nodes[i.triangles]]

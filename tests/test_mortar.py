@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contact_case import contact, written
-from mortar_case import FOUR, SIX, THREE, TURN, TWO, YOUNG, POISSON, axes, blocks, free_mesh, gradients, off, one_piece, pairs_looked_at, patch_scene, there
+from benchmarks.monolithic import Monolithic
+from mortar_case import FOUR, POISSON, SIX, THREE, TURN, TWO, YOUNG, blocks, free_mesh, gradients, off, pairs_looked_at, patch_scene, there
 
 from orchestrator.errors import InputError
 from orchestrator.run import solve
@@ -189,7 +190,7 @@ def test_constant_stresses_pass(element, layout):
     solved = solve(made, scene)
     assert solved.converged, solved.stop_reason
     assert off(scene, solved.parts, strains) < 1e-10
-    steps = one_piece(scene, made).solve()
+    steps = Monolithic(scene).solve()
     assert off(scene, [np.stack([s.parts[e] for s in steps]) for e in range(len(bodies))], strains) < 1e-10
 
 
@@ -204,7 +205,7 @@ def bent(folder, sizes):
                    boundary=[{"on": "a/zmin", "displacement": [0, 0, 0]}, {"on": "b/zmax", "traction": [0, 0, 10]}])
     strains = gradients(SIX[2:3], None)
     scene = patch_scene(made, strains)
-    (step,), whole = one_piece(scene, made).solve(), one_piece(scene, made)
+    (step,), whole = Monolithic(scene).solve(), Monolithic(scene)
     exact = np.concatenate([(scene.mesh.nodes @ strains[0].T)[s.nodes].ravel() for s in scene.subdomains])
     wrong = np.concatenate([u.ravel() for u in step.parts]) - exact
     return np.sqrt(wrong @ (whole.K @ wrong) / (exact @ (whole.K @ exact))), scene.interfaces[0].mortar, np.abs(mesh.nodes - scene.mesh.nodes)
@@ -228,7 +229,7 @@ def test_linear_stresses_pass_between_ten_node_tets():
     x, y, z = (scene.mesh.nodes - [0.5, 0.5, 0.5]).T
     exact = np.c_[-(z**2 + POISSON * (x**2 - y**2)) / 2, -POISSON * x * y, x * z]  # σ_zz = E x
     (interface,), parts = scene.interfaces, [exact[s.nodes] for s in scene.subdomains]
-    mortar, whole = interface.mortar, one_piece(scene, made)
+    mortar, whole = interface.mortar, Monolithic(scene)
     u1, u2 = (parts[e][own].ravel() for e, own in zip(interface.subdomains, interface.nodes))
     assert np.abs(mortar.second @ u2 - mortar.first @ u1).max() < 1e-12 * np.abs(exact).max()
     nodal = whole.K @ np.concatenate([u.ravel() for u in parts])
@@ -251,7 +252,7 @@ def test_the_undecomposed_solution_is_that_of_the_same_operators(layout):
     scene = build_scene(made)
     solved = solve(made, scene, reference=True)
     assert solved.converged and solved.summary["true_error"] <= solved.error_bound
-    (step,) = one_piece(scene, made).solve()
+    (step,) = Monolithic(scene).solve()
     for s, u in zip(scene.subdomains, step.parts):
         assert np.abs(solved.reference.displacement[0, s.nodes] - u).max() < 1e-9 * np.abs(u).max()
 

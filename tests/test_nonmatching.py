@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from contact_case import PATH
 from in_process import IN_PROCESS
-from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, one_piece, patch_scene
+from benchmarks.monolithic import Monolithic
+from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, patch_scene
 
 from orchestrator.config import config_from
 from orchestrator.run import solve
@@ -46,7 +47,7 @@ def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
     """What is delivered has no jump; its distance from the solution of the same operators is bounded, closely."""
     scene = build_scene(bonded(cells))
     assert [i.mortar is None for i in scene.interfaces] == [False]
-    whole = one_piece(scene, bonded(cells))
+    whole = Monolithic(scene)
     exact, = whole.solve()
     u = np.zeros_like(scene.mesh.nodes)
     for s, part in zip(scene.subdomains, exact.parts):
@@ -75,7 +76,7 @@ def test_bodies_that_are_cut_further(law):
     solved = solve(made, scene)
     assert solved.converged, solved.stop_reason
     assert any("carry nothing; cut less" in w for w in solved.summary["warnings"]), "corners of the pieces"
-    for t, step in enumerate(one_piece(scene, made).solve()):
+    for t, step in enumerate(Monolithic(scene).solve()):
         far = max(np.abs(part).max() for part in step.parts)
         assert max(np.abs(part[t] - theirs).max() for part, theirs in zip(solved.parts, step.parts)) < 1e-6 * far
 
@@ -84,7 +85,7 @@ def test_bodies_that_are_cut_further(law):
 def test_every_macro_problem(macro):
     made = bonded((3, 4), method={"macro": macro, "tolerance": {"error": 1e-8}})
     scene = build_scene(made)
-    solved, (exact,) = solve(made, scene), one_piece(scene, made).solve()
+    solved, (exact,) = solve(made, scene), Monolithic(scene).solve()
     assert solved.converged
     for part, theirs in zip(solved.parts, exact.parts):
         assert np.abs(part[0] - theirs).max() < 1e-7 * np.abs(theirs).max()
@@ -110,7 +111,7 @@ def as_in_one_piece(made, scene):
     assert solved.converged, solved.stop_reason
     local = solved.iterated.local
     start = [([part[t] for part in solved.parts], local.force[t].T) for t in range(scene.steps)]
-    for t, step in enumerate(one_piece(scene, made).solve(start)):
+    for t, step in enumerate(Monolithic(scene).solve(start)):
         assert step.converged
         assert np.array_equal(local.status[t], step.status), t
         far, strong = max(np.abs(part).max() for part in step.parts), np.abs(step.force).max()

@@ -16,7 +16,7 @@ from orchestrator.results.summary.summary import jsonable
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 # Values rather than things to call or to derive from: they are seen in the examples of others.
-PLAIN = {"__version__", "Config", "Scene", "Iteration", "Finished", "OrchestratorError", "InputError", "BlackBoxError",
+PLAIN = {"__version__", "Config", "Scene", "Iteration", "Finished", "OrchestratorError", "InputError", "Problem", "BlackBoxError",
          "LAWS", "CODES"}
 MODULES = sorted({"orchestrator", *orchestrator._PUBLIC.values()})
 

@@ -303,7 +303,7 @@ def test_contact_beside_perfect_interfaces():
     laws = [{"law": "perfect"}, {"between": ["block *-0", "block *-1"], "law": "contact", "friction": 0.3}]
     made = contact(law=laws, **SMALL["four blocks"], **P2)
     found = converged(made)
-    for t, step in enumerate(monolithic(found, made).solve()):
+    for t, step in enumerate(monolithic(found).solve()):
         assert step.converged
         apart = max(np.abs(u[t] - v).max() for u, v in zip(found.parts, step.parts))
         assert apart <= 1e-6 * max(np.abs(v).max() for v in step.parts)

@@ -147,7 +147,7 @@ def test_bad_tets_are_mended_where_they_are(grains, h, seed, monkeypatch):
     assert remark.startswith(f"{mesh.source}: mended where tets were bad: ")
     sharp, blunt = dihedral_range(mesh.nodes, mesh.cells)
     assert roundness(mesh.nodes, mesh.cells).min() >= 0.05 and sharp >= 4 and blunt <= 176
-    assert not unsound(mesh, faces, ONE)
+    assert not unsound(mesh, ONE)
     volumes = tet_volumes(mesh.nodes, mesh.cells)
     # What was not bad stays: most nodes, and the grains' sizes but for where faces bend.
     assert len(mesh.nodes) < len(raw.nodes) + 1
@@ -185,7 +185,7 @@ def bodies(counts, volume):
 def test_edges_merge_only_where_bodies_stay_balls(what, counts, volume, one, other, may):
     mesh = bodies(counts, volume)
     u, v = (int(np.flatnonzero(np.all(mesh.nodes == at, axis=1))[0]) for at in (one, other))
-    stars, before = Stars(mesh), split_interfaces(mesh, faces_of(mesh.cells, len(mesh.nodes)))
+    stars, before = Stars(mesh), split_interfaces(mesh.cells, mesh.volume)
     assert stars.may_merge(u, v) == may and before == 0
     if "no edge" in what:
         return
@@ -193,18 +193,18 @@ def test_edges_merge_only_where_bodies_stay_balls(what, counts, volume, one, oth
     stars.merge(u, v)
     after = stars.compact()
     faces = faces_of(after.cells, len(after.nodes))
-    sound = not len(faces.crowded) and split_interfaces(after, faces) == 0 and all(
+    sound = not len(faces.crowded) and split_interfaces(after.cells, after.volume) == 0 and all(
         is_ball(after.cells[after.volume == k]) for k in range(len(after.volumes)))
     assert sound == may
 
 
 def test_soundness_sees_what_is_wrong():
     mesh, faces = known()
-    assert not unsound(mesh, faces, ONE) and unsound(mesh, faces, ONE * 1.001)
+    assert not unsound(mesh, ONE) and unsound(mesh, ONE * 1.001)
     halves = replace(mesh, volume=np.where(mesh.volume == 1, 0, mesh.volume))
-    assert any("no balls: " in text and "grain_2" in text for text in unsound(halves, faces, ONE))
+    assert any("no balls: " in text and "grain_2" in text for text in unsound(halves, ONE))
     moved = replace(mesh, nodes=np.where(mesh.nodes == 1, 1 - 1e-9, mesh.nodes))
-    assert "gaps" in unsound(moved, faces, ONE)
+    assert "gaps" in unsound(moved, ONE)
     ring = bricks(ONE, np.array([3, 3, 1]), "ring")
     middle = np.all(np.abs(ring.nodes[ring.cells].mean(axis=1)[:, :2] - 0.5) < 1 / 6, axis=1)
     assert is_ball(ring.cells) and not is_ball(ring.cells[~middle])

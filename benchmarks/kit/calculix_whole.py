@@ -10,11 +10,11 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import BlackBoxError
-from orchestrator.scene.model import PlacedBolt, Scene
+from orchestrator import BlackBoxError, Scene
 
 # nodes of a tet's faces S1 … S4, in the order in which CalculiX goes through them
 FACETS = np.array([[1, 3, 2, 7, 6, 5], [1, 2, 4, 5, 9, 8], [2, 3, 4, 6, 10, 9], [1, 4, 3, 8, 10, 7]]) - 1
@@ -23,8 +23,8 @@ FACETS = np.array([[1, 3, 2, 7, 6, 5], [1, 2, 4, 5, 9, 8], [2, 3, 4, 6, 10, 9], 
 TIMEOUT = 600  # seconds; more is no comparison but a benchmark
 
 
-def section(scene: Scene, bolt: PlacedBolt) -> list[tuple[int, int]]:
-    """Tets and faces at a bolt's cut, on its first side."""
+def section(scene: Scene, bolt: Any) -> list[tuple[int, int]]:
+    """Tets and faces at the cut of a bolt of the scene, on its first side."""
     corners = {frozenset(face[:3]): number for number, face in enumerate(FACETS.tolist())}
     found = []
     for triangle, cell in zip(bolt.interface.global_nodes[bolt.interface.triangles[:, :3]], bolt.interface.cells[:, 0]):

@@ -20,9 +20,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from orchestrator.blackbox.transport import messages
-
-KINDS = {messages.LOAD: "load", messages.TRACES: "traces", messages.FIELDS: "fields", messages.STIFFNESS: "stiffness"}
+LOAD, TRACES, FIELDS, STIFFNESS, QUIT = 1, 2, 3, 4, 5  # requests of the protocol that subdomain_server.edp speaks
+KINDS = {LOAD: "load", TRACES: "traces", FIELDS: "fields", STIFFNESS: "stiffness"}
 
 
 def main(freefem: str, *arguments: str) -> int:
@@ -49,9 +48,9 @@ def _forward(source: BinaryIO, out: BinaryIO, kinds: queue.SimpleQueue) -> None:
     """Requests as they come, each told by the kind of its replies."""
     while len(head := source.read(8)) == 8:
         op = int(np.frombuffer(head, np.int64)[0])
-        ints, reals = (b"", b"") if op == messages.QUIT else (_array(source), _array(source))
-        if op != messages.QUIT:
-            several = op in (messages.TRACES, messages.FIELDS)
+        ints, reals = (b"", b"") if op == QUIT else (_array(source), _array(source))
+        if op != QUIT:
+            several = op in (TRACES, FIELDS)
             for _ in range(int(np.frombuffer(ints, np.int64)[1]) if several else 1):
                 kinds.put(KINDS[op])
         out.write(head + ints + reals)

@@ -1,18 +1,23 @@
-"""What a study may be told: ``--set key=value`` and ``--resume``, checked like a configuration."""
+"""What a study may be told: ``--set key=value`` and ``--resume``."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from difflib import get_close_matches
 from typing import Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
-from orchestrator.config.explain import explained
-from orchestrator.config.overrides import BadOverride, apply, parse
-from orchestrator.config.text import parse_yaml
-from orchestrator.errors import InputError, Problem
+from orchestrator import InputError, Problem
+
+
+class Keys(BaseModel):
+    """What may be set of a study, as fields; other keys are refused."""
+
+    model_config = ConfigDict(extra="forbid")
 
 
 def arguments(name: str, function: Callable[..., None], overrides: Sequence[str], resume: bool) -> dict[str, Any]:
@@ -21,8 +26,8 @@ def arguments(name: str, function: Callable[..., None], overrides: Sequence[str]
     Parameters
     ----------
     name : of the study
-    function : with a parameter ``settings``, whose default is a model, if there is something to set; with a parameter
-        ``resume`` if it keeps its runs
+    function : with a parameter ``settings``, whose default is a ``Keys``, if there is something to set; with a
+        parameter ``resume`` if it keeps its runs
 
     Raises
     ------
@@ -40,14 +45,20 @@ def arguments(name: str, function: Callable[..., None], overrides: Sequence[str]
     return result
 
 
-def _settings(model: type, overrides: Sequence[str]) -> Any:
-    data: dict[str, Any] = {}
+def _settings(model: type[Keys], overrides: Sequence[str]) -> Keys:
+    data = {}
     for text in overrides:
+        key, sign, value = text.partition("=")
+        if not sign or key not in model.model_fields:
+            near = get_close_matches(key, model.model_fields, 1)
+            raise InputError(Problem((), f"--set {text}", "key=value, of the keys " + ", ".join(model.model_fields),
+                                     f"did you mean '{near[0]}'?" if near else "take one of these"))
         try:
-            data = apply(data, *parse(text, lambda value: parse_yaml(value, f"--set {text}")[0]))
-        except BadOverride as error:
-            raise InputError(replace(error.problem, file=f"--set {text}")) from error
+            data[key] = YAML(typ="safe").load(value)
+        except YAMLError as error:
+            raise InputError(Problem((), f"--set {text}", "a value in YAML", str(error))) from error
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(explained(error, data, model)) from error
+        raise InputError([Problem((), f"--set {'.'.join(map(str, e['loc']))}: {e['input']!r}", e["msg"], "give another value")
+                          for e in error.errors()]) from error

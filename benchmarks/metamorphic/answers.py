@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from orchestrator import BlackBoxError, InputError, Solution, build_scene, load_config, solve
-from orchestrator.errors import Problem
+from orchestrator import BlackBoxError, InputError, Problem, Solution, build_scene, load_config, solve
 
 BESIDE = ("files", "ranks")  # of a scene's data, what is not in its YAML
 REFUSED, CONVERGED, STOPPED, CODE_FAILED, BROKEN = "refused", "converged", "stopped", "code failed", "traceback"

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from benchmarks.metamorphic.answers import Answer, bodies
-from benchmarks.metamorphic.elasticity import stiffness
+from benchmarks.kit.elasticity import stiffness
 from orchestrator import Scene
 
 ROUNDING = 1e-7  # beside what the runs claim: the moves of a scene round its places, and its matrices

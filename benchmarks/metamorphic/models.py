@@ -13,7 +13,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from benchmarks.metamorphic.elasticity import stiffness
+from benchmarks.kit.elasticity import stiffness
 from benchmarks.metamorphic.variant import Variant
 from orchestrator import build_scene, config_from
 

@@ -11,19 +11,10 @@ import scipy.sparse.linalg as sla
 
 from benchmarks.metamorphic.answers import Answer
 from benchmarks.metamorphic.compare import LAWFUL, ROUNDING, size_of
-from benchmarks.metamorphic.elasticity import stiffness
+from benchmarks.kit.elasticity import stiffness
 from benchmarks.monolithic import KNOWN, Monolithic
-from orchestrator.blackbox.protocol import Model
 
 MOST = 4000  # unknowns of a scene that is solved in one piece
-
-
-class _Assembled:
-    """What ``Monolithic`` asks of a code, by the trials' own elements."""
-
-    @staticmethod
-    def stiffness(models: list[Model]) -> list:
-        return [stiffness(m.nodes, m.cells, *m.materials[m.region].T) for m in models]
 
 
 def in_one_piece(first: Answer) -> tuple[str, str]:
@@ -33,7 +24,7 @@ def in_one_piece(first: Answer) -> tuple[str, str]:
     if sum(s.fixed.size for s in scene.subdomains) > MOST or any(i.law.name not in KNOWN or i.moving for i in scene.interfaces) \
             or not scene.interfaces:
         return "not sayable", ""
-    whole = Monolithic(scene, _Assembled)
+    whole = Monolithic(scene)
     steps = whole.solve(_started(whole, solution.parts))
     if not all(step.converged for step in steps):
         return "not sayable", f"in one piece stopped at {max(step.residual for step in steps):.1e}"

@@ -14,14 +14,14 @@ from pydantic import Field
 
 from benchmarks.metamorphic.answers import write
 from benchmarks.metamorphic.chunks import Trial, chunk
+from benchmarks.kit.settings import Keys
 from benchmarks.metamorphic.pool import judged
-from orchestrator.config.base import Part
 
 COLUMNS = ("seed", "index", "outcome", "said", "seconds", "features", "relations", "details")
 WRONG = {"disagree", "refused otherwise", "traceback", "code failed", "hang", "crash"}
 
 
-class Settings(Part):
+class Settings(Keys):
     """How many, which and how."""
 
     scenes: int = Field(3000, ge=1, description="scenes that are solved, those refused not counted")
@@ -33,7 +33,7 @@ class Settings(Part):
 
 def run(study, settings: Settings = Settings(), resume: bool = False) -> None:
     """Draws, solves and compares; ends with tables of what was tried."""
-    table = Path(study.folder.path) / "scenes.csv"  # a study begins without its table
+    table = Path(study.folder) / "scenes.csv"  # a study begins without its table
     rows = read(table) if resume else []
     first = settings.seed * 1_000_000
     done = {(int(r["seed"]), int(r["index"])) for r in rows}
@@ -48,7 +48,7 @@ def run(study, settings: Settings = Settings(), resume: bool = False) -> None:
             writer.writerow(row)
             file.flush()
             rows.append({k: str(v) for k, v in row.items()})
-            if wrong := keep(trial, verdict, Path(study.folder.path) / "findings"):
+            if wrong := keep(trial, verdict, Path(study.folder) / "findings"):
                 study.console.print(f"  {trial.number}: {wrong}")
             solved += verdict["outcome"] != "refused"
             if solved >= settings.scenes:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.geometry import tet_volumes
+from benchmarks.kit.meshes import positive, write
 
 # corners (x, y, z) of a brick: four tets at every other corner, and the one left in the middle
 _FIVE = np.array([
@@ -35,8 +34,6 @@ def alternating_beam(folder: Path, counts: tuple[int, int, int] = (128, 8, 8), h
     mirrored = bricks.sum(axis=-1, keepdims=True) % 2 == 1
     corners = np.where(mirrored & (np.arange(3) == 0), 1 - _FIVE, _FIVE)
     cells = np.ravel_multi_index(tuple(np.moveaxis(bricks + corners, -1, 0)), tuple(shape)).reshape(-1, 4)
-    inverted = tet_volumes(nodes, cells) < 0
-    cells[inverted] = cells[inverted][:, [1, 0, 2, 3]]
     path = folder / "alternating.vtk"
-    meshio.write(path, meshio.Mesh(nodes, [("tetra", cells)]), file_format="vtk", binary=True)
+    write(path, nodes, positive(nodes, cells))
     return path

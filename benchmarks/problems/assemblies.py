@@ -9,7 +9,7 @@ from typing import Any
 
 import gmsh
 
-from orchestrator.scene.mesh.gmsh_session import session
+from benchmarks.kit.meshes import session
 from benchmarks.problems.cases import STEEL
 
 # --- bolted flange: solid_1 the lower flange, solid_2 the upper one, then bolt and nut four times; N and mm ------------

@@ -8,7 +8,7 @@ from typing import Any
 
 import gmsh
 
-from orchestrator.scene.mesh.gmsh_session import session
+from benchmarks.kit.meshes import session
 from benchmarks.problems.cases import STEEL
 
 BOLTS, FORCE = 8, 8000.0

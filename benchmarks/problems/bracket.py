@@ -7,7 +7,7 @@ from typing import Any
 
 import gmsh
 
-from orchestrator.scene.mesh.gmsh_session import session
+from benchmarks.kit.meshes import session
 from benchmarks.problems.cases import STEEL
 
 _LENGTH, _WIDTH, _THICKNESS, _RADIUS = 100.0, 40.0, 40.0, 10.0

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from orchestrator.config.method import Sole
+from orchestrator import Config
 
 STEEL = [{"young": 200e3, "poisson": 0.3}]  # N, mm
 SLICES = (8, 16, 32, 64, 128)
 CUT = 70  # iterations the paper's figures show
+COMPRESSED = [[0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]  # of the top of a cube of side 1
 GRAINS, GRAIN_H = 100, 0.018  # the paper's polycrystal: grains, and the element size of its 565,000 dofs
-CONTACT_RATIO = Sole().contact_ratio
+CONTACT_RATIO = Config.model_fields["method"].get_default(call_default_factory=True).sole.contact_ratio
 NEVER = {"indicator": 1e-30}  # a tolerance that only rounding meets: the number of iterations decides
 
 
@@ -88,16 +89,21 @@ def bolted_apart() -> dict[str, Any]:
     }
 
 
-def grains(count: int, h: float, friction: float = 0.1) -> dict[str, Any]:
-    """The paper's polycrystal: a unit cube of grains in contact, compressed further, then unloaded in two steps."""
+def grains(count: int, h: float, friction: float = 0.1, path: Sequence[Sequence[float]] = COMPRESSED, **more: int) -> dict[str, Any]:
+    """The paper's polycrystal: a unit cube of grains in contact, its bottom clamped.
+
+    Parameters
+    ----------
+    path : motion of the top, a vector per load step; the paper compresses further, then unloads in two steps
+    more : seed and lloyd of the mesh
+    """
     return {
-        "name": f"grains-{count}",
-        "mesh": {"polycrystal": {"grains": count, "size": 1.0, "h": h}},
+        "name": "-".join(["grains", str(count), *(f"{key}-{value}" for key, value in more.items())]),
+        "mesh": {"polycrystal": {"grains": count, "size": 1.0, "h": h, **more}},
         "subdomains": "groups",
         "materials": STEEL,
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
-                     {"on": {"plane": "z", "at": 1}, "displacement": [
-                         [0, 0, -0.005], [0, 0, -0.01], [0, 0, -0.005], [0, 0, -0.001]]}],
+                     {"on": {"plane": "z", "at": 1}, "displacement": list(map(list, path))}],
         "interfaces": [{"law": "contact", "friction": friction}],
     }
 

@@ -8,10 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.structured import bricks
+from benchmarks.kit.meshes import bricks, centres, write
 from benchmarks.problems.cases import STEEL, cube
 
 CONTRAST = 1000.0  # of moduli, brick by brick at random
@@ -33,12 +32,9 @@ def named(case: str, folder: Path, blocks: int, elements: int) -> dict[str, Any]
     data = cube(blocks, elements)
     if case == "random":
         count = blocks * elements
-        mesh = bricks(np.full(3, float(blocks)), np.full(3, count), "box")
-        brick = np.floor(mesh.nodes[mesh.cells].mean(axis=1) * elements).astype(int)
-        stiff = np.random.default_rng(0).integers(0, 2, (count,) * 3)[tuple(brick.T)]
-        path = folder / f"random-{blocks}-{elements}.meshb"
-        meshio.write(path, meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)], cell_data={"medit:ref": [stiff + 1]}))
-        data |= {"mesh": {"file": str(path)}, "materials": [
+        nodes, cells = bricks((blocks,) * 3, (count,) * 3)
+        stiff = np.random.default_rng(0).integers(0, 2, (count,) * 3)[tuple(centres(nodes, cells, 1 / elements).T)]
+        data |= {"mesh": write(folder / f"random-{blocks}-{elements}.meshb", nodes, cells, stiff), "materials": [
             {"young": 200e3 / CONTRAST, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}]}
     elif case == "incompressible":
         data = {**cube(blocks, max(1, elements // 2)), "materials": [{"young": 200e3, "poisson": INCOMPRESSIBLE}],

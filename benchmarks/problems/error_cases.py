@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.structured import bricks
+from benchmarks.kit.meshes import bricks, write
 from benchmarks.problems.cases import STEEL
 
 HELD = [0, 0, 0]
@@ -58,7 +57,7 @@ def bracket(folder: Path, k: int) -> dict[str, Any]:
 
     return {
         "name": "bracket",
-        "mesh": {"file": _write(folder / f"bracket-{k}.vtk", (20, 5, 20), (2 * k, k // 2, 2 * k), inside)},
+        "mesh": _write(folder / f"bracket-{k}.vtk", (20, 5, 20), (2 * k, k // 2, 2 * k), inside),
         "subdomains": {"metis": 8 if k < 9 else 16}, "materials": STEEL,
         "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": HELD},
                      {"on": {"plane": "x", "at": 20}, "traction": [0, 0, 1]}],
@@ -72,7 +71,7 @@ def inclusions(folder: Path, k: int) -> dict[str, Any]:
 
     return {
         "name": "inclusions",
-        "mesh": {"file": _write(folder / f"inclusions-{k}.vtk", (20, 10, 10), (2 * k, k, k), second=hard)},
+        "mesh": _write(folder / f"inclusions-{k}.vtk", (20, 10, 10), (2 * k, k, k), second=hard),
         "subdomains": {"metis": 8 if k < 10 else 16},
         "materials": [{"young": 200.0, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}],
         "boundary": [{"on": {"plane": "x", "at": 0}, "displacement": HELD},
@@ -92,17 +91,13 @@ def blocks(folder: Path, k: int) -> dict[str, Any]:
 
 
 def _write(path: Path, size: tuple[float, ...], counts: tuple[int, ...], inside: Callable | None = None,
-           second: Callable | None = None) -> str:
+           second: Callable | None = None) -> dict[str, str]:
     """A mesh file of the bricks that are inside, some of them of a second matter; both are told by their centres."""
-    mesh = bricks(np.array(size, float), np.array(counts), path.stem)
-    corner = mesh.nodes[mesh.cells].reshape(-1, 24, 3)  # six tets make a brick
+    nodes, cells = bricks(size, counts)
+    corner = nodes[cells].reshape(-1, 24, 3)  # six tets make a brick
     centre = np.repeat((corner.min(axis=1) + corner.max(axis=1)) / 2, 6, axis=0)
-    cells = mesh.cells if inside is None else mesh.cells[inside(centre)]
-    tags = np.ones(len(cells), int) if second is None else 1 + second(centre).astype(int)
-    used, local = np.unique(cells, return_inverse=True)
-    made = meshio.Mesh(mesh.nodes[used], [("tetra", local.reshape(-1, 4))], cell_data={"medit:ref": [tags]})
-    meshio.write(path, made, file_format="vtk", binary=True)
-    return str(path)
+    kept = slice(None) if inside is None else inside(centre)
+    return write(path, nodes, cells[kept], 0 if second is None else second(centre)[kept].astype(int))
 
 
 MODELS = {

@@ -6,13 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.mesh.mesh import Mesh
-
-STEEL = [{"young": 200e3, "poisson": 0.3}]
+from benchmarks.kit.meshes import bricks, centres, write
+from benchmarks.problems.cases import STEEL
 
 
 def scene(mesh: Mapping[str, Any], subdomains: Any, length: float, *, force: float = 10.0,
@@ -43,71 +40,60 @@ def slices(**more: Any) -> dict[str, Any]:
     return scene(mesh, {"slices": {"axis": "x", "count": 4}}, 4.0, **more)
 
 
-def write(folder: Path, name: str, mesh: Mesh) -> dict[str, str]:
-    """A mesh file whose volumes are volume_1, volume_2 …, and the ``mesh`` section that reads it."""
-    path = folder / f"{name}.mesh"
-    meshio.write(path, meshio.Mesh(mesh.nodes, [("tetra", mesh.cells)], cell_data={"medit:ref": [mesh.volume + 1]}))
-    return {"file": str(path)}
-
-
 def contrast(folder: Path, pattern: str, ratio: float) -> dict[str, Any]:
     """The 2³ cubes of two materials: by cubes, layers, checkerboard of bricks, random bricks or random tets."""
-    mesh = bricks(np.full(3, 2.0), np.full(3, 8), "box")
-    brick = np.floor(mesh.nodes[mesh.cells].mean(axis=1) * 4).astype(int)
-    random = np.random.default_rng(0)
-    mesh.volume = {
+    nodes, cells = bricks((2, 2, 2), (8, 8, 8))
+    brick, random = centres(nodes, cells, 0.25), np.random.default_rng(0)
+    volume = {
         "across": (brick // 4).sum(axis=1) % 2, "layers": brick[:, 2] % 2, "checkerboard": brick.sum(axis=1) % 2,
         "random bricks": random.integers(0, 2, (8, 8, 8))[tuple(brick.T)],
         "random tets": random.integers(0, 2, len(brick)),
     }[pattern]
-    return scene(write(folder, f"{pattern} {ratio:g}".replace(" ", "-"), mesh), {"grid": [2, 2, 2]}, 2.0, materials=[
+    return scene(write(_path(folder, f"{pattern} {ratio:g}"), nodes, cells, volume), {"grid": [2, 2, 2]}, 2.0, materials=[
         {"young": 200e3 / ratio, "poisson": 0.3}, {"young": 200e3, "poisson": 0.3, "on": "volume_2"}])
 
 
 def sliver(folder: Path, angle: float) -> dict[str, Any]:
     """The bar of slices with one tet at an interface flattened to a dihedral angle, in degrees."""
-    mesh = bricks(np.array([4.0, 1.0, 1.0]), np.array([12, 3, 3]), "box")
-    node = int(np.argmin(np.linalg.norm(mesh.nodes - [1.0, 1 / 3, 1 / 3], axis=1)))
-    target = int(np.argmin(np.linalg.norm(mesh.nodes - [2 / 3, 1 / 3, 1 / 3], axis=1)))
-    mesh.nodes[target, 0] = mesh.nodes[node, 0] - np.tan(np.radians(angle)) / 3
-    return scene(write(folder, f"sliver-{angle:g}", mesh), {"slices": {"axis": "x", "count": 4}}, 4.0)
+    nodes, cells = bricks((4, 1, 1), (12, 3, 3))
+    node, target = (int(np.argmin(np.linalg.norm(nodes - [x, 1 / 3, 1 / 3], axis=1))) for x in (1.0, 2 / 3))
+    nodes[target, 0] = nodes[node, 0] - np.tan(np.radians(angle)) / 3
+    return scene(write(_path(folder, f"sliver-{angle:g}"), nodes, cells), {"slices": {"axis": "x", "count": 4}}, 4.0)
 
 
 def joined(folder: Path, nodes: int) -> dict[str, Any]:
     """Two bars of bricks that share one triangle (3 nodes), an edge (2) or a corner (1) only."""
-    one = bricks(np.ones(3), np.full(3, 3), "box")
-    two = bricks(np.ones(3), np.full(3, 3), "box")
-    two.nodes = two.nodes + [1.0, 2 / 3 if nodes < 3 else 0.0, 1.0 if nodes == 1 else 0.0]
-    if nodes == 2:
-        two.nodes = two.nodes + [0.0, 1 / 3, 2 / 3]
+    (one, cells), (two, _) = (bricks((1, 1, 1), (3, 3, 3)) for _ in range(2))
+    two += {3: [1, 0, 0], 2: [1, 1, 2 / 3], 1: [1, 2 / 3, 1]}[nodes]
     if nodes == 3:  # the second bar is pushed away from the first but for one triangle
         face = [[1, 1 / 3, 1 / 3], [1, 2 / 3, 1 / 3], [1, 2 / 3, 2 / 3]]
-        meets = np.any([np.linalg.norm(two.nodes - p, axis=1) < 1e-9 for p in face], axis=0)
-        two.nodes[(two.nodes[:, 0] < 1 + 1e-9) & ~meets, 0] += 0.3
-    both = np.vstack([one.nodes, two.nodes])
+        meets = np.any([np.linalg.norm(two - p, axis=1) < 1e-9 for p in face], axis=0)
+        two[(two[:, 0] < 1 + 1e-9) & ~meets, 0] += 0.3
+    both, all_cells, volume = _both(one, two, cells)
     _, first, inverse = np.unique(np.round(both, 6), axis=0, return_index=True, return_inverse=True)
-    cells = np.vstack([one.cells, two.cells + len(one.nodes)])
-    mesh = Mesh(both[first], inverse.ravel()[cells], np.repeat([0, 1], [len(one.cells), len(two.cells)]), ["a", "b"])
-    return scene(write(folder, f"joined-{nodes}", mesh), "groups", 2.0)
+    return scene(write(_path(folder, f"joined-{nodes}"), both[first], inverse.ravel()[all_cells], volume), "groups", 2.0)
 
 
 def patches(folder: Path) -> dict[str, Any]:
     """Two plates joined by two legs: one interface of two patches."""
-    mesh = bricks(np.array([3.0, 1.0, 1.0]), np.array([9, 3, 3]), "box")
-    brick = np.floor(mesh.nodes[mesh.cells].mean(axis=1) * 3).astype(int)
+    nodes, cells = bricks((3, 1, 1), (9, 3, 3))
+    brick = centres(nodes, cells, 1 / 3)
     kept = ~((brick[:, 2] == 1) & (brick[:, 0] >= 3) & (brick[:, 0] < 6))
-    used, cells = np.unique(mesh.cells[kept], return_inverse=True)
-    volume = (brick[kept][:, 2] >= 1).astype(int)
-    made = Mesh(mesh.nodes[used], cells.reshape(-1, 4), volume, ["a", "b"])
-    return scene(write(folder, "patches", made), "groups", 3.0)
+    return scene(write(_path(folder, "patches"), nodes, cells[kept], brick[kept][:, 2] >= 1), "groups", 3.0)
 
 
-def apart(distance: float) -> Mesh:
-    """Two unit blocks of separate nodes, one above the other."""
-    one, two = (bricks(np.array([1.0, 1.0, 0.5]), np.array([4, 4, 2]), "box") for _ in range(2))
-    two.nodes = two.nodes + [0, 0, 0.5 + distance]
-    return Mesh(np.vstack([one.nodes, two.nodes]), np.vstack([one.cells, two.cells + len(one.nodes)]),
-                np.repeat([0, 1], [len(one.cells), len(two.cells)]), ["a", "b"])
+def apart(folder: Path, distance: float) -> dict[str, str]:
+    """The mesh of two unit blocks of separate nodes, one above the other."""
+    nodes, cells = bricks((1, 1, 0.5), (4, 4, 2))
+    return write(_path(folder, f"apart-{distance:g}"), *_both(nodes, nodes + [0, 0, 0.5 + distance], cells))
+
+
+def _both(one: np.ndarray, two: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.vstack([one, two]), np.vstack([cells, cells + len(one)]), np.repeat([0, 1], len(cells))
+
+
+def _path(folder: Path, name: str) -> Path:
+    return folder / f"{name.replace(' ', '-')}.mesh"
 
 
 def blocks(steps: Sequence[Sequence[float]], *, friction: float = 0.3, gap: Any = None, **more: Any) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import gmsh
 
-from orchestrator.scene.mesh.gmsh_session import session
+from benchmarks.kit.meshes import session
 
 _BLOCK, _PUNCH = 10.0, 6.0  # edges
 # pressed, pushed aside, further and across, back, to the other side

@@ -20,16 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.blackbox.codes.freefem import installation
-from orchestrator.blackbox.models.matter import Matter
-from orchestrator.config import config_from
-from orchestrator.errors import BlackBoxError
-from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, new_figure, png, tidy
-from orchestrator.results.solution import Solution
-from orchestrator.run import solve
-from orchestrator.scene.model import Scene
+from benchmarks.kit.drawing import BLUE, GREEN, GREY, panels
+from benchmarks.kit.elasticity import energy
 from benchmarks.kit.study import Case, Study
 from benchmarks.problems.hard_scenes import blocks, slices
+from orchestrator import BlackBoxError, Scene, Solution, config_from, solve
 
 TOLERANCE, SIZE, TIMES = 1e-6, 1e-3, 10.0
 KINDS = ("stiffness", "load", "fields", "traces")
@@ -66,18 +61,18 @@ def run(study: Study, places: int = PLACES, seed: int = 1) -> None:
 
 def attempt(study: Study, name: str, fault: dict[str, Any], exact: Solution, own: float) -> None:
     """One falsified run: its row."""
-    begin, scene, error, history = time.perf_counter(), study.scene(problem(name)), None, []
+    begin, scene, error, history = time.perf_counter(), study.scene(problem(name)), None, {}
     try:
         with falsifying(fault):
             solved = solve(config_from(problem(name)), scene)
-        error, history = apart(scene, solved, exact), solved.iterated.history
+        error, history = apart(scene, solved, exact), solved.history
         outcome, message = ("converged" if solved.converged else "stopped"), solved.stop_reason
     except BlackBoxError as failure:
         outcome, message = "refused", str(failure).splitlines()[0]
     wrong = outcome == "converged" and error > TIMES * max(TOLERANCE, own)
     study.add(Case(problem(name), {"problem": name, "kind": fault["kind"], "how": fault["how"], "number": fault["number"]}),
               {"outcome": outcome, "error": error, "message": message[:160], "silent_wrong": "yes" if wrong else "no",
-               "iterations": len(history), "stop_reason": outcome, "seconds": round(time.perf_counter() - begin, 2)},
+               "iterations": len(history.get("iteration", ())), "stop_reason": outcome, "seconds": round(time.perf_counter() - begin, 2)},
               history, message[:90] if error is None else f"error {error:.1e}")
 
 
@@ -101,20 +96,15 @@ def _sound(study: Study, data: Mapping[str, Any]) -> tuple[Solution, dict[str, i
 
 def apart(scene: Scene, one: Solution, other: Solution) -> float:
     """max_t ‖u − u'‖_K / max_t ‖u'‖_K, subdomain by subdomain."""
-    moduli, energies = np.array([[m.young, m.poisson] for m in scene.materials]), np.zeros((2, scene.steps))
-    for s in scene.subdomains:
-        matter = Matter(scene.mesh.nodes[s.nodes], s.connectivity, *moduli[s.material].T)
-        u, exact = (solution.sides[s.index].reshape(scene.steps, -1) for solution in (one, other))
-        energies += matter.energies(u - exact), matter.energies(exact)
-    gap, size = energies.max(axis=1)
-    return float(np.sqrt(max(gap, 0.0) / size))
+    gap = energy(scene, [a - b for a, b in zip(one.sides, other.sides)]).max()
+    return float(np.sqrt(max(gap, 0.0) / energy(scene, other.sides).max()))
 
 
 @contextmanager
 def falsifying(fault: Mapping[str, Any]) -> Iterator[None]:
     """Within this context FreeFEM is reached through the proxy."""
     kept = {name: os.environ.get(name) for name in ("ORCHESTRATOR_FREEFEM", "ORCHESTRATOR_FALSIFY")}
-    real, root = shutil.which(installation.executable()), str(Path(__file__).resolve().parents[2])
+    real, root = shutil.which(os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++"), str(Path(__file__).resolve().parents[2])
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "freefem"
         path.write_text(f"#!/bin/sh\nPYTHONPATH='{root}' exec '{sys.executable}' -m benchmarks.kit.proxy "
@@ -130,17 +120,13 @@ def falsifying(fault: Mapping[str, Any]) -> Iterator[None]:
                     os.environ[name] = value
 
 
-def _picture(study: Study) -> bytes:
+def _picture(study: Study):
     """How falsified runs ended, kind by kind."""
-    figure = new_figure(6.4, 3.6)
-    axes = figure.subplots()
+    figure, ((axes,),) = panels(size=(6.4, 3.6))
     left = np.zeros(len(KINDS))
     for outcome, colour in (("refused", BLUE), ("stopped", GREEN), ("converged", GREY)):
         count = np.array([sum(r["kind"] == k and r["outcome"] == outcome for r in study.rows) for k in KINDS])
         axes.barh(KINDS, count, left=left, color=colour, label=outcome)
         left += count
     axes.set_xlabel("runs with one falsified reply of that kind")
-    tidy(axes)
-    axes.legend(fontsize=9, frameon=False)
-    figure.tight_layout()
-    return png(figure)
+    return figure

@@ -6,6 +6,7 @@ iteration, or two seconds of them, computed twice. What a full disk keeps from b
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -14,18 +15,13 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import BAD_INPUT, CONVERGED
-from orchestrator.results.figures.plotting import BLUE, ORANGE, new_figure, png, tidy
-from orchestrator.results.subscribers.checkpoint import ENDED, NAME, SEGMENTS
-from orchestrator.results.subscribers.history import read_history
-from orchestrator.results.subscribers.log import records
-from benchmarks.kit.commands import orchestrate, without_ranks
+from benchmarks.kit.commands import BAD_INPUT, CONVERGED, orchestrate, without_ranks
+from benchmarks.kit.drawing import BLUE, ORANGE, level, panels
 from benchmarks.kit.study import Study
 from benchmarks.problems.cases import bolted_apart, cube, pressed_cubes
 
@@ -42,7 +38,8 @@ def run(study: Study, problems: dict[str, dict[str, Any]] | None = None, kills: 
     problems = problems or {"bonded": cube(4), "contact": pressed_cubes(0.3), "bolted, meshed apart": bolted_apart()}
     missing, draw = without_ranks(), np.random.default_rng(12)
     for name, config in problems.items():
-        path = study.folder.write(f"{name}.yaml", json.dumps({**config, "output": {"figures": False}}))
+        path = study.folder / f"{name}.yaml"
+        path.write_text(json.dumps({**config, "output": {"figures": False}}), encoding="utf-8")
         for ranks in (1,) if missing else (1, 2):
             whole = _Run(path, study.folder / "whole", ranks)
             seconds = whole.seconds = _timed(whole)
@@ -98,8 +95,8 @@ class _Run:
         """Iterations of a run and its difference to the undisturbed one."""
         with np.load(self.folder / "fields.npz") as mine, np.load(folder / "fields.npz") as theirs:
             one, other = mine["displacement"], theirs["displacement"]
-        same = list(read_history(folder)["iteration"]) == list(read_history(self.folder)["iteration"])
-        return {"iterations": len(read_history(folder)["iteration"]), "same_iterations": same,
+        mine, theirs = history(self.folder), history(folder)
+        return {"iterations": len(theirs), "same_iterations": [row["iteration"] for row in theirs] == [row["iteration"] for row in mine],
                 "difference": float(np.abs(one - other).max() / np.abs(one).max())}
 
 
@@ -122,25 +119,29 @@ def _killed(whole: _Run, folder: Path, moment: float) -> dict[str, Any]:
     if (folder / "summary.json").exists():
         return {"exit": CONVERGED, "lost": 0, "lost_seconds": 0.0, **whole.compared(folder),
                 "seconds": time.perf_counter() - begin}
-    lost = _lost(folder)
-    code = whole.end(folder, *(["--resume"] if (folder / NAME).exists() else []))
+    before = history(folder)
+    code = whole.end(folder, *(["--resume"] if (folder / "checkpoint").exists() else []))
+    lost = _lost(before, history(folder))
     compared = whole.compared(folder) if code == CONVERGED else {"iterations": 0, "difference": np.inf}
     return {"exit": code, **lost, **compared, "left": whole.left(), "seconds": time.perf_counter() - begin}
 
 
-def _lost(folder: Path) -> dict[str, Any]:
-    """Iterations in the history that the checkpoint does not have, and their seconds."""
-    if not (folder / "history.csv").exists():
-        return {"lost": 0, "lost_seconds": 0.0}
-    history = read_history(folder)
-    saved = 0
-    for path in chain.from_iterable(map((folder / NAME).glob, (ENDED, SEGMENTS))):
-        with suppress(ValueError):  # killed before the first line was whole
-            saved = max([saved, *(record.header["iteration"] for record in records(path))])
-    seconds = history["seconds"][history["iteration"] > saved]
-    before = history["seconds"][history["iteration"] <= saved]
-    spent = seconds[-1] - (before[-1] if len(before) else seconds[0]) if len(seconds) else 0.0
-    return {"lost": len(seconds), "lost_seconds": round(float(spent), 3)}
+def history(folder: Path) -> list[dict[str, str]]:
+    """Lines of history.csv; none where there is none."""
+    with suppress(FileNotFoundError), open(folder / "history.csv", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+    return []
+
+
+def _lost(before: list[dict[str, str]], after: list[dict[str, str]]) -> dict[str, Any]:
+    """Iterations that were computed twice, whose lines are not the old ones any more, and their seconds."""
+    try:
+        old, new = ([float(row["seconds"]) for row in rows] for rows in (before, after))
+    except (KeyError, ValueError, TypeError):  # the last line was half written
+        return _lost(before[:-1], after)
+    kept = next((k for k, (one, other) in enumerate(zip(old, new)) if one != other), min(len(old), len(new)))
+    spent = old[-1] - old[max(kept - 1, 0)] if old else 0.0
+    return {"lost": len(old) - kept, "lost_seconds": round(spent, 3)}
 
 
 def _kill(process: subprocess.Popen) -> None:
@@ -191,19 +192,17 @@ def _filled(whole: _Run, disk: Path, left: int) -> dict[str, Any]:
     lost = {"lost": 0, "lost_seconds": 0.0}
     (disk / "ballast").unlink()
     if code == BAD_INPUT:
-        begun = (disk / "out" / NAME).exists()
-        lost = _lost(disk / "out") if begun else lost
+        begun, before = (disk / "out" / "checkpoint").exists(), history(disk / "out")
         code = whole.end(disk / "out", *(["--resume"] if begun else []))
+        lost = _lost(before, history(disk / "out")) if begun else lost
     compared = whole.compared(disk / "out") if code == CONVERGED else {"iterations": 0, "difference": np.inf}
     return {"exit": code, **lost, **compared, "seconds": time.perf_counter() - begin}
 
 
 def _note(study: Study, name: str, ranks: int, fault: str, at: float, found: dict[str, Any]) -> None:
     row = {"problem": name, "ranks": ranks, "fault": fault, "at": round(at, 3), **found, "seconds": round(found["seconds"], 2)}
-    study.rows.append(row)
-    study.write()
-    study.console.print(f"  {len(study.rows):3}  {name}, {ranks} ranks, {fault} at {at:.2f}: exit {row['exit']}, {row['lost']} lost, "
-                        f"difference {row['difference']:.1e}")
+    study.note(row, f"{name}, {ranks} ranks, {fault} at {at:.2f}: exit {row['exit']}, {row['lost']} lost, "
+                    f"difference {row['difference']:.1e}")
 
 
 def _targets(study: Study, missing: str | None) -> None:
@@ -226,18 +225,13 @@ def _targets(study: Study, missing: str | None) -> None:
         study.target("killed: two ranks", "tried", missing, False)
 
 
-def _picture(study: Study) -> bytes:
+def _picture(study: Study):
     """Seconds of iterations that were lost, over the moment of the kill."""
-    figure = new_figure(6.4, 3.6)
-    axes = figure.subplots()
+    figure, ((axes,),) = panels(size=(6.4, 3.6))
     for ranks, colour in ((1, BLUE), (2, ORANGE)):
         rows = [r for r in study.rows if r["fault"] == "killed" and r["ranks"] == ranks]
         axes.plot([r["at"] for r in rows], [r["lost_seconds"] for r in rows], "o", color=colour,
                   label=f"{ranks} rank{'s' if ranks > 1 else ''}")
-    axes.axhline(LOST, color="black", linewidth=0.8)
-    axes.set_xlabel("killed after [s]")
-    axes.set_ylabel("iterations computed twice [s]")
-    axes.legend()
-    tidy(axes)
-    figure.tight_layout()
-    return png(figure)
+    level(axes, LOST)
+    axes.set(xlabel="killed after [s]", ylabel="iterations computed twice [s]")
+    return figure

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from orchestrator.results.figures.plotting import png
 from benchmarks.kit.drawing import Curve, draw, grid, label_rows, shades
 from benchmarks.kit.study import Case, Study
 from benchmarks.problems.alternating import alternating_beam
@@ -15,39 +12,34 @@ LONG = 120  # iterations where the figure's are not enough for the table
 # Search directions beside the paper's plain one (full k⁺, α = .8), for 32 slices and equilibrium. With a
 # diagonal k⁺ the fixed point needs α < 2/(1 + max(λ, 1/λ)), λ = eig(k⁻, k⁺), which depends on how the
 # triangles of the interface are laid: 0.29 where all diagonals are parallel.
-VARIANTS = (("full", 0.7, False), ("full", 0.5, False), ("exchange", 0.5, False), ("diagonal", 0.5, False), ("diagonal", 0.3, False), ("diagonal", 0.5, True))
+VARIANTS = (("full", 0.7, "parallel"), ("full", 0.5, "parallel"), ("exchange", 0.5, "parallel"), ("diagonal", 0.5, "parallel"),
+            ("diagonal", 0.3, "parallel"), ("diagonal", 0.5, "alternating"))
+LABELS = ("strategy", "slices", "settings", "kplus", "alpha", "mesh")
 
 
 def run(study: Study) -> None:
     """All slices and strategies with the paper's settings and with ours, then other k⁺."""
-    study.columns = ("strategy", "slices", "settings", "kplus", "alpha", "mesh", "stages_to_eta", "true_error_at_eta",
-                     "stages_to_true_error", "iterations", "true_error", "stop_reason")
-    plan = []
+    study.columns = (*LABELS, "stages_to_eta", "true_error_at_eta", "stages_to_true_error", "iterations", "true_error", "stop_reason")
+
+    def solve(problem, method, *labels):
+        study.solve(Case(with_method(problem, method), dict(zip(LABELS, labels))))
+
     for strategy, name in STRATEGIES.items():
         for slices in SLICES:
             cut = LONG if strategy != "equilibrium" and slices <= 32 else CUT
-            labels = {"strategy": name, "slices": slices}
-            plan.append(Case(with_method(beam(slices), paper(strategy, iterations=cut)), {
-                **labels, "settings": "paper", "kplus": "full", "alpha": 0.8, "mesh": "parallel"}))
-            plan.append(Case(with_method(beam(slices), defaults(strategy, iterations=cut)), {
-                **labels, "settings": "defaults", "kplus": "exchange", "alpha": 1.0, "mesh": "parallel"}))
-    for kplus, alpha, alternating in VARIANTS:
-        problem = beam(32)
-        if alternating:
-            problem["mesh"] = {"file": str(alternating_beam(Path(study.folder.path)))}
-        plan.append(Case(with_method(problem, paper("equilibrium", kplus=kplus, relaxation=alpha)), {
-            "strategy": "equilibrium", "slices": 32, "settings": "paper", "kplus": kplus, "alpha": alpha,
-            "mesh": "alternating" if alternating else "parallel"}))
-    for case in plan:
-        study.solve(case)
+            solve(beam(slices), paper(strategy, iterations=cut), name, slices, "paper", "full", 0.8, "parallel")
+            solve(beam(slices), defaults(strategy, iterations=cut), name, slices, "defaults", "exchange", 1.0, "parallel")
+    for kplus, alpha, mesh in VARIANTS:
+        problem = beam(32) | ({"mesh": {"file": str(alternating_beam(study.folder))}} if mesh == "alternating" else {})
+        solve(problem, paper("equilibrium", kplus=kplus, relaxation=alpha), "equilibrium", 32, "paper", kplus, alpha, mesh)
     _targets(study)
     study.figure(_picture(study))
 
 
 def _targets(study: Study) -> None:
     def stages(strategy, slices, kplus="full", alpha=0.8, mesh="parallel"):
-        return next(row["stages_to_eta"] for row in study.rows if row["settings"] == "paper" and (
-            strategy, slices, kplus, alpha, mesh) == tuple(row[k] for k in ("strategy", "slices", "kplus", "alpha", "mesh")))
+        asked = (strategy, slices, "paper", kplus, alpha, mesh)
+        return next(row["stages_to_eta"] for row in study.rows if asked == tuple(row[k] for k in LABELS))
 
     mono = stages("mono-scale", 8)
     study.target("8 slices, mono-scale, paper's sole, α = .8: η < 1e-5", "within 40–60 (paper: 50)", mono,
@@ -61,21 +53,16 @@ def _targets(study: Study) -> None:
                  few is not None and (many is None or many >= 1.5 * few))
 
 
-def _picture(study: Study) -> bytes:
+def _picture(study: Study):
     figure, axes = grid(2, 3, 12.0)
     colours = dict(zip(SLICES, shades(len(SLICES))))
     for column, name in enumerate(STRATEGIES.values()):
-        curves = []
-        for row, history in zip(study.rows[:6 * len(SLICES)], study.histories):
-            if row["strategy"] == name:
-                ours = row["settings"] == "defaults"
-                curves.append(Curve(history, colours[row["slices"]], "" if ours else f"{row['slices']} slices",
-                                    "--" if ours else "-"))
+        curves = [Curve(history, colours[row["slices"]], f"{row['slices']} slices" if row["settings"] == "paper" else "",
+                        "-" if row["settings"] == "paper" else "--")
+                  for row, history in zip(study.rows[:6 * len(SLICES)], study.histories) if row["strategy"] == name]
         draw(axes[0, column], curves, "indicator", limits=(1e-9, 1), last=CUT, mark=(1e-5, "" if column else "η = 1e-5"))
         draw(axes[1, column], curves, "true_error", limits=(1e-7, 1), last=CUT, mark=(1e-6, "" if column else "1e-6"))
         axes[0, column].set_title(f"({'abc'[column]}) {name}", fontsize=11)
-    axes[0, 0].legend(fontsize=8.5, frameon=False)
     label_rows(axes, ("indicator η (a squared ratio)", "true relative energy error"))
     figure.suptitle("Beam in tension: the paper's settings (solid) and the defaults (dashed)", fontsize=12)
-    figure.tight_layout()
-    return png(figure)
+    return figure

@@ -8,66 +8,49 @@ load of the machine by other work when a run began: seconds grow with it, shares
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat, PositiveInt
 
-from orchestrator.blackbox.pool.pool import default_workers
-from orchestrator.config.base import Count, Part, Positive
-from orchestrator.errors import BlackBoxError
-from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, RED, new_figure, png, tidy
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.summary.summary import STAGES, blackbox_seconds
-from benchmarks.kit.commands import whole_command
+from benchmarks.kit.commands import CORES, codes_seconds, cpu_of_children, whole_command
+from benchmarks.kit.drawing import BLUE, GREY, ORANGE, PALETTE, level, panels
+from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
-from benchmarks.studies.grains_targets import MOST, USUAL, judge
-from benchmarks.problems.cases import STEEL, with_method
+from benchmarks.problems.cases import grains, with_method
+from orchestrator import BlackBoxError
 
-FRICTION = 0.1
-TOP = [[0, 0, -0.0005], [0.0005, 0, -0.001], [0.001, 0, -0.001], [0.001, 0, -0.0005]]  # of a cube of side 1
+FIRST, MOST, GROWTH = 64, 50, 1.3  # iterations: at most, and as a multiple of those of so many grains
+USUAL, TIGHTER = 1e-4, 2.5  # the tolerance that this is about; iterations of tighter ones over its own
+SHARES = ((343, 0.25), (1000, 0.40))  # up to so many grains: share of the coarse problem in the iterations' wall time
+LARGE, DOFS, SECONDS, MEMORY = 1000, 500_000, 600, 16  # grains; their decomposed dofs at least; limits, GB
 CUT = 2 * MOST  # iterations, after which a run has failed
-COLUMNS = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
-           "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
-           "spring_force", "live_by_springs", "detached", "far")
-_LARGE_FILES = ("fields/*", "fields.npz", "checkpoint/*")
+TOP = [[0, 0, -0.0005], [0.0005, 0, -0.001], [0.001, 0, -0.001], [0.001, 0, -0.0005]]  # of a cube of side 1
+
+Rows = Sequence[Mapping[str, Any]]
 
 
-class Settings(Part):
+class Settings(Keys):
     """What to run: every number of grains with every seed, to every tolerance."""
 
     counts: Annotated[list[Annotated[int, Field(ge=2)]], Field(min_length=1)] = Field(
         [27, 64, 125, 343], description="numbers of grains")
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = Field(
         [1, 2, 3], description="of the grains' centres")
-    tolerances: Annotated[list[Positive], Field(min_length=1)] = Field([USUAL], description="of the law residual")
-    elements: Positive = Field(5.0, description=(
+    tolerances: Annotated[list[PositiveFloat], Field(min_length=1)] = Field([USUAL], description="of the law residual")
+    elements: PositiveFloat = Field(5.0, description=(
         "elements across a grain, as many for all numbers of grains; with five, a thousand grains have over 500,000 dofs"))
     lloyd: int = Field(0, ge=0, description="relaxation steps towards rounder grains")
-    ranks: Count = Field(1, description="MPI ranks of each run")
+    ranks: PositiveInt = Field(1, description="MPI ranks of each run")
     method: dict[str, Any] = Field({}, description="further entries of the configuration's `method`")
+    figures: bool = Field(True, description="whether every run draws its figures")
 
 
 def problem(count: int, seed: int, elements: float, lloyd: int = 0) -> dict[str, Any]:
-    """Grains pressed, sheared, sheared further and half let go.
-
-    Parameters
-    ----------
-    elements : across a grain, whose size is that of a cube of its volume
-    """
-    return {
-        "name": f"grains-{count}-seed-{seed}",
-        "mesh": {"polycrystal": {"grains": count, "size": 1.0, "h": float(f"{count ** (-1 / 3) / elements:.4g}"),
-                                 "seed": seed, "lloyd": lloyd}},
-        "subdomains": "groups",
-        "materials": STEEL,
-        "boundary": [{"on": {"plane": "z", "at": 0}, "displacement": [0, 0, 0]},
-                     {"on": {"plane": "z", "at": 1}, "displacement": TOP}],
-        "interfaces": [{"law": "contact", "friction": FRICTION}],
-    }
+    """Grains pressed, sheared, sheared further and half let go, ``elements`` of them across a cube of a grain's volume."""
+    return grains(count, float(f"{count ** (-1 / 3) / elements:.4g}"), path=TOP, seed=seed, lloyd=lloyd)
 
 
 def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
@@ -77,53 +60,39 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
     ----------
     resume : take over what the folder has of the same runs
     """
-    study.columns = COLUMNS
+    study.columns = ("grains", "seed", "tolerance", "dofs_decomposed", "stop_reason", "iterations", "newton_steps", "coarse_share",
+                     "code_per_grain", "per_grain", "mesh", "iterating", "seconds", "cpu_per_grain", "others", "GB", "unsolved",
+                     "spring_force", "live_by_springs", "detached", "far")
     for count, seed, tolerance in product(sorted(settings.counts), settings.seeds, settings.tolerances):
-        labels = {"grains": count, "seed": seed, "tolerance": tolerance}
         config = with_method(problem(count, seed, settings.elements, settings.lloyd),
                              {"max_iterations": CUT, **settings.method, "tolerance": {"error": tolerance}})
-        study.rows.append({**labels, **_measured(study, config, tolerance, settings.ranks, resume)})
-        study.write()
-        study.console.print(f"  {len(study.rows):3}  {_told(study.rows[-1])}")
-        study.figure(picture(study.rows))
+        config["output"] = {"figures": settings.figures}
+        name = f"grains-{count}-seed-{seed}-{tolerance:g}"
+        row = {"grains": count, "seed": seed, "tolerance": tolerance, **study.kept(
+            name, {"config": config, "ranks": settings.ranks}, lambda: _measured(study, name, config, settings.ranks), resume)}
+        study.note(row, f"{count} grains, seed {seed}, {tolerance:g}: " + (
+            f"{row['iterations']} iterations, {row['stop_reason']}, {row['newton_steps']} Newton steps, coarse problem "
+            f"{100 * row['coarse_share']:.0f} %, {row['seconds']:.1f} s, {row['GB']:.1f} GB" if "iterations" in row else
+            f"failed, {row['failure']}"))
+        study.figure(_picture(study.rows))
     judge(study)
 
 
-def _measured(study: Study, config: dict[str, Any], tolerance: float, ranks: int, resume: bool) -> dict[str, Any]:
-    """Columns of one run: as kept, or by running it; one that fails says why."""
-    name = f"{config['name']}-{tolerance:g}"
-    kept, asked = study.folder / f"{name}.json", {"config": config, "ranks": ranks}
-    if resume and kept.is_file():
-        known = json.loads(kept.read_text(encoding="utf-8"))
-        if known["asked"] == asked:
-            return known["row"]
-    study.folder.remove(kept.name)
-    others, begin = os.getloadavg()[0], _cpu_of_children()
+def _measured(study: Study, name: str, config: dict[str, Any], ranks: int) -> dict[str, Any]:
+    """Columns of one run; one that fails says why."""
+    others, begin = os.getloadavg()[0], cpu_of_children()
     try:
-        with study.console.status(name):
-            summary, seconds = whole_command(study, name, config, ranks)
+        summary, seconds = whole_command(study, name, config, ranks)
     except BlackBoxError as error:  # of whatever kind: the command has ended
-        return {"stop_reason": "failed", "message": " ".join(str(error).split())}
-    row = {**columns(summary, seconds), "cpu_per_grain": (_cpu_of_children() - begin) / summary["subdomains"],
-           "others": round(others, 1)}
-    study.folder.write(kept.name, json.dumps({"asked": asked, "row": row}, indent=1))
+        return {"stop_reason": "failed", "failure": " ".join(str(error).split())}
     if summary["converged"]:
-        ResultsFolder(study.folder / name).remove(*_LARGE_FILES)
-    return row
+        for path in [study.folder / name / "fields.npz", *(study.folder / name / "fields").glob("*")]:
+            path.unlink(missing_ok=True)  # large
+    return {**_columns(summary, seconds), "cpu_per_grain": (cpu_of_children() - begin) / summary["subdomains"], "others": round(others, 1)}
 
 
-def _cpu_of_children() -> float:
-    """CPU seconds of all processes that have ended: what a busy machine does not change."""
-    used = os.times()
-    return used.children_user + used.children_system
-
-
-def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
-    """Columns of a row.
-
-    Parameters
-    ----------
-    summary : of the run; seconds : wall time of its command
+def _columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
+    """Columns of a run of so many wall seconds.
 
     Returns
     -------
@@ -134,16 +103,15 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     timing, period, count = summary["timing"], summary["workload"]["iterations"], summary["subdomains"]
     # rank 0 solves the coarse problem for all, who wait for it
     coarse = max((row["seconds"] for row in period["stages"] if row["stage"] == "coarse"), default=0.0)
-    codes = blackbox_seconds(timing)
+    codes = codes_seconds(summary)
     springs, ends = summary["stabilised"] or {}, summary["coarse_ends"]  # none where stabilisation is set to 0
     return {
         **{key: summary[key] for key in ("dofs", "dofs_decomposed", "interfaces", "interface_nodes", "stop_reason",
                                          "iterations", "newton_steps")},
         "law_residual": summary["residuals"]["law_residual"], "coarse_share": coarse / period["seconds"],
         "coarse_per_grain": coarse / count, "code_seconds": codes, "code_per_grain": codes / count,
-        "per_grain": seconds / count, "iterating": period["seconds"], "seconds": seconds,
-        **{stage: timing[stage] for stage in STAGES if stage in timing}, "GB": summary["memory_peak_mb"] / 1000,
-        "unsolved": sum(ends.values()) - ends.get("tolerance", 0),
+        "per_grain": seconds / count, "iterating": period["seconds"], "seconds": seconds, "mesh": timing["mesh"],
+        "GB": summary["memory_peak_mb"] / 1000, "unsolved": sum(ends.values()) - ends.get("tolerance", 0),
         **{f"spring_{key}": springs.get(key) for key in ("epsilon", "force", "work")},
         "live_by_springs": len({name for step in springs.get("bodies", ()) for name in step}),
         "far": len({entry["body"] for entry in summary["far_bodies"]}),
@@ -151,49 +119,83 @@ def columns(summary: Mapping[str, Any], seconds: float) -> dict[str, Any]:
     }
 
 
-def _told(row: Mapping[str, Any]) -> str:
-    """A row as a line."""
-    what = f"{row['grains']} grains, seed {row['seed']}, {row['tolerance']:g}: "
-    if "iterations" not in row:
-        return f"{what}{row['stop_reason']}, {row['message']}"
-    return (f"{what}{row['iterations']} iterations, {row['stop_reason']}, {row['newton_steps']} Newton steps, coarse problem "
-            f"{100 * row['coarse_share']:.0f} %, {row['seconds']:.1f} s, {row['GB']:.1f} GB")
+def judge(study: Study) -> None:
+    """The targets, of what has been run."""
+    usual = [row for row in study.rows if row["tolerance"] == USUAL]
+    for tolerance in sorted({row["tolerance"] for row in study.rows}, reverse=True):
+        rows = [row for row in study.rows if row["tolerance"] == tolerance]
+        good = [row for row in rows if row["stop_reason"] == "converged"]
+        study.target(f"law residual {tolerance:g}: runs that converge", f"all {len(rows)}", len(good), len(good) == len(rows))
+        before = {(row["grains"], row["seed"]): row["iterations"] for row in usual if row["stop_reason"] == "converged"}
+        ratios = [row["iterations"] / before[key] for row in good if (key := (row["grains"], row["seed"])) in before]
+        if tolerance < USUAL and ratios:
+            study.target(f"the same: iterations over those to {USUAL:g}", f"at most {TIGHTER:g}", f"{max(ratios):.2f}",
+                         max(ratios) <= TIGHTER)
+    if usual:
+        _judge_iterations(study, usual)
+        _judge_shares(study, usual)
+    large = [row for row in usual if row["grains"] >= LARGE]
+    if large:
+        shown = "; ".join(f"{row['dofs_decomposed']:,} dofs, {row['seconds']:.0f} s, {row['GB']:.1f} GB" for row in large
+                          if "iterations" in row)
+        study.target(f"{LARGE} grains, at least {DOFS:,} decomposed dofs, everything included", f"at most {SECONDS} s and {MEMORY} GB",
+                     shown or None, all(row["stop_reason"] == "converged" and row["dofs_decomposed"] >= DOFS
+                                        and row["seconds"] <= SECONDS and row["GB"] <= MEMORY for row in large))
 
 
-def picture(rows: Sequence[Mapping[str, Any]]) -> bytes:
+def _judge_iterations(study: Study, rows: Rows) -> None:
+    """Their number, and its growth with that of the grains."""
+    good = [row for row in rows if row["stop_reason"] == "converged"]
+    if good:
+        most = max(good, key=lambda row: row["iterations"])
+        study.target("the most iterations", f"at most {MOST}", f"{most['iterations']}: {most['grains']} grains, seed "
+                     f"{most['seed']}", len(good) == len(rows) and most["iterations"] <= MOST)
+    mean = {}
+    for count in sorted({row["grains"] for row in rows}):
+        those = [row for row in rows if row["grains"] == count]
+        ended = all(row["stop_reason"] == "converged" for row in those)
+        mean[count] = sum(row["iterations"] for row in those) / len(those) if ended else None
+    larger = [count for count in mean if count > FIRST]
+    if FIRST in mean and larger:
+        known = mean[FIRST] is not None and all(mean[count] is not None for count in larger)
+        growth = max(mean[count] for count in larger) / mean[FIRST] if known else None
+        study.target(f"mean iterations, {larger[0]} … {larger[-1]} grains over {FIRST}", f"at most {GROWTH:g}", growth and f"{growth:.2f}",
+                     known and growth <= GROWTH)
+
+
+def _judge_shares(study: Study, rows: Rows) -> None:
+    """Of the coarse problem in the iterations' wall time."""
+    least = 0
+    for most, limit in SHARES:
+        those = [row for row in rows if least < row["grains"] <= most and "coarse_share" in row]
+        if those:
+            share = max(row["coarse_share"] for row in those)
+            study.target(f"share of the coarse problem in the iterations' wall time, {those[0]['grains']} … {those[-1]['grains']} grains",
+                         f"at most {100 * limit:.0f} %", f"{100 * share:.0f} %", share <= limit)
+        least = most
+
+
+def _picture(rows: Rows):
     """Iterations, and seconds per grain, over the number of grains: a mark per run, lines through the means."""
-    figure = new_figure(10.0, 3.8)
-    left, right = figure.subplots(1, 2)
-    finished = [row for row in rows if "iterations" in row]
-    for tolerance, colour in zip(sorted({row["tolerance"] for row in finished}, reverse=True),
-                                 (BLUE, ORANGE, GREEN, RED)):
-        those = [row for row in finished if row["tolerance"] == tolerance]
-        _draw(left, those, "iterations", colour, f"law residual {tolerance:.0e}")
-    usual = [row for row in finished if row["tolerance"] == max(r["tolerance"] for r in finished)]
-    cores = default_workers()
+    figure, ((left, right),) = panels(1, 2, (10.0, 3.8))
+    done = [row for row in rows if "iterations" in row]
+    tolerances = sorted({row["tolerance"] for row in done}, reverse=True)
+    for tolerance, colour in zip(tolerances, PALETTE):
+        _draw(left, [row for row in done if row["tolerance"] == tolerance], "iterations", colour, f"law residual {tolerance:.0e}")
     for quantity, colour, label, scale in (
             ("per_grain", GREY, "whole command", 1), ("coarse_per_grain", ORANGE, "coarse contact problem", 1),
-            ("code_per_grain", BLUE, f"the codes' own, shared by {cores} cores", 1 / cores)):
-        _draw(right, usual, quantity, colour, label, scale)
-    left.axhline(MOST, color=GREY, linestyle=":", linewidth=1)
-    left.set_ylabel("iterations", fontsize=9.5)
-    right.set_ylabel("seconds per grain", fontsize=9.5)
-    for axes in (left, right):
-        axes.set_ylim(bottom=0)
-        axes.set_xscale("log")
-        counts = sorted({row["grains"] for row in rows})
+            ("code_per_grain", BLUE, f"the codes' own, shared by {CORES} cores", 1 / CORES)):
+        _draw(right, [row for row in done if row["tolerance"] == tolerances[0]], quantity, colour, label, scale)
+    level(left, MOST)
+    counts = sorted({row["grains"] for row in rows})
+    for axes, name in ((left, "iterations"), (right, "seconds per grain")):
+        axes.set(ylim=(0, None), xscale="log", xlabel="grains", ylabel=name)
         axes.set_xticks(counts, [str(count) for count in counts])
         axes.minorticks_off()
-        axes.set_xlabel("grains", fontsize=9.5)
-        axes.tick_params(labelsize=8.5)
-        if finished:
-            axes.legend(fontsize=8.5, frameon=False)
-        tidy(axes)
-    figure.tight_layout()
-    return png(figure)
+    return figure
 
 
-def _draw(axes: Any, rows: Sequence[Mapping[str, Any]], quantity: str, colour: str, label: str, scale: float = 1) -> None:
+def _draw(axes: Any, rows: Rows, quantity: str, colour: str, label: str, scale: float = 1) -> None:
     """A mark per run, hollow where it did not converge, and a line through the means of each number of grains."""
     counts = sorted({row["grains"] for row in rows})
     values = [[scale * row[quantity] for row in rows if row["grains"] == count] for count in counts]

@@ -25,18 +25,11 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.blackbox.codes.freefem.code import FreeFem
-from orchestrator.blackbox.codes.freefem.installation import UNDECOMPOSED, script
-from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import config_from
-from orchestrator.method.delivery.reference import Reference, solve_reference
-from orchestrator.results.figures.plotting import BLUE, GREY, ORANGE, new_figure, png, tidy
-from orchestrator.run import solve
-from orchestrator.scene.build import build_scene
-from benchmarks.kit.commands import whole_command
-from benchmarks.kit.drawing import plain_ticks
+from benchmarks.kit.commands import codes_seconds, whole_command
+from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels, plain_ticks
 from benchmarks.kit.study import ACCURATE, Study
 from benchmarks.problems.cases import cube, with_method
+from orchestrator import config_from, solve
 
 SOLVERS = ("CHOLMOD", "MUMPS", "UMFPACK")
 COMPARED, SMALLER = 24, (30,)  # bricks along the side, for the choice of the solver and for the growth of its memory
@@ -44,6 +37,7 @@ BLOCKS, ELEMENTS = 4, 10  # subdomains along the side, bricks along each: 206,76
 MILLION = (7, 10)  # the same: 1,073,733 dofs
 PATIENCE = 900  # seconds for one direct solution
 PICTURE = "direct.png"
+SCRIPT = Path(__file__).resolve().parents[2] / "freefem_scripts" / "undecomposed.edp"
 SPEEDUP, SHARE = 4.0, 0.8  # wanted; of the machine's memory allowed to the direct solver
 
 
@@ -62,11 +56,11 @@ def run(study: Study, blocks: int = BLOCKS, elements: int = ELEMENTS, million: t
     """The table of the direct solvers, 200,000 dofs, a million dofs."""
     study.columns = ("case", "method", "dofs", "subdomains", "iterations", "true_error", "error_bound", "stop_reason",
                      "memory_mb", "cpu_seconds", "seconds")
-    code, limit = FreeFem(), int(SHARE * _memory())
-    tried = {name: _direct(study, code, compared, name, limit) for name in SOLVERS}
+    limit = int(SHARE * _memory())
+    tried = {name: direct(study, compared, name, limit) for name in SOLVERS}
     best, other = sorted((name for name in SOLVERS if not tried[name].failure), key=lambda name: tried[name].seconds)[:2]
-    fills = [tried[best], *(_direct(study, code, n, best, limit) for n in smaller)]
-    whole = _direct(study, code, blocks * elements, best, limit)
+    fills = [tried[best], *(direct(study, n, best, limit) for n in smaller)]
+    whole = direct(study, blocks * elements, best, limit)
     fills.append(whole)
     for skip in (True, False):
         _ours(study, blocks, elements, skip)
@@ -86,12 +80,12 @@ def run(study: Study, blocks: int = BLOCKS, elements: int = ELEMENTS, million: t
                  f"{large['error_bound']:.1e}, {large['seconds']:.0f} s, {large['memory_mb']:,.0f} MB",
                  large["stop_reason"] == "converged")
     for name in (best, other):
-        direct = _direct(study, code, million[0] * million[1], name, limit)
+        direct = direct(study, million[0] * million[1], name, limit)
         need = needed * tried[name].memory / tried[best].memory
         study.target(f"the same undecomposed within {limit / 2**30:.0f} GiB, {name}", "not possible",
                      f"{direct.failure or 'solved'}; extrapolated need {need:,.0f} MB (dofs^{power:.2f})",
                      bool(direct.failure))
-    study.folder.write(PICTURE, _picture(study, best))
+    study.figure(_picture(study, best), PICTURE)
 
 
 def _memory() -> int:
@@ -100,11 +94,11 @@ def _memory() -> int:
                     if line.startswith("MemTotal"))) * 1024
 
 
-def _direct(study: Study, code: FreeFem, cells: int, solver: str, limit: int) -> Direct:
+def direct(study: Study, cells: int, solver: str, limit: int) -> Direct:
     """A cube in one piece, as a row; a failure is one of the results."""
-    command = [code.executable, "-ne", "-nw", "-v", "0", str(script(UNDECOMPOSED)), "1", str(cells), solver]
+    command = [os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++", "-ne", "-nw", "-v", "0", str(SCRIPT), "1", str(cells), solver]
     begin = time.perf_counter()
-    process = subprocess.Popen(command, env=code.environment(), text=True,
+    process = subprocess.Popen(command, env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}, text=True,
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
     with process, study.console.status(f"{cells}³ bricks in one piece, {solver}"):
@@ -127,13 +121,10 @@ def _direct(study: Study, code: FreeFem, cells: int, solver: str, limit: int) ->
     elif not float(words[6]) < ACCURATE:
         failure = complaint or f"wrong: relative residual {words[6]}"
     result = Direct(seconds, usage.ru_maxrss * 1024 / 1e6, dofs, failure)
-    study.rows.append({"case": f"{cells}³ bricks", "method": f"FreeFEM, {solver}", "dofs": dofs, "subdomains": 1,
-                       "stop_reason": failure or "solved", "memory_mb": round(result.memory),
-                       "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 2), "seconds": round(seconds, 2)})
-    study.histories.append([])
-    study.write()
-    study.console.print(f"  {len(study.rows):3}  {cells}³ bricks in one piece, {solver}: {failure or 'solved'}, "
-                        f"{result.memory:,.0f} MB, {seconds:.1f} s")
+    study.note({"case": f"{cells}³ bricks", "method": f"FreeFEM, {solver}", "dofs": dofs, "subdomains": 1,
+                "stop_reason": failure or "solved", "memory_mb": round(result.memory),
+                "cpu_seconds": round(usage.ru_utime + usage.ru_stime, 2), "seconds": round(seconds, 2)},
+               f"{cells}³ bricks in one piece, {solver}: {failure or 'solved'}, {result.memory:,.0f} MB, {seconds:.1f} s")
     return result
 
 
@@ -148,34 +139,11 @@ def _ours(study: Study, blocks: int, elements: int, skip: bool) -> None:
     config = config_from(with_method(_problem(blocks, elements), method))
     with study.console.status(f"{blocks}³ subdomains"):
         begin, cpu = time.perf_counter(), time.process_time()
-        solved = solve(config, build_scene(config))
-        seconds = time.perf_counter() - begin
-        cpu = time.process_time() - cpu + sum(solved.summary["timing"]["blackbox"].values())
-        error = _true_error(config, solved)
-    summary = solved.summary
-    row = {"case": f"{blocks * elements}³ bricks",
-           "method": "decomposed" if skip else "decomposed, no use of congruence", "dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": solved.iterations,
-           "true_error": error, "error_bound": summary["error_bound"], "stop_reason": solved.stop_reason,
-           "memory_mb": round(summary["memory_peak_mb"]), "cpu_seconds": round(cpu, 2), "seconds": round(seconds, 2)}
-    study.rows.append(row)
-    study.histories.append(solved.iterated.history)
-    study.write()
-    study.console.print(f"  {len(study.rows):3}  {blocks}³ subdomains{'' if skip else ', no use of congruence'}: "
-                        f"{row['iterations']} iterations, {row['stop_reason']}, true error {error:.1e}, "
-                        f"{seconds:.1f} s")
-
-
-_references: dict[int, Reference] = {}  # the last one
-
-
-def _true_error(config, solved) -> float:
-    """Against the undecomposed solution of the same mesh, which is solved once."""
-    key = len(solved.scene.mesh.nodes)
-    if key not in _references:
-        _references.clear()
-        with make_blackbox(config.blackbox) as whole:
-            _references[key] = solve_reference(solved.scene, whole)
-    return _references[key].relative_error(solved.displacement)
+        solved = solve(config)
+        seconds, cpu = time.perf_counter() - begin, time.process_time() - cpu + codes_seconds(solved.summary)
+        error = solve(config, solved.scene, reference=True).summary["true_error"]
+    name = "decomposed" if skip else "decomposed, no use of congruence"
+    _note(study, name, blocks * elements, solved.summary, {"true_error": error, "cpu_seconds": round(cpu, 2)}, seconds)
 
 
 def _command(study: Study, blocks: int, elements: int) -> dict[str, Any]:
@@ -183,33 +151,29 @@ def _command(study: Study, blocks: int, elements: int) -> dict[str, Any]:
     data = with_method(_problem(blocks, elements), {"tolerance": {"error": ACCURATE}})
     with study.console.status(f"{blocks}³ subdomains"):
         summary, seconds = whole_command(study, "large", data, output="run")
-    row = {"case": f"{blocks * elements}³ bricks", "method": "decomposed", "dofs": summary["dofs"],
-           "subdomains": summary["subdomains"], "iterations": summary["iterations"],
-           "error_bound": summary["error_bound"], "stop_reason": summary["stop_reason"],
-           "memory_mb": round(summary["memory_peak_mb"]), "seconds": round(seconds, 2)}
-    study.rows.append(row)
-    study.histories.append([])
-    study.write()
-    study.console.print(f"  {len(study.rows):3}  {blocks}³ subdomains: {row['iterations']} iterations, "
-                        f"{row['stop_reason']}, bound {row['error_bound']:.1e}, {row['memory_mb']:,} MB, {seconds:.1f} s")
+    return _note(study, "decomposed", blocks * elements, summary, {}, seconds)
+
+
+def _note(study: Study, name: str, bricks: int, summary: dict[str, Any], more: dict[str, Any], seconds: float) -> dict[str, Any]:
+    row = {"case": f"{bricks}³ bricks", "method": name, **{key: summary[key] for key in (
+        "dofs", "subdomains", "iterations", "error_bound", "stop_reason")}, **more,
+        "memory_mb": round(summary["memory_peak_mb"]), "seconds": round(seconds, 2)}
+    study.note(row, f"{row['subdomains']} subdomains, {name}: {row['iterations']} iterations, {row['stop_reason']}, "
+                    f"bound {row['error_bound']:.1e}, {row['memory_mb']:,} MB, {seconds:.1f} s")
     return row
 
 
-def _picture(study: Study, best: str) -> bytes:
+def _picture(study: Study, best: str):
     """Seconds and memory over dofs."""
-    figure = new_figure(9.0, 3.8)
-    names = {"seconds": "wall time [s]", "memory_mb": "peak memory [MB]"}
-    for axes, (quantity, name) in zip(figure.subplots(1, 2), names.items()):
-        for method, colour, marker in ((f"FreeFEM, {best}", ORANGE, "s"), ("decomposed", BLUE, "o")):
-            rows = sorted((row for row in study.rows if row["method"] == method and (
-                row["stop_reason"] in ("solved", "converged"))), key=lambda row: row["dofs"])
-            axes.loglog([row["dofs"] for row in rows], [row[quantity] for row in rows], marker + "-", color=colour,
-                        label=f"{method}, undecomposed" if method != "decomposed" else "decomposed, error ≤ 1e-6")
-        axes.set_xlabel("dofs", fontsize=9)
-        axes.set_title(name, fontsize=11, color=GREY)
-        tidy(axes)
-        plain_ticks(axes)
-        axes.legend(fontsize=8.5, frameon=False)
+    figure, axes = panels(1, 2, (9.0, 3.8))
+    for panel, quantity, name in zip(axes[0], ("seconds", "memory_mb"), ("wall time [s]", "peak memory [MB]")):
+        for method, colour, marker, label in ((f"FreeFEM, {best}", ORANGE, "s", f"FreeFEM, {best}, undecomposed"),
+                                              ("decomposed", BLUE, "o", "decomposed, error ≤ 1e-6")):
+            rows = sorted((row for row in study.rows if row["method"] == method and row["stop_reason"] in ("solved", "converged")),
+                          key=lambda row: row["dofs"])
+            panel.loglog([row["dofs"] for row in rows], [row[quantity] for row in rows], marker + "-", color=colour, label=label)
+        panel.set_xlabel("dofs", fontsize=9)
+        panel.set_title(name, fontsize=11, color=GREY)
+        plain_ticks(panel)
     figure.suptitle("A cube, pulled and bent: whole pipelines", fontsize=12)
-    figure.tight_layout()
-    return png(figure)
+    return figure

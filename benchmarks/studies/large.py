@@ -12,43 +12,37 @@ what surrounds the codes; ``million``, a million dofs; ``beam``, a small run wit
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, PositiveFloat, PositiveInt
 
-from orchestrator.blackbox.pool.pool import default_workers
-from orchestrator.config import config_from
-from orchestrator.config.base import Count, Part, Positive
-from orchestrator.errors import BlackBoxError
-from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
-from orchestrator.results.summary.summary import blackbox_seconds
-from benchmarks.kit.commands import whole_command
+from benchmarks.kit.commands import CORES, codes_seconds, cpu_of_children, whole_command
+from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, panels
+from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import ACCURATE, Study
-from benchmarks.studies import in_one_piece
-from benchmarks.problems.cubes import named
-from benchmarks.studies.rivals.rivals import RIVALS, Written, compete, present, write_problem
 from benchmarks.problems.cases import beam, cube
+from benchmarks.problems.cubes import named
+from benchmarks.studies import in_one_piece
+from benchmarks.studies.rivals.rivals import RIVALS, Written, compete, present, write_problem
+from orchestrator import BlackBoxError
 
 OURS, UNLIKE = "ours", "ours, no use of congruence"
-COLUMNS = ("part", "case", "method", "dofs", "subdomains", "stop_reason", "iterations", "bound", "before", "codes",
-           "seconds", "cpu_seconds", "memory_mb", "others")
 _COLOURS = {OURS: BLUE, UNLIKE: SKY, "PETSc, GAMG": ORANGE, "PETSc, hypre": RED, "pyamg": PURPLE, "PETSc, MUMPS": GREEN}
 
 Case = Literal["easy", "random", "incompressible", "thin", "squeezed"]
 Method = Literal["gamg", "hypre", "pyamg", "mumps", "pardiso", "cholmod"]
 
 
-class Settings(Part):
+class Settings(Keys):
     """What to run."""
 
     parts: list[Literal["rivals", "many", "million", "beam", "direct"]] = Field(
         ["rivals", "many", "million", "beam"], description="parts of the study")
     cases: list[Case] = Field(["easy", "random", "incompressible", "thin"], description="cubes for the rivals")
     rivals: list[Method] = Field(list(RIVALS), description="the other solvers")
-    ranks: Count = Field(2, description="of PETSc")
+    ranks: PositiveInt = Field(2, description="of PETSc")
     blocks: Annotated[int, Field(ge=2)] = Field(4, description="subdomains along the side of the rivals' cubes")
     elements: Annotated[int, Field(ge=2)] = Field(10, description="bricks along the side of each; with 4 blocks, 206,763 dofs")
     counts: list[Annotated[int, Field(ge=2)]] = Field(
@@ -57,8 +51,8 @@ class Settings(Part):
         [4, 8, 16], description="subdomains along the side, each of 4³ bricks")
     around: tuple[int, int] = Field((10, 6), description="subdomains along the side, and bricks, for what surrounds the codes")
     million: tuple[int, int] = Field((7, 10), description="the same of the million dofs")
-    patience: Positive = Field(120.0, description="seconds after which a rival has failed")
-    most: Count = Field(100, description="iterations after which ours has failed")
+    patience: PositiveFloat = Field(120.0, description="seconds after which a rival has failed")
+    most: PositiveInt = Field(100, description="iterations after which ours has failed")
 
 
 def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> None:
@@ -68,7 +62,8 @@ def run(study: Study, settings: Settings = Settings(), resume: bool = False) -> 
     ----------
     resume : take over what the folder has of the same runs
     """
-    study.columns = COLUMNS
+    study.columns = ("part", "case", "method", "dofs", "subdomains", "stop_reason", "iterations", "bound", "before", "codes",
+                     "seconds", "cpu_seconds", "memory_mb", "others")
     bench = Bench(study, settings, resume)
     for part, function in (("rivals", rivals), ("many", many), ("million", million), ("beam", small)):
         if part in settings.parts:
@@ -102,22 +97,13 @@ class Bench:
         ----------
         name : of the file that keeps it; asked : what it depends on; measure : () → its columns
         """
-        kept, asked = self.study.folder / f"row-{name}.json", json.loads(json.dumps(asked))
-        row = None
-        if self.resume and kept.is_file():
-            known = json.loads(kept.read_text(encoding="utf-8"))
-            row = known["row"] if known["asked"] == asked else None
-        if row is None:
-            self.study.folder.remove(kept.name)
+        def measured() -> dict[str, Any]:
             others = round(os.getloadavg()[0], 1)
-            with self.study.console.status(name):
-                row = {**labels, **measure(), "others": others}
-            self.study.folder.write(kept.name, json.dumps({"asked": asked, "row": row}, indent=1))
+            return {**labels, **measure(), "others": others}
+
+        row = self.study.kept(f"row-{name}", asked, measured, self.resume)
         self.rows.append(row)
-        self.study.rows.append(row)
-        self.study.histories.append([])
-        self.study.write()
-        self.study.console.print(f"  {len(self.study.rows):3}  {told(row)}")
+        self.study.note(row, told(row))
         return row
 
     def ours(self, part: str, case: str, config: dict[str, Any], method: str = OURS, **more: Any) -> dict[str, Any]:
@@ -125,7 +111,7 @@ class Bench:
         config = {**config, "method": {"tolerance": {"error": ACCURATE}, "max_iterations": self.settings.most, **more}}
 
         def measure() -> dict[str, Any]:
-            begin = _cpu_of_children()
+            begin = cpu_of_children()
             try:
                 summary, seconds = whole_command(self.study, config["name"], config, output="run")
             except BlackBoxError as error:
@@ -133,8 +119,8 @@ class Bench:
             return {"dofs": summary["dofs"], "subdomains": summary["subdomains"], "iterations": summary["iterations"],
                     "stop_reason": summary["stop_reason"], "failed": not summary["converged"],
                     "bound": summary["error_bound"], "energy": max(summary["energy"]),
-                    "codes": blackbox_seconds(summary["timing"]), "seconds": seconds,
-                    "cpu_seconds": _cpu_of_children() - begin, "memory_mb": round(summary["memory_peak_mb"])}
+                    "codes": codes_seconds(summary), "seconds": seconds,
+                    "cpu_seconds": cpu_of_children() - begin, "memory_mb": round(summary["memory_peak_mb"])}
 
         name = f"{part}-{case}-{'unlike' if method == UNLIKE else 'ours'}".replace(" ", "-").replace("³", "")
         return self.row(name, {"config": config}, {"part": part, "case": case, "method": method}, measure)
@@ -144,18 +130,13 @@ class Bench:
         return self.ours(part, case, config, UNLIKE, skip={"congruent": False})
 
 
-def _cpu_of_children() -> float:
-    used = os.times()
-    return used.children_user + used.children_system
-
-
 def rivals(bench: Bench) -> None:
     """Ours and all that are installed, on every cube."""
     settings, study = bench.settings, bench.study
     here = present(settings.rivals, lambda sentence: study.console.print(f"  {sentence}"))
     better = []
     for case in settings.cases:
-        config = named(case, study.folder.path, settings.blocks, settings.elements)
+        config = named(case, study.folder, settings.blocks, settings.elements)
         found = [bench.ours("rivals", case, config)]
         if case == "easy":
             found.append(bench.unlike("rivals", case, config))
@@ -163,7 +144,7 @@ def rivals(bench: Bench) -> None:
 
         def problem() -> Written:
             if not written:
-                written.append(write_problem(config_from(config), study.folder.path / "matrix"))
+                written.append(write_problem({"blackbox": {}, **config}, study.folder / "matrix"))
             return written[0]
 
         others = [bench.row(f"rivals-{case}-{rival.method}", {"config": config, "ranks": settings.ranks,
@@ -209,7 +190,7 @@ def judge(study: Study, case: str, ours: Sequence[Mapping[str, Any]], others: Se
             study.target(f"{case}: {own['method']}", "converged", own["stop_reason"], False)
             continue
         ratio = own["seconds"] / strong["seconds"]
-        shared = own["seconds"] / (strong["seconds"] - strong["assembly"] * (1 - 1 / default_workers()))
+        shared = own["seconds"] / (strong["seconds"] - strong["assembly"] * (1 - 1 / CORES))
         study.target(f"{case}: {own['method']} over {strong['method']}, wall", f"at most {limit:g}",
                      f"{own['seconds']:.1f} / {strong['seconds']:.1f} s = {ratio:.2f} ({shared:.2f} were its assembly shared by "
                      f"all cores; CPU {own['cpu_seconds'] / strong['cpu_seconds']:.2f})", ratio <= limit)
@@ -239,9 +220,9 @@ def many(bench: Bench) -> None:
                f"{', '.join(f'{1000 * s:.1f}' for s in each)} ms: × {growth:.2f}", growth <= 1.3)
     row = bench.unlike("many", f"{settings.around[0]}³ of {settings.around[1]}³ bricks", _plain(*settings.around))
     if not row["failed"]:
-        ratio = row["seconds"] / (row["codes"] / default_workers())
+        ratio = row["seconds"] / (row["codes"] / CORES)
         target(f"{row['subdomains']:,} different subdomains, {row['dofs']:,} dofs: wall over the codes' CPU seconds per core",
-               "at most 2", f"{row['seconds']:.1f} / {row['codes'] / default_workers():.1f} s = {ratio:.2f}", ratio <= 2)
+               "at most 2", f"{row['seconds']:.1f} / {row['codes'] / CORES:.1f} s = {ratio:.2f}", ratio <= 2)
 
 
 def million(bench: Bench) -> None:
@@ -277,10 +258,9 @@ def told(row: Mapping[str, Any]) -> str:
     return f"{what}, {count}{row['seconds']:.1f} s, CPU {row['cpu_seconds']:.1f} s, {row['memory_mb']:,} MB"
 
 
-def picture(rows: Sequence[Mapping[str, Any]]) -> bytes:
+def picture(rows: Sequence[Mapping[str, Any]]):
     """Seconds of everybody on every cube; seconds over the number of subdomains."""
-    figure = new_figure(11.0, 4.0)
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    figure, ((left, right),) = panels(1, 2, (11.0, 4.0), width_ratios=(3, 2))
     against = [row for row in rows if row["part"] == "rivals" and not row["failed"]]
     cases, methods = (list(dict.fromkeys(row[key] for row in against)) for key in ("case", "method"))
     for place, method in enumerate(methods):
@@ -289,15 +269,8 @@ def picture(rows: Sequence[Mapping[str, Any]]) -> bytes:
                  [row["seconds"] for row in those], 0.8 / len(methods), color=_COLOURS.get(method, GREY), label=method)
     left.set_xticks(range(len(cases)), cases)
     left.set_title("whole pipelines to 1e-6, wall seconds", fontsize=10, color=GREY)
-    many_rows = [row for row in rows if row["part"] == "many" and not row["failed"]]
     for kind, colour, label in (("subdomains", BLUE, "the same cube"), ("of 4³ bricks", ORANGE, "4³ bricks each")):
-        those = [row for row in many_rows if row["case"].endswith(kind)]
+        those = [row for row in rows if row["part"] == "many" and not row["failed"] and row["case"].endswith(kind)]
         right.loglog([row["subdomains"] for row in those], [row["seconds"] for row in those], "o-", color=colour, label=label)
     right.set_title("wall seconds over subdomains", fontsize=10, color=GREY)
-    for axes in (left, right):
-        axes.tick_params(labelsize=8.5)
-        tidy(axes)
-        if axes.get_legend_handles_labels()[1]:
-            axes.legend(fontsize=8, frameon=False)
-    figure.tight_layout()
-    return png(figure)
+    return figure

@@ -8,23 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config import config_from
-from orchestrator.config.mesh import Mesh as Section
-from orchestrator.results.figures.plotting import BLUE, GREY, ORANGE, new_figure, png, tidy
-from orchestrator.results.solution import Solution
-from orchestrator.run import solve
-from orchestrator.scene.inspection.pairs import pairs_of_mesh
-from orchestrator.scene.interfaces.facing import facing
-from orchestrator.scene.interfaces.pairing import outer_bodies
-from orchestrator.scene.interfaces.skins import Skins
-from orchestrator.scene.mesh.faces import faces_of
-from orchestrator.scene.mesh.placing import joined
-from orchestrator.scene.mesh.sources import make_mesh
-from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.mesh.mesh import Mesh
+from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels
 from benchmarks.kit.study import Case, Study
 from benchmarks.problems import assemblies
 from benchmarks.problems.cases import STEEL
+from orchestrator import Solution, build_scene, config_from, solve
 
 AS1, AS1_SIZE, FLANGE_SIZE = "gmsh:as1-tu-203.stp", 5, 4
 GRIPPED_SIZES = 5.0, 3.5
@@ -32,15 +20,13 @@ GRIPPED_SIZES = 5.0, 3.5
 AS1_SIZES, FLANGE_SIZES = {"*": 7, "bolt*": 4, "nut*": 3, "rod": 4}, {"*": 3, "solid_[12]": 5}
 NEAR, TIGHT = 0.02, 0.01  # of displacements and resultants beside conforming meshes; of Lamé's solution
 HERTZ_PRESSURE, ACROSS = 0.03, 8  # of Hertz' pressure; elements across the radius of contact
-FACETS, SECONDS = (2_000, 20_000), 3.0  # on each side
 TOLERANCE = 1e-4  # of bound or law residual: a hundredth of what is compared
 
 
 def run(study: Study) -> None:
-    """Pairs, bonded and tightened assemblies, shrink fit, ball on block, and the time that pairs take."""
+    """Pairs, bonded and tightened assemblies, shrink fit, ball on block."""
     study.columns = ("case", "what", "value", "expected", "difference", "iterations", "stop_reason", "seconds")
-    folder = Path(study.folder.path)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = study.folder
     _pairs(study, "as1", AS1, AS1_SIZE, AS1_SIZES)
     _pairs(study, "flange", assemblies.flange_model(folder), FLANGE_SIZE, FLANGE_SIZES)
     _bonded(study, "as1", lambda mesh: _pulled({"step": AS1, **mesh}), AS1_SIZE)
@@ -49,7 +35,6 @@ def run(study: Study) -> None:
     _gripped(study)
     ring = _shrunk(study, folder)
     _ball(study, folder)
-    _time(study)
     study.figure(_picture(ring))
 
 
@@ -60,16 +45,16 @@ def _row(study: Study, case: str, what: str, value: float, expected: float, most
     row: dict[str, Any] = {"value": value, "expected": expected, "difference": off,
                            "iterations": solved.iterations if solved else 0,
                            "stop_reason": solved.stop_reason if solved else "-", "seconds": round(seconds, 2)}
-    study.add(Case({}, {"case": case, "what": what}), row, solved.iterated.history if solved else [], f"off by {off:.2g}")
+    study.add(Case({}, {"case": case, "what": what}), row, solved.history if solved else {}, f"off by {off:.2g}")
     study.target(f"{case}: {what}", aim, f"{off:.2g}", off <= most)
 
 
 def _pairs(study: Study, case: str, step: str, size: float, sizes: dict[str, float]) -> None:
     """Pairs found between solids meshed one by one, against those that share faces in the conforming mesh."""
-    def found(**keys: Any) -> tuple[set[tuple[str, ...]], float]:
-        mesh, faces = make_mesh(Section.model_validate({"step": step, **keys}))
+    def found(**keys: Any) -> tuple[set[frozenset[str]], float]:
         begin = time.perf_counter()
-        return {tuple(sorted((row.one, row.two))) for row in pairs_of_mesh(mesh, faces)}, time.perf_counter() - begin
+        scene = build_scene(config_from(_pulled({"step": step, **keys}) | {"boundary": []}))
+        return ({frozenset(scene.subdomains[e].name for e in i.subdomains) for i in scene.interfaces}, time.perf_counter() - begin)
 
     expected, _ = found(h=size)
     for name, h in (("same size", size), ("sizes by solid", sizes)):
@@ -77,7 +62,7 @@ def _pairs(study: Study, case: str, step: str, size: float, sizes: dict[str, flo
         missing, false = len(expected - got), len(got - expected)
         row = {"value": len(got), "expected": len(expected), "difference": missing + false, "iterations": 0, "stop_reason": "-",
                "seconds": round(seconds, 2)}
-        study.add(Case({}, {"case": case, "what": f"pairs, {name}"}), row, [], f"{missing} missing, {false} false")
+        study.add(Case({}, {"case": case, "what": f"pairs, {name}"}), row, {}, f"{missing} missing, {false} false")
         study.target(f"{case}: pairs found, {name}", f"all {len(expected)}, no false one", f"{missing} missing, {false} false",
                      got == expected)
 
@@ -213,35 +198,13 @@ def _ball(study: Study, folder: Path) -> None:
              "within one element of Hertz", seconds, solved)
 
 
-def _time(study: Study) -> None:
-    """Seconds to find what two squares of many facets have in common."""
-    spent = []
-    for facets in FACETS:
-        count = round((facets / 2) ** 0.5)
-        low, top = (bricks(np.array([1.0, 1.0, 0.1]), np.array([n, n, 1]), name) for n, name in ((count, "low"), (count + 1, "top")))
-        mesh = joined([low, Mesh(top.nodes + [0, 0, 0.1], top.cells, top.volume, top.volumes)])
-        faces = faces_of(mesh.cells, len(mesh.nodes))
-        skins, bodies = Skins(mesh, faces), outer_bodies(mesh, faces, mesh.volume)
-        begin = time.process_time()
-        (patch,) = facing(*(skins(body) for body in bodies))
-        spent.append(time.process_time() - begin)
-        _row(study, f"{2 * count**2} facets on each side", "common area", patch.area, 1.0, 1e-9, "the square", spent[-1])
-    study.target(f"{FACETS[-1]} facets on each side: CPU seconds", f"at most {SECONDS:g}", f"{spent[-1]:.2f}", spent[-1] <= SECONDS)
-    growth = spent[-1] / spent[0] / (FACETS[-1] / FACETS[0])
-    study.target("seconds per facet, of many over few", "at most 1.5", f"{growth:.2f}", growth <= 1.5)
-
-
-def _picture(ring: tuple[np.ndarray, ...]) -> bytes:
+def _picture(ring: tuple[np.ndarray, ...]):
     """Pressure of the shrunk ring round the shaft."""
-    figure = new_figure(6.4, 3.6)
-    axes = figure.subplots()
+    figure, ((axes,),) = panels(size=(6.4, 3.6))
     axes.plot(*ring, "o", color=BLUE, markersize=4, label="at the points of the interface")
     axes.axhline(1.0, color=ORANGE, linewidth=1.5, label="Lamé")
     for edge in (1 - TIGHT, 1 + TIGHT):
         axes.axhline(edge, color=GREY, linewidth=1, linestyle="--")
     axes.set(xlabel="angle (degrees)", ylabel="pressure over Lamé's", ylim=(0.97, 1.03))
     axes.set_title("Ring shrunk on a shaft, meshed apart, P2; dashed: 1 %", fontsize=11)
-    tidy(axes)
-    axes.legend(fontsize=9, frameon=False)
-    figure.tight_layout()
-    return png(figure)
+    return figure

@@ -6,21 +6,19 @@ Seconds are the processor's own, so that other work on the machine hardly counts
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 
-from orchestrator.config.base import Part, Positive
-from orchestrator.config.mesh import Mesh as MeshEntry
-from orchestrator.errors import InputError
-from orchestrator.results.figures.plotting import BLUE, GREY, ORANGE, new_figure, png, tidy
-from orchestrator.scene.mesh.sources import make_mesh
-from orchestrator.scene.mesh.tets import dihedral_range, roundness
+from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels
+from benchmarks.kit.settings import Keys
 from benchmarks.kit.study import Study
-from benchmarks.problems.soundness import unsound
+from benchmarks.problems.cases import grains
+from benchmarks.problems.soundness import interfaces, unsound
+from orchestrator import InputError, build_scene, config_from
 
 SIZE = np.ones(3)
 # Seconds per tet of the largest polycrystals over the smallest: in proportion to their size. It counts from so many
@@ -28,62 +26,64 @@ SIZE = np.ones(3)
 GROWTH, MANY = 1.5, 100
 LARGE, SECONDS = 1000, 60.0  # grains; for each of their meshes with a third of a grain as element size
 USUAL = 10 / 3
-COLUMNS = ("grains", "elements", "seed", "tets", "interfaces", "roundness", "sharp", "blunt", "seconds", "per_thousand",
-           "wrong", "remarks")
 
 
-class Settings(Part):
+class Settings(Keys):
     """What to mesh: every number of grains with every seed, in every fineness."""
 
     counts: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1)] = Field(
         [27, 125], description="numbers of grains in a unit cube; all that the aims are about: [27, 125, 343, 1000]")
     seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)] = Field(
         list(range(1, 21)), description="of the grains' centres")
-    elements: Annotated[list[Positive], Field(min_length=1)] = Field(
+    elements: Annotated[list[PositiveFloat], Field(min_length=1)] = Field(
         [USUAL], description="elements across a grain, whose size is that of a cube of its volume")
     lloyd: int = Field(0, ge=0, description="relaxation steps towards rounder grains")
 
 
 def run(study: Study, settings: Settings = Settings()) -> None:
     """All meshes, the smallest first; table and figure grow with each."""
-    study.columns = COLUMNS
+    study.columns = ("grains", "elements", "seed", "tets", "interfaces", "roundness", "sharp", "blunt", "seconds", "per_thousand",
+                     "wrong", "remarks")
     for elements, count, seed in product(sorted(settings.elements), sorted(settings.counts), settings.seeds):
         h = float(f"{count ** (-1 / 3) / elements:.2g}")
-        study.rows.append({"grains": count, "elements": elements, "h": h, "seed": seed,
-                           **_measured(count, h, seed, settings.lloyd)})
-        study.write()
-        study.console.print(f"  {len(study.rows):3}  {_told(study.rows[-1])}")
-        study.figure(picture(study.rows))
+        row = {"grains": count, "elements": elements, "h": h, "seed": seed, **_measured(count, h, seed, settings.lloyd)}
+        what = f"{count} grains, h = {h:g}, seed {seed}: "
+        study.note(row, what + (f"{row['tets']} tets, roundness {row['roundness']:.3f}, angles {row['sharp']:.1f} to "
+                                f"{row['blunt']:.1f}, {row['seconds']:.1f} s; {row['wrong']}; {row['remarks']}"
+                                if "tets" in row else row["wrong"]))
+        study.figure(_picture(study.rows))
     judge(study)
 
 
 def _measured(count: int, h: float, seed: int, lloyd: int) -> dict[str, Any]:
     """Columns of one mesh."""
-    entry = MeshEntry.model_validate({"polycrystal": {"grains": count, "size": 1.0, "h": h, "seed": seed, "lloyd": lloyd}})
     begin = time.process_time()
     try:
-        mesh, faces = make_mesh(entry)
+        scene = build_scene(config_from(grains(count, h, seed=seed, lloyd=lloyd)))
     except InputError as error:
-        return {"wrong": f"refused: {error.problems[0].found}", "seconds": time.process_time() - begin}
-    seconds = time.process_time() - begin
-    sharp, blunt = dihedral_range(mesh.nodes, mesh.cells)
-    sides = np.sort(mesh.volume[np.stack([faces.owner, faces.neighbour])[:, faces.inner]], axis=0)
+        return {"wrong": f"refused: {error.problems[0].found}", "remarks": "", "seconds": time.process_time() - begin}
+    seconds, mesh = time.process_time() - begin, scene.mesh
+    round_, sharp, blunt = quality(mesh.nodes, mesh.cells)
     return {
-        "nodes": len(mesh.nodes), "tets": len(mesh.cells),
-        "interfaces": len(np.unique(sides[:, sides[0] != sides[1]], axis=1).T),
-        "roundness": float(roundness(mesh.nodes, mesh.cells).min()), "sharp": sharp, "blunt": blunt,
-        "seconds": seconds, "per_thousand": 1000 * seconds / len(mesh.cells), "wrong": "; ".join(unsound(mesh, faces, SIZE)),
-        "remarks": "; ".join(remark.removeprefix(f"{mesh.source}: ") for remark in mesh.remarks),
+        "nodes": len(mesh.nodes), "tets": len(mesh.cells), "interfaces": len(interfaces(mesh.cells, mesh.volume)),
+        "roundness": round_, "sharp": sharp, "blunt": blunt,
+        "seconds": seconds, "per_thousand": 1000 * seconds / len(mesh.cells), "wrong": "; ".join(unsound(mesh, SIZE)),
+        "remarks": "; ".join(warning for warning in scene.warnings if "mended" in warning or "passed over" in warning),
     }
 
 
-def _told(row: Mapping[str, Any]) -> str:
-    """A row as a line."""
-    what = f"{row['grains']} grains, h = {row['h']:g}, seed {row['seed']}: "
-    if "tets" not in row:
-        return what + row["wrong"]
-    return what + (f"{row['tets']} tets, roundness {row['roundness']:.3f}, angles {row['sharp']:.1f} to {row['blunt']:.1f}, "
-                   f"{row['seconds']:.1f} s" + "".join(f"; {row[key]}" for key in ("wrong", "remarks") if row[key]))
+def quality(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float, float]:
+    """Of the worst tets: three times the inner over the outer radius, smallest and largest dihedral angle in degrees."""
+    x = nodes[cells]
+    area = np.stack([np.cross(x[:, b] - x[:, a], x[:, c] - x[:, a]) for a, b, c in ((1, 3, 2), (0, 2, 3), (0, 3, 1), (0, 1, 2))], 1) / 2
+    size = np.linalg.norm(area, axis=2)
+    volume = np.einsum("mi,mi->m", x[:, 1] - x[:, 0], np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 0])) / 6
+    edges = x[:, 1:] - x[:, :1]
+    centre = np.linalg.solve(2 * edges, (edges**2).sum(axis=2)[..., None])[..., 0]
+    roundness = 3 * (3 * volume / size.sum(axis=1)) / np.linalg.norm(centre, axis=1)
+    unit = area / size[..., None]
+    angles = np.degrees(np.arccos(np.clip(-np.einsum("mai,mbi->mab", unit, unit)[:, *np.triu_indices(4, 1)], -1, 1)))
+    return float(roundness.min()), float(angles.min()), float(angles.max())
 
 
 def judge(study: Study) -> None:
@@ -101,36 +101,16 @@ def judge(study: Study) -> None:
                          f"at most {GROWTH:g}", f"{growth:.2f}", growth <= GROWTH)
     large = [row["seconds"] for row in study.rows if row["grains"] == LARGE and row["elements"] == USUAL]
     if large:
-        study.target(f"{LARGE} grains, {USUAL:.2g} elements a grain: seconds of the slowest mesh", f"at most {SECONDS:g}",
-                     f"{max(large):.0f}", max(large) <= SECONDS)
+        study.target(f"{LARGE} grains: the longest of {len(large)} meshes", f"at most {SECONDS:g} s", f"{max(large):.0f} s",
+                     max(large) <= SECONDS)
 
 
-def picture(rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Seconds over tets, and the worst tet's roundness over the number of grains: a mark per mesh."""
-    figure = new_figure(10.0, 3.8)
-    left, right = figure.subplots(1, 2)
-    for mended, colour, label in ((False, BLUE, "as it came"), (True, ORANGE, "mended")):
-        those = [row for row in rows if "tets" in row and bool(row["remarks"]) == mended]
-        if those:
-            left.loglog([r["tets"] for r in those], [r["seconds"] for r in those], "o", color=colour, markersize=4, label=label)
-            right.semilogx([r["grains"] for r in those], [r["roundness"] for r in those], "o", color=colour, markersize=4,
-                           label=label)
-    done = [row for row in rows if "tets" in row]
-    if done:
-        ends = np.array([min(r["tets"] for r in done), max(r["tets"] for r in done)])
-        left.loglog(ends, ends * np.median([r["seconds"] / r["tets"] for r in done]), color=GREY, linewidth=1,
-                    label="in proportion")
-        left.legend(fontsize=8.5, frameon=False)
-    left.set_xlabel("tets", fontsize=9.5)
-    left.set_ylabel("seconds of the processor", fontsize=9.5)
-    right.set_ylabel("roundness of the worst tet", fontsize=9.5)
-    right.set_ylim(bottom=0)
-    counts = sorted({row["grains"] for row in rows})
-    right.set_xticks(counts, [str(count) for count in counts])
-    right.minorticks_off()
-    right.set_xlabel("grains", fontsize=9.5)
-    for axes in (left, right):
-        axes.tick_params(labelsize=8.5)
-        tidy(axes)
-    figure.tight_layout()
-    return png(figure)
+def _picture(rows: Sequence[dict[str, Any]]):
+    """Seconds, and the worst tet, of every mesh over its tets."""
+    figure, axes = panels(1, 2, (9.0, 3.6))
+    found = [row for row in rows if "tets" in row]
+    for panel, quantity, colour in zip(axes[0], ("seconds", "roundness"), (BLUE, ORANGE)):
+        panel.loglog([row["tets"] for row in found], [row[quantity] for row in found], "o", color=colour, markersize=3)
+        panel.set(xlabel="tets", title=quantity)
+    axes[0, 1].axhline(0.05, color=GREY, linestyle=":", linewidth=1)
+    return figure

@@ -1,13 +1,13 @@
 """What a run of N equal cubes, one to a core, would take on a cluster.
 
 A rank has a block of subdomains, each with a worker on a core of its own, and works for all of them itself. It eliminates
-the macro unknowns that it alone sees; those on the borders between ranks are a dense problem that every rank solves
-(``method.linear.spread``). The repositioning of the error bound is solved on every rank for all subdomains. More subdomains
-to a rank mean smaller borders and more work for each rank: the best number is sought for every N.
+the macro unknowns that it alone sees; those on the borders between ranks are a dense problem that every rank solves. The
+repositioning of the error bound is solved on every rank for all subdomains. More subdomains to a rank mean smaller borders
+and more work for each rank: the best number is sought for every N.
 
-Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to cut it out and
-pack it for another rank; the macro problem and the repositioning, on matrices of their pattern; the borders, on a dense
-matrix. Assumed: the network, and that costs grow as far as they were not measured.
+Measured: what one subdomain costs the code and the orchestrator, on the runs of this study; what it takes to pack it for
+another rank; the macro problem and the repositioning, on matrices of their pattern; the borders, on a dense matrix. Assumed:
+the network, and that costs grow as far as they were not measured.
 """
 
 from __future__ import annotations
@@ -21,16 +21,13 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from scipy.linalg.lapack import dpftrf, dpftrs, dtrttf
 
-from orchestrator.method.interface.factor import Factor
-from orchestrator.method.part import Part
-from orchestrator.method.stopping.repositioning import RIGID
-from orchestrator.parallel.team import Team
-from orchestrator.scene.model import Scene
+from orchestrator import Scene
 
 LATENCY, BANDWIDTH = 2e-6, 1e10  # of a cluster's network: seconds per message, bytes per second
-FIELDS, FACES = 9, 6  # affine fields in three components on a plane interface; interfaces of a cube
+FIELDS, FACES, RIGID = 9, 6, 6  # affine fields on a plane interface; interfaces of a cube; rigid motions
 REDUCTIONS = 6  # per iteration: macro resultants, indicator, bound, jumps and imbalances, acceleration
 GRIDS = (4, 5, 6, 7, 8, 10, 12)  # cubes a side of the macro problems that are measured: some seconds
 BORDER = 3000  # unknowns of the dense problem that is measured: some seconds, and far beyond a core's cache
@@ -45,7 +42,7 @@ class Costs:
     ----------
     start : of Python and the code's process
     scene : mesh, cut and interfaces, per subdomain of the whole scene: one rank makes it for all
-    hand_out : cutting out a subdomain and packing it for its rank, which one rank does for all; bytes : of the package
+    hand_out : packing a subdomain for its rank, which one rank does for all; bytes : of the package
     prepare : the orchestrator in the set-up: soles, search direction, macro problem, loads
     factorise : assembling and factorising
     solve : one back-substitution; message : what is on the way to the code and back
@@ -70,29 +67,30 @@ class Costs:
     trace: float
 
     @classmethod
-    def of(cls, summary: Mapping[str, Any], scene: Scene) -> "Costs":
+    def of(cls, summary: Mapping[str, Any], scene: Scene) -> Costs:
         """Of a run with one rank and one worker, and its scene.
 
         Where the orchestrator computes, the lesser of wall and CPU seconds counts: others' work makes the first longer, work
         on several cores the second.
         """
-        count, sweeps, iterations = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"]
-        timing = summary["timing"]
-        (setup,), (loop,) = (summary["workload"][period]["workers"] for period in ("set_up", "iterations"))
-        known = sum(timing[stage] for stage in ("startup", "start", "mesh", "parts", "soles"))
-        cpu = {period: summary["workload"][period]["ranks"][0]["cpu"] for period in ("set_up", "iterations")}
-        seconds, packed = handed_out(scene)
-        periods = sum(summary["workload"][period]["seconds"] for period in ("set_up", "iterations"))
+        count, sweeps, iterations, timing = summary["subdomains"], summary["sweeps"]["iterations"], summary["iterations"], summary["timing"]
+        periods = [summary["workload"][period] for period in ("set_up", "iterations")]
+        (setup,), (loop,) = (period["workers"] for period in periods)
+        cpu = [period["ranks"][0]["cpu"] for period in periods]
+        known = sum(timing[stage] for stage in ("startup", "start", "mesh", "parts", "soles")) + sum(p["seconds"] for p in periods)
+        begin = time.process_time()
+        packed = len(pickle.dumps(scene))
         return cls(
-            start=timing["startup"] + timing["start"],
-            scene=timing["mesh"] / count, hand_out=seconds / count, bytes=packed / count, prepare=(timing["soles"] + min(setup["idle"], cpu["set_up"])) / count,
-            factorise=(setup["assemble"] + setup["factorise"]) / count,
-            solve=loop["solve"] / (count * sweeps), message=min(max(loop["messages"], 0.0), cpu["iterations"]) / (count * sweeps),
-            own=min(loop["idle"], cpu["iterations"]) / (count * iterations), results=max(timing["total"] - known - periods, 0.0) / count, iterations=iterations, sweeps=sweeps,
+            start=timing["startup"] + timing["start"], scene=timing["mesh"] / count,
+            hand_out=(time.process_time() - begin) / count, bytes=packed / count,
+            prepare=(timing["soles"] + min(setup["idle"], cpu[0])) / count,
+            factorise=(setup["assemble"] + setup["factorise"]) / count, solve=loop["solve"] / (count * sweeps),
+            message=min(max(loop["messages"], 0.0), cpu[1]) / (count * sweeps), own=min(loop["idle"], cpu[1]) / (count * iterations),
+            results=max(timing["total"] - known, 0.0) / count, iterations=iterations, sweeps=sweeps,
             trace=3 * summary["interface_nodes"] / summary["interfaces"])
 
     @classmethod
-    def least(cls, found: Sequence["Costs"]) -> "Costs":
+    def least(cls, found: Sequence[Costs]) -> Costs:
         """Of repetitions of one run, the least of each cost: what else the machine does only adds to them."""
         return cls(**{f.name: min(getattr(costs, f.name) for costs in found) for f in fields(cls)})
 
@@ -104,14 +102,12 @@ class MacroCosts:
     Parameters
     ----------
     factorise, solve : seconds of one factorisation and of one solution
-    entries : of the factor
     rigid_factorise, rigid_solve : the same of repositioning
     border : seconds of factorising a dense matrix over the cube of its size, and of a solution over the square
     """
 
     factorise: tuple[float, float]
     solve: tuple[float, float]
-    entries: tuple[float, float]
     rigid_factorise: tuple[float, float]
     rigid_solve: tuple[float, float]
     border: tuple[float, float]
@@ -121,41 +117,37 @@ class MacroCosts:
         return factor * count**exponent
 
 
-def handed_out(scene: Scene) -> tuple[float, int]:
-    """Seconds and bytes of the parts of a scene that has a rank for each subdomain, as rank 0 makes and packs them."""
-    ranks, packed = np.arange(len(scene.subdomains)), []
-
-    class Packing(Team):
-        size = len(ranks)
-
-        def hand_out(self, make: Callable[[int], Any]) -> Any:
-            packed.extend(len(pickle.dumps(make(rank))) for rank in range(1, self.size))
-            return make(0)
-
-    begin = time.process_time()
-    Part.handed_out(scene, ranks, Packing())
-    return time.process_time() - begin, round(sum(packed) * len(ranks) / max(len(packed), 1))
-
-
 def measure_macro(grids: Sequence[int] = GRIDS) -> tuple[MacroCosts, list[dict[str, float]]]:
     """Factorise matrices of both problems' patterns for cubes in a grid; also what was measured."""
     rows = []
     for side in grids:
         row: dict[str, float] = {"subdomains": side**3}
         for matrix, prefix in ((macro_pattern(side), ""), (rigid_pattern(side), "rigid_")):
-            right = np.ones((1, matrix.shape[0]))
             begin = time.process_time()
-            solve = Factor(matrix)
+            solve = _factor(matrix)
             done = time.process_time()
-            repeats = 0
-            while time.process_time() - done < 0.02:
-                solve(right)
-                repeats += 1
-            row |= {f"{prefix}unknowns": right.size, f"{prefix}factorise": done - begin,
-                    f"{prefix}solve": (time.process_time() - done) / repeats, f"{prefix}entries": solve.entries}
+            row |= {f"{prefix}unknowns": matrix.shape[0], f"{prefix}factorise": done - begin,
+                    f"{prefix}solve": _repeated(lambda: solve(np.ones(matrix.shape[0])), 0.02)}
         rows.append(row)
-    grown = ("factorise", "solve", "entries", "rigid_factorise", "rigid_solve")
-    return MacroCosts(*(_growth(rows, key) for key in grown), _dense(BORDER)), rows
+    return MacroCosts(*(_growth(rows, key) for key in ("factorise", "solve", "rigid_factorise", "rigid_solve")), _dense(BORDER)), rows
+
+
+def _factor(matrix: sp.csr_array) -> Callable[[np.ndarray], np.ndarray]:
+    """CHOLMOD's factorisation, as a run's; SuperLU's where it is not installed."""
+    try:
+        from sksparse.cholmod import cholesky
+    except ImportError:
+        return spla.splu(sp.csc_matrix(matrix)).solve
+    return cholesky(sp.csc_matrix(matrix))
+
+
+def _repeated(task: Callable[[], object], enough: float) -> float:
+    """CPU seconds of a task, the mean of so many that they take ``enough``."""
+    begin, count = time.process_time(), 0
+    while time.process_time() - begin < enough:
+        task()
+        count += 1
+    return (time.process_time() - begin) / count
 
 
 def _dense(size: int) -> tuple[float, float]:
@@ -163,13 +155,9 @@ def _dense(size: int) -> tuple[float, float]:
     packed, _ = dtrttf(np.full((size, size), 1e-6) + np.eye(size))
     begin = time.process_time()
     factor, failed = dpftrf(size, packed, overwrite_a=True)
-    done = time.process_time()
+    seconds = time.process_time() - begin
     assert not failed
-    right, repeats = np.ones((size, 1)), 0
-    while time.process_time() - done < 0.1:
-        dpftrs(size, factor, right)
-        repeats += 1
-    return (done - begin) / size**3, (time.process_time() - done) / repeats / size**2
+    return seconds / size**3, _repeated(lambda: dpftrs(size, factor, np.ones((size, 1))), 0.1) / size**2
 
 
 def macro_pattern(side: int) -> sp.csr_array:

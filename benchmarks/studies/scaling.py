@@ -11,15 +11,10 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from orchestrator.blackbox.pool.pool import default_workers
-from orchestrator.config import config_from
-from orchestrator.errors import CONVERGED
-from orchestrator.results.figures.plotting import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, RED, SKY, new_figure, png, tidy
-from orchestrator.results.summary.summary import blackbox_seconds
-from orchestrator.results.summary.workload import idle_share
-from orchestrator.scene.build import build_scene
-from benchmarks.kit.commands import whole_command, without_ranks
+from benchmarks.kit.commands import CONVERGED, CORES, shares, whole_command, without_ranks
+from benchmarks.kit.drawing import BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, RED, SKY, panels
 from benchmarks.kit.study import Study
+from benchmarks.problems.cases import STEEL
 from benchmarks.studies.prediction import (
     BANDWIDTH,
     FIELDS,
@@ -32,7 +27,7 @@ from benchmarks.studies.prediction import (
     predict,
     ranks_of,
 )
-from benchmarks.problems.cases import STEEL
+from orchestrator import build_scene, config_from
 
 ELEMENTS = 16  # along the side of a cube
 REPEATS = 3  # runs of which the least of each cost is taken for the prediction
@@ -41,7 +36,9 @@ SPEEDUP, BALANCE = 1.7, 0.95  # wanted of two workers
 CLUSTER = (1_000, 10_000, 100_000)  # subdomains
 COLUMNS = ("case", "ranks", "workers", "subdomains", "dofs", "iterations", "seconds", "efficiency", "floor",
            "over_floor", "factorising", "busiest_factorising", "balance", "idle", "others")
-_COLOURS = (GREY, SKY, ORANGE, BROWN, GREEN, PURPLE, BLUE, RED)
+SHOWN = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
+         ("set_up", "repositioning, on every rank"), ("iterations", "orchestrator"), ("iterations", "reductions"),
+         ("iterations", "solve"), ("iterations", "macro problem: borders")]
 
 
 def cubes(counts: Sequence[int], elements: int) -> dict[str, Any]:
@@ -72,7 +69,7 @@ def run(study: Study, elements: int = ELEMENTS, repeats: int = REPEATS) -> None:
     costs = Costs.least([Costs.of(summary, scene) for summary in alone])
     macro, measured = measure_macro()
     dofs = summaries[0]["dofs_decomposed"] // summaries[0]["subdomains"]
-    study.folder.write("prediction.md", text(costs, macro, measured, dofs, study.rows[0]["others"]))
+    (study.folder / "prediction.md").write_text(text(costs, macro, measured, dofs, study.rows[0]["others"]), encoding="utf-8")
     study.figure(picture(study.rows, costs, macro))
     for count in CLUSTER:
         parts = predict(costs, macro, count)
@@ -89,12 +86,10 @@ def _row(study: Study, case: str, counts: Sequence[int], ranks: int, workers: in
     """Run one configuration, add its row; its summary."""
     others = os.getloadavg()[0]
     summary, seconds = _measured_run(study, case, counts, ranks, workers, elements)
-    row = {"case": case, "ranks": ranks, "workers": workers, **measured(summary, seconds), "others": round(others, 1)}
+    row = {"case": case, "ranks": ranks, "workers": workers, **shares(summary, seconds), "others": round(others, 1)}
     row["efficiency"] = efficiency(row, next((r for r in study.rows if r["case"] == case), row))
-    study.rows.append(row)
-    study.write()
-    study.console.print(f"  {len(study.rows):3}  {case}, {ranks} rank(s) of {workers} worker(s): {row['iterations']} "
-                        f"iterations, {seconds:.1f} s, efficiency {row['efficiency']:.2f}, others' load {others:.1f}")
+    study.note(row, f"{case}, {ranks} rank(s) of {workers} worker(s): {row['iterations']} iterations, {seconds:.1f} s, "
+                    f"efficiency {row['efficiency']:.2f}, others' load {others:.1f}")
     return summary
 
 
@@ -105,30 +100,12 @@ def _measured_run(study: Study, case: str, counts: Sequence[int], ranks: int, wo
                          accepted=(CONVERGED,))
 
 
-def measured(summary: dict[str, Any], seconds: float) -> dict[str, Any]:
-    """Columns of a row: seconds; ``floor`` and ``busiest_factorising`` on the code's clock, ``balance`` of the workers.
-
-    Parameters
-    ----------
-    summary : of the run; seconds : its wall time
-    """
-    setup, loop = (summary["workload"][period] for period in ("set_up", "iterations"))
-    every = len(setup["workers"])
-    code = [sum(w[stage] for w in pair for stage in ("assemble", "factorise", "solve"))
-            for pair in zip(setup["workers"], loop["workers"])]
-    loading = [w["assemble"] + w["factorise"] for w in setup["workers"]]
-    floor = blackbox_seconds(summary["timing"]) / min(every, default_workers())
-    return {"subdomains": summary["subdomains"], "dofs": summary["dofs"], "iterations": summary["iterations"],
-            "seconds": seconds, "floor": floor, "over_floor": seconds / floor, "factorising": summary["timing"]["load"],
-            "busiest_factorising": max(loading), "balance": sum(code) / every / max(code), "idle": idle_share(loop)}
-
-
 def efficiency(row: dict[str, Any], alone: dict[str, Any]) -> float:
     """Speed-up over the run on one core per core used; for weak scaling per subdomain and iteration too.
 
     More workers than the machine has cores use no more than these.
     """
-    cores = min(row["ranks"] * row["workers"], default_workers())
+    cores = min(row["ranks"] * row["workers"], CORES)
     work = row["subdomains"] * row["iterations"] / alone["subdomains"] / alone["iterations"]
     return alone["seconds"] / row["seconds"] * work / cores
 
@@ -166,14 +143,14 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
         *(f"| {name.replace('_', ' ')} | {value:.3g} |" for name, value in asdict(costs).items()), "",
         f"The macro problem has {FIELDS} unknowns per interface. A rank factorises and solves what it alone sees. Measured on "
         "matrices of its pattern, with the ordering of a run:", "",
-        "| subdomains | unknowns | factorise s | solve s | entries of the factor | repositioning: unknowns | factorise s | solve s |",
-        "| ---: " * 8 + "|",
-        *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | {r['entries']:,} | "
+        "| subdomains | unknowns | factorise s | solve s | repositioning: unknowns | factorise s | solve s |",
+        "| ---: " * 7 + "|",
+        *(f"| {r['subdomains']:,} | {r['unknowns']:,} | {r['factorise']:.3g} | {r['solve']:.3g} | "
           f"{r['rigid_unknowns']:,} | {r['rigid_factorise']:.3g} | {r['rigid_solve']:.3g} |" for r in measured), "",
         "They grow with the number of subdomains to the power " + ", ".join(
             f"{getattr(macro, q)[1]:.2f} ({q.replace('_', ': ').replace('rigid', 'repositioning')})"
-            for q in ("factorise", "solve", "entries", "rigid_factorise", "rigid_solve")) +
-        "; nested dissection would give 2, 1.33 and 1.33 for many. The n unknowns on the borders between ranks are a dense "
+            for q in ("factorise", "solve", "rigid_factorise", "rigid_solve")) +
+        "; nested dissection would give 2 and 1.33 for many. The n unknowns on the borders between ranks are a dense "
         f"problem on every rank: {macro.border[0]:.2g} n³ s to factorise, {macro.border[1]:.2g} n² s to solve.", "",
         f"Assumed: {LATENCY * 1e6:g} µs per message and {BANDWIDTH / 1e9:g} GB/s, logarithmic trees for reductions, "
         "none of it hidden behind work; cores as fast as this one with the memory bandwidth to themselves; growth as "
@@ -197,27 +174,16 @@ def text(costs: Costs, macro: MacroCosts, measured: list[dict[str, float]], dofs
     return "\n".join(lines)
 
 
-def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts) -> bytes:
+def picture(rows: Sequence[dict[str, Any]], costs: Costs, macro: MacroCosts):
     """Efficiencies as bars; seconds of the predicted parts over the number of subdomains."""
-    figure = new_figure(11.0, 4.0)
-    left, right = figure.subplots(1, 2)
-    names = [f"{r['case']}\n{r['ranks']}×{r['workers']}" for r in rows]
-    left.bar(names, [r["efficiency"] for r in rows], color=[BLUE if r["case"] == "strong" else ORANGE for r in rows])
+    figure, ((left, right),) = panels(1, 2, (11.0, 4.0))
+    left.bar([f"{r['case']}\n{r['ranks']}×{r['workers']}" for r in rows], [r["efficiency"] for r in rows],
+             color=[BLUE if r["case"] == "strong" else ORANGE for r in rows])
     left.axhline(1, color=GREY, linewidth=1, linestyle=":")
     left.set_title("Efficiency per core used; ranks × workers", fontsize=10)
-    counts = [10**(k / 4) for k in range(4, 21)]
-    found = [predict(costs, macro, int(count)) for count in counts]
-    shown = [("set_up", "scene, on one rank"), ("set_up", "factorise"), ("set_up", "macro problem: borders"),
-             ("set_up", "repositioning, on every rank"), ("iterations", "orchestrator"), ("iterations", "reductions"), ("iterations", "solve"),
-             ("iterations", "macro problem: borders")]
-    for (period, what), colour in zip(shown, _COLOURS):
-        right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour,
-                     label=what)
-    right.set_title("Predicted seconds, one subdomain per core", fontsize=10)
-    right.set_xlabel("subdomains", fontsize=9)
-    right.legend(fontsize=7.5, frameon=False)
-    for axes in (left, right):
-        axes.tick_params(labelsize=8)
-        tidy(axes)
-    figure.tight_layout()
-    return png(figure)
+    counts = [int(10**(k / 4)) for k in range(4, 21)]
+    found = [predict(costs, macro, count) for count in counts]
+    for (period, what), colour in zip(SHOWN, (GREY, SKY, ORANGE, BROWN, GREEN, PURPLE, BLUE, RED)):
+        right.loglog(counts, [f[period][what] for f in found], "--" if period == "set_up" else "-", color=colour, label=what)
+    right.set(title="Predicted seconds, one subdomain per core", xlabel="subdomains")
+    return figure

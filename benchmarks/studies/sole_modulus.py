@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from orchestrator.results.figures.plotting import png
 from benchmarks.kit.drawing import Curve, draw, grid, label_rows, shades
 from benchmarks.kit.study import Case, Study
 from benchmarks.problems.cases import CUT, beam, defaults, paper, with_method
@@ -31,35 +30,26 @@ def _run(study: Study, strategy: str) -> None:
             ratio = factor * (PAPER_RATIO if settings == "paper" else OUR_RATIO)
             method = paper(strategy, modulus_ratio=ratio) if settings == "paper" else \
                 defaults(strategy, modulus_ratio=ratio, error=None, iterations=CUT)
-            study.solve(Case(with_method(beam(32), method), {
-                "settings": settings, "factor": factor, "modulus_ratio": ratio}),
-                lambda solved: {name: getattr(solved.iterated.last, name) for name in list(QUANTITIES)[:2]})
-    _targets(study)
-    study.figure(_picture(study, strategy))
-
-
-def _targets(study: Study) -> None:
-    """The paper's two limit cases, eq. 45 and eq. 46."""
-    rows = {row["factor"]: row for row in study.rows if row["settings"] == "paper"}
+            study.solve(Case(with_method(beam(32), method), {"settings": settings, "factor": factor, "modulus_ratio": ratio}),
+                        lambda solved: {name: float(solved.history[name][-1]) for name in list(QUANTITIES)[:2]})
+    rows = {row["factor"]: row for row in study.rows if row["settings"] == "paper"}  # the paper's limits, eq. 45 and eq. 46
     for quantity, worse, name in (("displacement_jump", 0.01, "soft soles: the displacement jump is left behind"),
                                   ("force_imbalance", 100.0, "stiff soles: the force imbalance is left behind")):
         one, other = rows[1.0][quantity], rows[worse][quantity]
         study.target(f"paper's settings, {name}", "more than at factor 1", f"{other:.1e} against {one:.1e}", other > one)
+    study.figure(_picture(study, strategy))
 
 
-def _picture(study: Study, strategy: str) -> bytes:
+def _picture(study: Study, strategy: str):
     figure, axes = grid(2, 3, 12.0)
     colours = dict(zip(FACTORS, shades(len(FACTORS), "plasma")))
     for row, (settings, ratio) in enumerate((("paper", PAPER_RATIO), ("defaults", OUR_RATIO))):
         curves = [Curve(history, colours[r["factor"]], f"× {r['factor']:g}")
                   for r, history in zip(study.rows, study.histories) if r["settings"] == settings]
-        for column, quantity in enumerate(QUANTITIES):
+        for column, (quantity, name) in enumerate(QUANTITIES.items()):
             draw(axes[row, column], curves, quantity, limits=(1e-8, 10), last=CUT)
-        axes[row, 0].legend(title=f"$E_S$ / {ratio:g} E", title_fontsize=8.5, fontsize=8.5, frameon=False,
-                            ncols=2, loc="upper right")
-    for column, name in enumerate(QUANTITIES.values()):
-        axes[0, column].set_title(name, fontsize=11)
+            axes[0, column].set_title(name, fontsize=11)
+        axes[row, 0].legend(title=f"$E_S$ / {ratio:g} E", fontsize=8.5, frameon=False, ncols=2, loc="upper right")
     label_rows(axes, ("the paper's settings", "the defaults"))
     figure.suptitle(f"32 slices, {strategy}: soles softer and stiffer", fontsize=12)
-    figure.tight_layout()
-    return png(figure)
+    return figure

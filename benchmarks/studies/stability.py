@@ -9,22 +9,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orchestrator.config import config_from
-from orchestrator.errors import InputError, OrchestratorError
-from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, new_figure, png, tidy
-from orchestrator.results.solution import Solution
-from orchestrator.run import solve
-from orchestrator.scene.build import build_scene
-from benchmarks.kit.study import Case, Study
+from benchmarks.kit.drawing import BLUE, GREEN, between_lines, panels
+from benchmarks.kit.study import Case, Study, first
 from benchmarks.problems.cases import CONTACT_RATIO
 from benchmarks.problems.hard_cases import BEFORE, Hard, cured, hard_cases
-from benchmarks.kit.rounded_traces import traces_of
+from orchestrator import InputError, OrchestratorError, Solution, build_scene, config_from, solve
 
 CONVERGED, REFUSED, STOPPED = "converged", "refused", "stopped"
 EFFECTIVITY, STAGES, ACCURATE, SHARE = 5.0, 60, 1e-6, 0.9
@@ -38,11 +31,10 @@ def run(study: Study) -> None:
     """The matrix, then what automatic soles and macro functions cure."""
     study.columns = ("axis", "value", "meaningful", "outcome", "iterations", "true_error", "error_bound",
                      "effectivity", "message", "silent_wrong")
-    folder = Path(study.folder.path)
-    for hard in hard_cases(folder):
+    for hard in hard_cases(study.folder):
         attempt(study, hard)
     _targets(study)
-    for name, problem in cured(folder):
+    for name, problem in cured(study.folder):
         found = {}
         for settings, method in (("before", BEFORE), ("auto", {})):
             case = Hard(f"{settings}: {name}", settings, {**problem, "method": method})
@@ -60,12 +52,12 @@ def attempt(study: Study, hard: Hard, limit: int = LIMIT) -> dict[str, Any]:
     data["method"] = {"max_iterations": limit, **data.get("method", {})}
     row: dict[str, Any] = {"meaningful": "yes" if hard.meaningful else "no", "iterations": 0, "silent_wrong": "",
                            "stages_to_true_error": None}
-    history = []
+    history = {}
     try:
-        with np.errstate(all="ignore"), traces_of(hard.digits) if hard.digits else nullcontext():
+        with np.errstate(all="ignore"):
             solved = _solved(data)
             row |= _judged(solved, data)
-            history = solved.iterated.history
+            history = solved.history
     except InputError as error:
         row |= {"outcome": REFUSED, "message": f"{error.problems[0].found}"}
     except OrchestratorError as error:
@@ -86,19 +78,18 @@ def _solved(data: Mapping[str, Any]) -> Solution:
 
 def _judged(solved: Solution, data: Mapping[str, Any]) -> dict[str, Any]:
     """Outcome of a finished run, and what is silently wrong with it."""
-    summary, outcome = solved.summary, solved.iterated
-    row: dict[str, Any] = {"iterations": outcome.iterations, "outcome": CONVERGED if outcome.converged else STOPPED,
-                           "message": "" if outcome.converged else _cause(summary)}
+    summary = solved.summary
+    row: dict[str, Any] = {"iterations": solved.iterations, "outcome": CONVERGED if solved.converged else STOPPED,
+                           "message": "" if solved.converged else _cause(summary)}
     if solved.interfaces is None:
         true, bound = summary["true_error"], summary["error_bound"]
-        accurate = next((e.iteration for e in outcome.history if e.true_error <= ACCURATE), None)
         row |= {"true_error": true, "error_bound": bound, "effectivity": bound / true if true > FLOOR else np.nan,
-                "stages_to_true_error": accurate}
-        if outcome.converged and not true <= max(bound, FLOOR):
+                "stages_to_true_error": first(solved.history, "true_error", ACCURATE)}
+        if solved.converged and not true <= max(bound, FLOOR):
             row["silent_wrong"] = f"true error {true:.1e} above the bound"
     else:
         row |= {"true_error": None, "error_bound": None, "law_residual": summary["residuals"]["law_residual"]}
-        if outcome.converged:
+        if solved.converged:
             row["silent_wrong"] = "; ".join(_unlawful(solved) + _unlike(solved, data))
     return row
 
@@ -157,21 +148,13 @@ def _targets(study: Study) -> None:
                  1 <= min(known) and max(known) <= EFFECTIVITY)
 
 
-def _picture(study: Study) -> bytes:
+def _picture(study: Study):
     """Bound against true error of all rows that know both."""
-    figure = new_figure(6.4, 5.2)
-    axes = figure.subplots()
-    line = np.array([1e-13, 10.0])
-    axes.loglog(line, line, color=GREY, linewidth=1)
-    axes.loglog(line, EFFECTIVITY * line, color=GREY, linewidth=1, linestyle="--")
+    figure, ((axes,),) = panels(size=(6.4, 5.2))
+    between_lines(axes, EFFECTIVITY, (1e-12, 10))
     for outcome, colour, marker in ((CONVERGED, BLUE, "o"), (STOPPED, GREEN, "x")):
-        rows = [r for r in study.rows
-                if r["outcome"] == outcome and r.get("true_error") and np.isfinite(r["error_bound"])]
+        rows = [r for r in study.rows if r["outcome"] == outcome and r.get("true_error") and np.isfinite(r["error_bound"])]
         axes.loglog([r["true_error"] for r in rows], [r["error_bound"] for r in rows], marker, color=colour,
                     label=f"{outcome}, {len(rows)} rows", markerfacecolor="none")
-    axes.set(xlim=(1e-12, 10), ylim=(1e-12, 10), xlabel="true relative energy error", ylabel="guaranteed bound")
     axes.set_title("Hard cases: no bound below the true error (line), 5 times above (dashed)", fontsize=11)
-    tidy(axes)
-    axes.legend(fontsize=9, frameon=False, loc="upper left")
-    figure.tight_layout()
-    return png(figure)
+    return figure

@@ -19,22 +19,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orchestrator.config import config_from
-from orchestrator.errors import InputError
-from orchestrator.results.figures.plotting import BLUE, GREEN, GREY, ORANGE, RED, new_figure, png, tidy
-from orchestrator.run import solve
-from orchestrator.scene.build import build_scene
-from orchestrator.scene.model import Scene
-from benchmarks.kit.drawing import plain_ticks
+from benchmarks.kit.drawing import BLUE, GREEN, GREY, ORANGE, RED, panels, plain_ticks
 from benchmarks.kit.study import Case, Study
 from benchmarks.kit.true_errors import Exact, direct, extrapolated, finer
-from benchmarks.problems.error_cases import MODELS, Model
 from benchmarks.problems.cases import CUT, paper, paper_contact
+from benchmarks.problems.error_cases import MODELS, Model
+from orchestrator import InputError, Solution, build_scene, config_from, solve
 
 TOLERANCES = (1e-3, 1e-6, "auto")
 INDICATORS = (1e-3, 1e-4, 1e-5)
@@ -51,7 +45,7 @@ def run(study: Study, models: Mapping[str, Model] = MODELS) -> None:
     """All problems, elements, meshes, methods and tolerances."""
     study.columns = ("case", "element", "k", "dofs", "method", "tolerance", "iterations", "energy_error",
                      "deflection_error", "stress_error", "estimate", "stop_reason", "seconds")
-    folder = Path(study.folder.path)
+    folder = study.folder
     for name, model in models.items():
         contact = len(model.exact) == 1
         with study.console.status(f"{name}: what is exact"):
@@ -75,26 +69,25 @@ def run(study: Study, models: Mapping[str, Model] = MODELS) -> None:
     study.figure(_picture(study, list(models)))
 
 
-def _problem(model: Model, folder: Path, k: int, element: str, method: Mapping[str, Any]) -> dict[str, Any]:
+def _problem(model: Model, folder: Any, k: int, element: str, method: Mapping[str, Any]) -> dict[str, Any]:
     return {**model.problem(folder, k), "method": dict(method), "blackbox": {"element": element},
             "output": {"fields": False, "figures": False}}
 
 
-def _compare(study: Study, folder: Path, name: str, model: Model, element: str, k: int, exact: Exact) -> None:
+def _compare(study: Study, folder: Any, name: str, model: Model, element: str, k: int, exact: Exact) -> None:
     """All methods on one mesh."""
     def case(method: str, tolerance: Any, settings: Mapping[str, Any]) -> Case:
         labels = dict(zip(LABELS, (name, element, k, method, tolerance)))
         return Case(_problem(model, folder, k, element, settings), labels)
 
-    contact = exact.scene is not None
+    contact = exact.finer is not None
     whole = case(DIRECT, "", {})
     if contact:
         _leave_out(study, whole, "contact is not linear")
     else:
         begin = time.perf_counter()
-        scene, displacement = direct(whole.config)
-        row = {"iterations": 0, "stop_reason": "solved", "seconds": time.perf_counter() - begin}
-        _add(study, whole, scene, [displacement], exact, row, [])
+        solved = direct(whole.config)
+        _add(study, whole, solved, exact, {"iterations": 0, "stop_reason": "solved", "seconds": time.perf_counter() - begin})
     ratio = model.brick / k / model.length  # eq. 15
     settings = paper_contact(ratio=ratio) if contact else paper("equilibrium", modulus_ratio=ratio)
     if not contact:
@@ -124,20 +117,17 @@ def _solve(study: Study, case: Case, exact: Exact) -> None:
         row = {"iterations": solved.iterations, "stop_reason": solved.stop_reason,
                "error_bound": solved.summary["error_bound"], "estimate": solved.summary["discretisation_error"],
                "seconds": time.perf_counter() - begin}
-        _add(study, case, scene, solved.sides, exact, row, solved.iterated.history)
+        _add(study, case, solved, exact, row)
 
 
 def _leave_out(study: Study, case: Case, reason: str) -> None:
-    study.rows.append({**case.labels, "stop_reason": f"left out: {reason}"})
-    study.histories.append([])
-    study.console.print(f"  {len(study.rows):3}  {case}: left out: {reason}")
+    study.note({**case.labels, "stop_reason": f"left out: {reason}"}, f"{case}: left out: {reason}")
 
 
-def _add(study: Study, case: Case, scene: Scene, sides: list[np.ndarray], exact: Exact, row: dict[str, Any],
-         history: list) -> None:
+def _add(study: Study, case: Case, solved: Solution, exact: Exact, row: dict[str, Any]) -> None:
     """Measure the errors of a finished run and add its row."""
-    errors = exact.errors(scene, sides)
-    study.add(case, {"dofs": 3 * len(scene.mesh.nodes), **errors, **row}, history,
+    errors = exact.errors(solved)
+    study.add(case, {"dofs": solved.summary["dofs"], **errors, **row}, solved.history,
               f"energy error {errors['energy_error']:.1e}, stress error {errors['stress_error']:.1e}")
 
 
@@ -181,31 +171,24 @@ def _front(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return front
 
 
-def _picture(study: Study, names: list[str]) -> bytes:
+def _picture(study: Study, names: list[str]):
     """A column per problem: energy error and stress error over seconds, with the Pareto front of each."""
-    figure = new_figure(3.6 * len(names) + 0.6, 7.0)
-    axes = figure.subplots(2, len(names), squeeze=False, sharex="col")
+    figure, axes = panels(2, len(names), (3.6 * len(names) + 0.6, 7.0), sharex="col")
     for column, name in enumerate(names):
         rows = [row for row in study.rows if row["case"] == name and math.isfinite(row.get("energy_error", math.nan))]
-        for line, quantity in enumerate(("energy_error", "stress_error")):
-            panel = axes[line, column]
+        for panel, quantity in zip(axes[:, column], ("energy_error", "stress_error")):
             front = _front([{**row, "energy_error": row[quantity]} for row in rows])
             panel.loglog([r["seconds"] for r in front], [r["energy_error"] for r in front], color=GREY, linewidth=1,
-                         drawstyle="steps-post", label="best so far")
+                         drawstyle="steps-post", label="best so far" if panel is axes[0, 0] else "_")
             for method, colour in COLOURS.items():
                 for element, marker in (("P1", "o"), ("P2", "s")):
                     mine = [r for r in rows if r["method"] == method and r["element"] == element]
                     panel.loglog([r["seconds"] for r in mine], [r[quantity] for r in mine], marker, color=colour,
                                  markersize=5, markerfacecolor="none" if element == "P1" else colour,
-                                 label=f"{method}, {element}")
-            tidy(panel)
+                                 label=f"{method}, {element}" if panel is axes[0, 0] else "_")
             plain_ticks(panel)
-            panel.tick_params(labelsize=8)
         axes[0, column].set_title(name, fontsize=11)
         axes[1, column].set_xlabel("wall time [s]", fontsize=9)
     for panel, label in zip(axes[:, 0], ("true error, energy norm", "true error of the largest stress")):
         panel.set_ylabel(label, fontsize=9)
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=8, frameon=False, ncols=len(names) + 1, loc="lower center")
-    figure.tight_layout(rect=(0, 0.07, 1, 1))
-    return png(figure)
+    return figure

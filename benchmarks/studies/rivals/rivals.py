@@ -1,6 +1,6 @@
 """The rivals by name: what each needs, how it is run, and what it answers.
 
-A rival gets the matrix of the undecomposed structure as FreeFEM assembles it, on the dofs that are free, ready in its
+A rival gets the matrix of the undecomposed structure, on the dofs that are free, ready in its
 memory. It is charged for what it does from there on until its error is small enough, not for its start, its imports, or
 for reading the matrix.
 """
@@ -12,24 +12,22 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from orchestrator.blackbox.models.extended import whole_model
-from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import Config
-from orchestrator.errors import InputError, Problem
-from orchestrator.scene.build import build_scene
-from orchestrator.timing import Stopwatch
+from benchmarks.kit.commands import MPI
+from benchmarks.kit.elasticity import stiffness
+from benchmarks.kit.true_errors import direct
+from orchestrator import InputError, Problem
 
 DEBIAN, MPIEXEC = "/usr/bin/python3", "/usr/bin/mpiexec"  # PETSc's binding is a package of Debian's own Python
 _PETSC = "/usr/lib/petscdir"
 GRACE = 1.5  # of the time allowed, for starting, reading, and what is not charged
-_MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+_MPI = MPI | {"OMPI_MCA_rmaps_base_oversubscribe": "1"}
 
 
 @dataclass(frozen=True)
@@ -94,32 +92,29 @@ class Written:
     assembly: float
 
 
-def write_problem(config: Config, folder: Path) -> Written:
-    """Make the mesh, have the matrix assembled, and write both for rivals.
+def write_problem(config: Mapping[str, Any], folder: Path) -> Written:
+    """Make the mesh, solve once in one piece by FreeFEM, which tells how long it assembles, and write the matrix for rivals.
 
     Raises
     ------
     InputError : nodes that are held in some components only, or displacements other than zero
     """
-    watch = Stopwatch()
-    with watch("mesh"):
-        scene = build_scene(config)
+    solved = direct(config)
+    scene, timing = solved.scene, solved.summary["timing"]
     held = scene.fixed.all(axis=1)
     if (scene.fixed.any(axis=1) != held).any() or scene.prescribed[:, held].any() or scene.steps > 1:
         raise InputError(Problem((), "nodes held in part, moved, or several load steps", "one load step of nodes held whole",
                                  "rivals are written problems of that kind alone"))
-    with make_blackbox(config.blackbox) as whole:
-        matrix = whole.stiffness([whole_model(scene)])[0]
-        assembly = whole.usage.clock()["assemble"]
+    young, poisson = np.array([[m.young, m.poisson] for m in scene.materials])[scene.cell_material].T
     free = np.flatnonzero(np.repeat(~held, 3))
-    matrix = matrix[free][:, free].tocsr()
+    matrix = stiffness(scene.mesh.nodes, scene.mesh.cells, young, poisson)[free][:, free]
     matrix.sort_indices()
     folder.mkdir(parents=True, exist_ok=True)
     for name, array in {"indptr": matrix.indptr.astype(np.int32), "indices": matrix.indices.astype(np.int32),
                         "data": matrix.data, "right": scene.loads.reshape(-1)[free],
                         "nodes": scene.mesh.nodes[~held]}.items():
         np.save(folder / f"{name}.npy", array)
-    return Written(folder, scene.fixed.size, watch.seconds["mesh"], assembly)
+    return Written(folder, scene.fixed.size, timing["mesh"], timing["blackbox"]["assemble"])
 
 
 def compete(rival: Rival, problem: Written, ranks: int, patience: float, wanted: float) -> dict[str, Any]:
