@@ -9,7 +9,7 @@ import numpy as np
 from in_process import IN_PROCESS
 
 from orchestrator.config import config_from, load_config
-from orchestrator.method import placing
+from orchestrator.method.monitors import placing
 from orchestrator.parallel.join import join
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.run import follow, run, solve

@@ -73,6 +73,7 @@ def pressed(tmp_path_factory):
     return np.array(rows)
 
 
+@pytest.mark.long
 def test_hertz(pressed):
     """Half-width and peak pressure tend to theory, the finest mesh within 1 %."""
     print("\n     h/a   half-width  peak pressure  pressure below 0.8 a")

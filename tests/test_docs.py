@@ -114,6 +114,7 @@ def test_links_lead_somewhere(path):
         assert not anchor or anchor in anchors(there), f"{path.name}: {target}"
 
 
+@pytest.mark.long
 def test_pages_are_made_of_every_document(tmp_path):
     """Without a warning: no reference that leads nowhere, no document outside the contents, no docstring that is no markup."""
     done = subprocess.run([sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", ROOT / "docs", tmp_path / "site"],

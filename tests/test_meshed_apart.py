@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from in_process import IN_PROCESS
+from quick import late
 
 from orchestrator.config import config_from
 from orchestrator.run import solve
@@ -17,7 +18,7 @@ def solved(problem: dict, error: float):
     return found
 
 
-@pytest.mark.parametrize("element, sizes, mean, most", [("P1", (0.12, 0.16), 0.02, 0.05), ("P2", (0.2, 0.15), 0.01, 0.02)])
+@pytest.mark.parametrize("element, sizes, mean, most", [("P1", (0.12, 0.16), 0.02, 0.05), late("P2", (0.2, 0.15), 0.01, 0.02)])
 def test_a_ring_shrunk_on_a_shaft(element, sizes, mean, most, tmp_path):
     """The pressure is Lamé's, all round; so is where the ring goes."""
     made = solved(assemblies.shrunk_ring(tmp_path, sizes, element), 1e-5)
@@ -34,6 +35,7 @@ def test_a_ring_shrunk_on_a_shaft(element, sizes, mean, most, tmp_path):
     assert made.summary["residuals"]["law_residual"] <= 1e-5
 
 
+@pytest.mark.long
 def test_a_bonded_assembly_gives_way_as_with_the_conforming_mesh(tmp_path):
     """Thirteen pairs, curved and plane ones, of solids at sizes of their own."""
     moved = []

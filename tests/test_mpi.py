@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from processes import begin, gone
 from ranks_case import CASES, PLACED, found
+from quick import late, quick
 
 from orchestrator import folders
 from orchestrator.parallel.join import SHARED
@@ -82,7 +83,7 @@ def rounding(case: str, name: str) -> float:
     return 1e-13 / 1e-10 * float(np.abs(np.subtract(alone(case, nudge)[name], alone(case)[name])).max())
 
 
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.long), 4])
+@pytest.mark.parametrize("ranks", quick([2, 3, 4], 2))
 def test_ranks_find_what_one_process_finds(ranks, tmp_path):
     several = [case for case in CASES if len(CASES[case].get("parts", range(4))) >= 4]  # subdomains: one for each rank
     four = several[::2]
@@ -209,7 +210,7 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
 
 
 @pytest.mark.parametrize("right, wrong, told", [
-    ("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
+    late("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
 def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
     settings = tmp_path / "wrong.yaml"
     settings.write_text(ENDLESS.replace(right, wrong))

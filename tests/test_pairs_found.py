@@ -91,6 +91,7 @@ def test_pairs_depend_neither_on_units_nor_on_numbering(flange):
         assert 1e6 * two[pair] == pytest.approx(area, rel=1e-6), pair
 
 
+@pytest.mark.long
 def test_pairs_of_an_assembly():
     """Of 18 solids, those that touch: bolts in brackets, plate and nuts, nuts on the plate, a rod in brackets and nuts."""
     mesh, _ = make_mesh(section(step=AS1, h={"*": 8, "bolt*": 4, "nut*": 3, "rod": 5}, conforming=False))

@@ -19,6 +19,7 @@ from method_case import CLAMP, CUBES, METIS, config, method, solved
 from pictures import pixels, share, shows_matter
 from processes import begin, gone, nothing_left, working_below
 from typer.testing import CliRunner
+from quick import quick
 
 from orchestrator.cli import app
 from orchestrator.method.events import HISTORY_COLUMNS
@@ -213,7 +214,7 @@ def test_not_converged(tmp_path, temporary):
     assert nothing_left(temporary)
 
 
-@pytest.mark.parametrize("blow", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=["Ctrl-C", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("blow", quick([signal.SIGINT, signal.SIGTERM, signal.SIGHUP], signal.SIGTERM, signal.SIGHUP), ids=["Ctrl-C", "SIGTERM", "SIGHUP"])
 def test_interrupted_and_resumed(blow, tmp_path, temporary):
     """Exit code 130, a checkpoint, nothing left; --resume ends where an undisturbed run ends, whatever had stopped it: once here."""
     out, path = tmp_path / "out", written(tmp_path, **BENT, **ENDLESS)

@@ -8,6 +8,7 @@ import sys
 
 import pytest
 from test_bad_input import GOOD
+from quick import late
 
 PATIENCE = 120  # seconds
 
@@ -26,7 +27,7 @@ def shell(line, *arguments, **environment):
                           timeout=PATIENCE, env={**os.environ, **environment})
 
 
-@pytest.mark.parametrize("redirection, told", [(">&-", ""), (">&- 2>&- <&-", ""), ("2>/dev/full >/dev/full", ""),
+@pytest.mark.parametrize("redirection, told", [late(">&-", ""), (">&- 2>&- <&-", ""), late("2>/dev/full >/dev/full", ""),
                                                (">/dev/full", "No space left on device"), ("2>&1 | true", None)])
 def test_a_run_needs_nobody_who_listens(bar, redirection, told):
     """Its results are whole, its exit code is its own; where that can be said, it is said that words were lost."""

@@ -424,6 +424,7 @@ def test_a_field_is_carried_to_points_inside():
             carried(nodes, cells, field(nodes), points + 10)
 
 
+@pytest.mark.long
 def test_faults_of_a_tiny_beam(tmp_path, monkeypatch, saved_figures):
     """A run that is killed is resumed and compared; what could not be tried is a target that is not met."""
     monkeypatch.setattr(faults, "without_ranks", lambda: "not in this test")

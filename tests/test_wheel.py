@@ -50,6 +50,7 @@ def folder(installed, tmp_path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_a_beam_is_pulled(installed, folder):
     """The first shipped configuration, with fields and figures; coarser, so that the stress is still exact."""
     shutil.copy(CONFIGS / "traction_beam.yaml", folder)
@@ -62,6 +63,7 @@ def test_a_beam_is_pulled(installed, folder):
     assert {"convergence.png", "deformed.png", "time.png"} <= {path.name for path in (results / "figures").iterdir()}
 
 
+@pytest.mark.long
 def test_every_code_is_found(installed, folder):
     """FreeFEM through pipes and files, CalculiX, scikit-fem, and the template of one's own solver, in one run."""
     template = call(installed / "python", "-c", "from orchestrator.blackbox.codes.python_code import TEMPLATE\n"
