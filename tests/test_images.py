@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from blackbox_case import box
 
-from orchestrator.blackbox.models.images import _AXES, _SIGNS, images
+from orchestrator.blackbox.models.congruence import _AXES, _SIGNS, images
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.protocol import Model
 

@@ -76,9 +76,10 @@ class Usage:
         self._held: list[tuple[int, int]] = []  # worker, model
         self._dofs: Sequence[int] = []
 
-    def hold(self, holders: Iterable[tuple[int, Sequence[int]]], dofs: Sequence[int]) -> None:
-        """Say which workers hold each model, and how many free dofs it has."""
-        self._held, self._dofs = [(worker, model) for model, workers in holders for worker in workers], dofs
+    def hold(self, places: Iterable, dofs: Sequence[int]) -> None:
+        """Take in the ``Sharing`` of each code, and how many free dofs each model has."""
+        self._held = [(worker, model) for place in places for model, workers in place.holders.items() for worker in workers]
+        self._dofs = dofs
 
     @property
     def asked(self) -> float:

@@ -163,10 +163,11 @@ class PythonCode(MessageCode):
 
         import numpy as np
 
-        file = io.BytesIO()
-        np.savez(file, name=model.name, nodes=model.nodes, cells=model.cells, region=model.region,
-                 materials=model.materials, fixed=model.fixed, trace=model.trace,
-                 **({} if model.origin is None else model.origin.arrays(len(model.nodes), len(model.cells))))
+        from orchestrator.blackbox.protocol import Origin
+
+        origin, file = model.origin or Origin(*[np.empty(0, int)] * 3, ()), io.BytesIO()
+        own = {name: getattr(model, name) for name in ("name", "nodes", "cells", "region", "materials", "fixed", "trace")}
+        np.savez(file, **own, **origin.arrays(len(model.nodes), len(model.cells)))
         return file.getvalue()
 
     def missing_part(self, exit_code: int, said: str) -> InputError | None:

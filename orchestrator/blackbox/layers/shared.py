@@ -14,8 +14,7 @@ import numpy as np
 
 from orchestrator.blackbox.cost import copies
 from orchestrator.blackbox.layers.layer import Layer
-from orchestrator.blackbox.models.congruence import representatives
-from orchestrator.blackbox.models.images import Image, images
+from orchestrator.blackbox.models.congruence import Image, images, representatives
 from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.errors import BlackBoxError
 from orchestrator.savings import Savings

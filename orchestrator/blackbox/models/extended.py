@@ -52,7 +52,8 @@ def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int
     fixed = np.ones((count, 3), dtype=bool)
     fixed[: len(subdomain.nodes)] = subdomain.fixed
     return _model(subdomain.name, np.vstack(points), np.vstack(cells), np.vstack(matter), fixed=fixed,
-                  trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code, origin=_origin(scene, subdomain.nodes, subdomain.cells))
+                  trace=boundary_dofs(scene, subdomain, sides), code=subdomain.code,
+                  origin=_origin(scene, subdomain.nodes, subdomain.cells))
 
 
 def body_model(scene: Scene, subdomain: Subdomain) -> Model:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import queue
 import threading
 import time
@@ -11,6 +12,11 @@ from typing import Any
 from orchestrator.blackbox.transport.worker import Worker
 
 Task = tuple[int, Callable[[Worker, Any], Any], Any]  # number of the worker, function, its argument
+
+
+def default_workers() -> int:
+    """One worker per core this process may use."""
+    return max(1, len(os.sched_getaffinity(0)))
 
 
 class Crew:

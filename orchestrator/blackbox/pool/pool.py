@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ import scipy.sparse as sp
 from orchestrator import folders, processes
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.blackbox.diagnosis import AGREE, ROUGH, difference
-from orchestrator.blackbox.pool.crew import Crew, Task
+from orchestrator.blackbox.pool.crew import Crew, Task, default_workers
 from orchestrator.blackbox.pool.sharing import Sharing, gathered, longest_first
 from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport import messages
@@ -23,11 +22,6 @@ from orchestrator.blackbox.transport.worker import Ended, Worker
 from orchestrator.blackbox.usage import Usage
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import BlackBoxError
-
-
-def default_workers() -> int:
-    """One worker per core this process may use."""
-    return max(1, len(os.sched_getaffinity(0)))
 
 
 class Pool:
@@ -81,7 +75,7 @@ class Pool:
         self._models = list(models)
         seconds = self._load(tasks)
         self._sharing = {code: Sharing({worker: tasks[worker] for worker in team}, costs, seconds) for code, team in self._teams.items()}
-        self._usage.hold(self._all_holders(), dofs)
+        self._usage.hold(self._sharing.values(), dofs)
 
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says."""
@@ -158,9 +152,6 @@ class Pool:
     def _holders(self, index: int) -> list[int]:
         return self._sharing[self._models[index].code].holders[index]
 
-    def _all_holders(self) -> list[tuple[int, list[int]]]:
-        return [pair for sharing in self._sharing.values() for pair in sharing.holders.items()]
-
     def _run(self, work: Any, tasks: Mapping[int, Sequence[int]], idle: bool = False) -> list:
         """Results of ``work(worker, models)`` at once for each worker that has a task; the first failure ends the pool and is raised."""
         if self._closed:
@@ -231,7 +222,7 @@ class Pool:
             return apart[worst]
 
         sharing.settle(moves if max(self._run(ask_again, tasks)) <= AGREE else [])
-        self._usage.hold(self._all_holders(), [int((~model.fixed).sum()) for model in self._models])
+        self._usage.hold(self._sharing.values(), [int((~model.fixed).sum()) for model in self._models])
 
     @contextmanager
     def _ending(self) -> Iterator[None]:

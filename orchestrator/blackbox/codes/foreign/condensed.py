@@ -142,7 +142,8 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     if joints.left.shape[1] < 6 and (energies <= lost * size).sum() > joints.left.shape[1]:
         least = max(energies[0] / (size or 1.0), 0.0)
         raise _wrong(path, f"'{name}' is said to be held inside, and some rigid motion costs {least:.0e} of its stiffness, no more than "
-                     f"its digits tell ({lost:.0e})", "supports that hold all of it, or of slender parts a matrix with all digits", "put the supports in that are missing; write the matrix with 17 digits")
+                     f"its digits tell ({lost:.0e})", "supports that hold all of it, or of slender parts a matrix with all digits",
+                     "put the supports in that are missing; write the matrix with 17 digits")
     rounding = share if share > DIGITS else 0.0
     if error is None and rounding:
         error = _sample(sp.csr_array(S), rounding).toarray()

@@ -153,6 +153,6 @@ class FreeFem(MessageCode):
 def _version(executable: str) -> str:
     with tempfile.TemporaryDirectory(prefix="orchestrator-version-") as folder:  # not where freefem++.pref may lie
         (Path(folder) / "version.edp").write_text("cout << version << endl;\n", encoding="utf-8")
-        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], cwd=folder,
-                                env={**os.environ, **installation.environment()}, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        answer = subprocess.run([executable, "-ne", "-nw", "-v", "0", "version.edp"], cwd=folder, stdin=subprocess.DEVNULL,
+                                env={**os.environ, **installation.environment()}, capture_output=True, text=True, timeout=60)
     return next((row.strip() for row in answer.stdout.splitlines() if row.strip()), "")
