@@ -1,12 +1,18 @@
 """Fixtures shared by all tests."""
 
+import os
+import sys
 from functools import cache
 from pathlib import Path
 
-import orchestrator  # noqa: F401 - before numpy, as in a run: it asks for one BLAS thread
-import pytest
-import typer.testing
-from processes import end_all, hear_signals
+# Whatever the environment says, modules are compiled once: tests start some hundred processes.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+import orchestrator  # noqa: E402, F401 - before numpy, as in a run: it asks for one BLAS thread
+import pytest  # noqa: E402
+import typer.testing  # noqa: E402
+from processes import end_all, hear_signals  # noqa: E402
 
 hear_signals()
 # The command line is built once in each process, not at every call: that takes longer than most of what they ask.

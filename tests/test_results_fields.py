@@ -9,13 +9,13 @@ import pytest
 import results_case as case
 
 from orchestrator.errors import InputError
-from orchestrator.method.stopping import stress as recovery
-from orchestrator.method.stopping import stress_loops
+from orchestrator.scene import stress as recovery
+from orchestrator.scene import stress_loops
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.results.fields.estimated import estimated
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.fields.nodal import principal
+from orchestrator.scene.stress import principal
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import shape_gradients

@@ -15,7 +15,7 @@ from pictures import pixels, share
 from processes import gone
 
 from orchestrator.errors import InputError
-from orchestrator.method.stopping.stress import von_mises
+from orchestrator.scene.stress import von_mises
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures import codes, deformed, panels, surface
 from orchestrator.results.figures.artist import Artist, drawn

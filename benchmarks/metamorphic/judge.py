@@ -16,7 +16,8 @@ from benchmarks.metamorphic.relations import RELATIONS
 from benchmarks.metamorphic.variant import Variant
 
 FINDINGS = ("disagree", "refused otherwise", "traceback", "code failed", "hang")
-NO_CUT = ("disconnected subdomain", "without any tet", "coupling of a surface that", "pieces of one body", "cut lengthwise", "separate bodies", "subdomains for a mesh of")
+NO_CUT = ("disconnected subdomain", "without any tet", "coupling of a surface that",
+          "pieces of one body", "cut lengthwise", "separate bodies", "subdomains for a mesh of")
 LOOSE = 1e-2  # where a body has no place of its own, its friction, and with it what others carry, hangs on where it stands
 LOSSY = "they carry nothing"  # what a run says of cuts that leave corners of both bodies in which no node carries
 

@@ -43,7 +43,8 @@ def main() -> None:
     use_tests_code()
     for path in map(Path, sys.argv[1:]):
         verdict = judged_again(path)
-        print(path, verdict.outcome, verdict.said[:300], *(f"{k}: {v} ({verdict.details[k]})" for k, v in verdict.tried.items()), sep="\n  ")
+        print(path, verdict.outcome, verdict.said[:300],
+              *(f"{k}: {v} ({verdict.details[k]})" for k, v in verdict.tried.items()), sep="\n  ")
 
 
 if __name__ == "__main__":

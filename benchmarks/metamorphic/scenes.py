@@ -142,7 +142,8 @@ def _acting(draw, kind: str, body: Body, face: tuple[int, int], unit: float, len
         return {"resultant": {"force": _vector(draw, stress * unit**2), "moment": _vector(draw, 0.3 * stress * unit**3)}}
     if kind == "motion":
         return {"motion": {"translate": _vector(draw, length), "rotate": {
-            "axis": draw(st.sampled_from(["x", "y", "z", [1.0, 1.0, 0.0]])), "degrees": draw(st.sampled_from([0.05, -0.02])), "about": centre}}}
+            "axis": draw(st.sampled_from(["x", "y", "z", [1.0, 1.0, 0.0]])), "degrees": draw(st.sampled_from([0.05, -0.02])),
+            "about": centre}}}
     if kind == "symmetry":
         return {"symmetry": True}
     if kind == "foundation":
@@ -176,7 +177,8 @@ def _loads(draw, data: dict, found: list[Body], unit: float, timed: dict, words:
         elif kind == "gravity":
             entry = {"gravity": _vector(draw, 0.1 * stress / extent)}
         elif kind == "spin":
-            entry = {"spin": {"axis": draw(st.sampled_from("xyz")), "rate": float(np.sqrt(0.1 * stress) / extent), "about": _vector(draw, unit)}}
+            entry = {"spin": {"axis": draw(st.sampled_from("xyz")), "rate": float(np.sqrt(0.1 * stress) / extent),
+                              "about": _vector(draw, unit)}}
         elif kind == "temperature":
             entry = {"temperature": draw(st.sampled_from([50.0, -20.0]))}
         else:
@@ -261,7 +263,8 @@ def _law(draw, law: str, pair: Pair | None, unit: float, timed: dict, words: set
     if friction:
         entry["friction"] = friction
         words.add("friction")
-    gap = draw(st.sampled_from([None, None, "geometry", 0.5e-3, -0.5e-3] if pair is None or not pair.gap else ["geometry", "geometry", None]))
+    free = pair is None or not pair.gap
+    gap = draw(st.sampled_from([None, None, "geometry", 0.5e-3, -0.5e-3] if free else ["geometry", "geometry", None]))
     if gap is not None:
         entry["gap"] = gap if gap == "geometry" else gap * unit
         words.add("gap " + ("geometry" if gap == "geometry" else "given" if gap > 0 else "press fit"))

@@ -43,6 +43,7 @@ class Variant:
         sums = np.eye(len(answer.energy)) if self.sums is None else self.sums
         one = (sums.sum(axis=1) == 1).all() and (np.count_nonzero(sums, axis=1) == 1).all()
         return replace(
-            seen, reactions=np.einsum("st,etc->esc", sums, seen.reactions[order]), moments=np.einsum("st,etc->esc", sums, seen.moments[order]),
+            seen, reactions=np.einsum("st,etc->esc", sums, seen.reactions[order]),
+            moments=np.einsum("st,etc->esc", sums, seen.moments[order]),
             energy=np.full(len(sums), np.nan) if self.without or not one else sums @ seen.energy,
             parts={k: np.einsum("st,tnc->snc", sums, u) for k, u in seen.parts.items() if k not in self.without})

@@ -159,8 +159,8 @@ def _judge_iterations(study: Study, rows: Rows) -> None:
     if FIRST in mean and larger:
         known = mean[FIRST] is not None and all(mean[count] is not None for count in larger)
         growth = max(mean[count] for count in larger) / mean[FIRST] if known else None
-        study.target(f"mean iterations, {larger[0]} … {larger[-1]} grains over {FIRST}", f"at most {GROWTH:g}", growth and f"{growth:.2f}",
-                     known and growth <= GROWTH)
+        study.target(f"mean iterations, {larger[0]} … {larger[-1]} grains over {FIRST}", f"at most {GROWTH:g}",
+                     growth and f"{growth:.2f}", known and growth <= GROWTH)
 
 
 def _judge_shares(study: Study, rows: Rows) -> None:

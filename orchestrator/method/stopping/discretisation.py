@@ -33,7 +33,7 @@ from math import factorial, prod
 import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
-from orchestrator.method.stopping.stress import CENTRE, strain, stress
+from orchestrator.scene.stress import CENTRE, strain, stress
 from orchestrator.parallel.borders import Meeting
 from orchestrator.parallel.team import ALONE
 from orchestrator.scene.mesh.geometry import shape_gradients

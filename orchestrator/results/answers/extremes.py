@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.method.stopping.stress import von_mises
-from orchestrator.results.fields.nodal import Nodal, principal
+from orchestrator.scene.stress import principal, von_mises
+from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
 
 NAME = "extremes.csv"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orchestrator.method.stopping.discretisation import SOFTEST, Estimate, moved_alone, size_of
-from orchestrator.method.stopping.stress_loops import squares
+from orchestrator.scene.stress_loops import squares
 from orchestrator.results.fields.fields import Fields
 
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.stopping import stress as recovery
-from orchestrator.method.stopping import stress_loops
+from orchestrator.scene import stress as recovery
+from orchestrator.scene import stress_loops
 from orchestrator.parallel.borders import Meeting
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.results import OwnFields
-from orchestrator.method.stopping.stress import von_mises
+from orchestrator.scene.stress import principal, von_mises
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.interface_files import write_interfaces
-from orchestrator.results.fields.nodal import Nodal, principal
+from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import write_npz
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
@@ -84,7 +84,7 @@ def _in_pieces(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> list[st
 
 
 def _write_piece(folder: ResultsFolder, piece: Piece, hidden: set[str]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """A rank's files; where its disk is another one than rank 0's, rank 0 writes what they contain. Returns ``_data``'s of its last step."""
+    """A rank's files, and ``_data`` of its last step; where its disk is not rank 0's, rank 0 writes what they contain."""
     team = piece.team
     names = [_names(piece.fields.steps, rank) for rank in range(team.size)]
     last = _write_steps(folder, names[team.rank], piece.fields, hidden)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orchestrator.method.stopping import stress_loops
-from orchestrator.method.stopping.stress import von_mises
+from orchestrator.scene import stress_loops
+from orchestrator.scene.stress import principal, von_mises
 from orchestrator.parallel.borders import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
 
@@ -149,14 +149,3 @@ def _kept(known: dict[int, np.ndarray], step: int, form: Callable[[int], np.ndar
             del known[next(reversed(known))]
         known[step] = form(step)
     return known[step]
-
-
-def principal(sigma: np.ndarray) -> np.ndarray:
-    """(..., 3) principal stresses, the largest first, of stresses (..., 6) in VTK's order; nan of nan."""
-    matrix = sigma[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
-    known = np.isfinite(matrix).all(axis=(-2, -1))
-    result = np.full(sigma.shape[:-1] + (3,), np.nan)
-    result[known] = np.linalg.eigvalsh(matrix[known])[..., ::-1]
-    return result
-
-

@@ -67,6 +67,15 @@ def von_mises(sigma: np.ndarray) -> np.ndarray:
     return np.sqrt(0.5 * (differences**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1))
 
 
+def principal(sigma: np.ndarray) -> np.ndarray:
+    """(..., 3) principal stresses, the largest first, of stresses (..., 6) in VTK's order; nan of nan."""
+    matrix = sigma[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+    known = np.isfinite(matrix).all(axis=(-2, -1))
+    result = np.full(sigma.shape[:-1] + (3,), np.nan)
+    result[known] = np.linalg.eigvalsh(matrix[known])[..., ::-1]
+    return result
+
+
 def nodal_average(cells: np.ndarray, values: Iterable[np.ndarray], volumes: np.ndarray,
                   group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Volume-weighted average of the cells' values at their nodes, one value per node and group.
