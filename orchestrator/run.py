@@ -47,7 +47,6 @@ from orchestrator.results.lock import locked
 from orchestrator.results.record import Record
 from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.subscribers.checkpoint import begun
-from orchestrator.results.subscribers.drawing import Drawing
 from orchestrator.results.subscribers.progress import Progress
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
@@ -149,7 +148,6 @@ def _solve(config: Config, whole: Scene | None, told: Subscribers, reference: bo
         with watch("output"):
             delivered = on_whole(delivered, whole)
             fields = fields_of(whole, delivered, ranks)
-            told.solved(fields)
     with watch("bound"):
         if team.rank == 0:
             if wanted and (team.size == 1 or whole.mesh.foreign):  # what stands for a part that is not ours has no moduli in fields
@@ -311,10 +309,6 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
                 scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh], resume), run_programs=True)
             with Record(folder, config, scene, watch, resume=resume) as record:
                 told = [*record.subscribers, progress]
-                if artist:
-                    told.append(drawn := Drawing(artist, config, team.size > 1))
-                    if team.size == 1:  # otherwise rank 0 does not keep its mesh, see ``set_aside``
-                        drawn.begin(scene)
                 team.share((config, reference))
                 start, speeds, placed = record.start, None, []
                 while True:

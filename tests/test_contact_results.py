@@ -18,7 +18,7 @@ from orchestrator.results.summary.cautions import cautions, rotations
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
-from orchestrator.results.figures.convergence import tolerance
+from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import read_history

@@ -29,14 +29,15 @@ def stopped():
 
 
 def test_a_process_that_stands_still_is_given_up(tmp_path, monkeypatch, stopped):
-    """Exit code, fields and summary are those of the run; the summary says what is missing, and how to get it."""
-    monkeypatch.setattr(artists, "IDLE", 0.5)
+    """Exit code, fields and summary are those of the run, charts are drawn here; the summary says what is missing, and how to get it."""
+    monkeypatch.setattr(artists, "PATIENCE", 0.5)
     assert run(Loaded(config(**BAR)), output=tmp_path, quiet=True, artist=stopped) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["converged"] and (tmp_path / "fields.npz").exists()
-    assert "no figures: the process that draws did nothing for 0.5 s" in summary["warnings"][-1]
+    assert "no pictures of the structure: the process that draws was not done after 0.5 s" in summary["warnings"][-1]
     assert f"orchestrator report {tmp_path} draws them" in summary["warnings"][-1]
-    assert not (tmp_path / "checkpoint.npz").exists() and not list(tmp_path.glob("figures/*"))
+    assert not (tmp_path / "checkpoint").exists()
+    assert sorted(path.name for path in tmp_path.glob("figures/*")) == ["convergence.png", "time.png"]
 
 
 def test_while_it_is_waited_for_all_else_is_there(tmp_path, stopped):

@@ -16,7 +16,7 @@ from test_laws import assert_consistent
 from orchestrator.config import config_from, load_config
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Written
-from orchestrator.results.figures import panels
+from orchestrator.results.figures.interfaces import interfaces
 from orchestrator.results.report.report import report
 from orchestrator.results.subscribers.history import read_history
 from orchestrator.results.summary.summary import read_summary
@@ -228,8 +228,8 @@ def test_from_the_configuration_to_the_report(tmp_path):
 
 def test_its_colours_have_its_names():
     found = converged(bars(springs(), output={"fields": True}))
-    shown = panels.interfaces(found.fields)
-    assert shown.scales[0][2] == ["bonded", "sprung", "taut", "slack"]
+    shown = interfaces(found.fields)
+    assert shown.scales[0].names == ["bonded", "sprung", "taut", "slack"]
 
 
 WRONG = {

@@ -17,7 +17,7 @@ from quick import quick
 from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.deformed import view
+from orchestrator.results.figures.deformed import deformed
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz
@@ -280,7 +280,7 @@ def test_pictures_show_every_node_of_the_surface(tmp_path):
     outward = mesh.nodes[triangles].mean(axis=1) - mesh.nodes[mesh.cells[cell]].mean(axis=1)
     assert (np.einsum("ij,ij->i", outward, quarters) > 0).all()
     assert close(np.abs(quarters).sum(axis=0), np.abs(whole).sum(axis=0), 1e-12)
-    drawn = view(fields_of(found))
+    drawn = deformed(fields_of(found)).views[0]
     assert np.isfinite(drawn.values).all() and len(drawn.triangles) == len(triangles)
 
 

@@ -1,18 +1,14 @@
 """Charts of a run: the curves of its convergence, the bars of its time; what they say and how long they are."""
 
-import os
-
 import numpy as np
 import pytest
 import results_case as case
 
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.registry import LAWS
-from orchestrator.results.figures.convergence import convergence, tolerance
-from orchestrator.results.figures.copied import Copied
+from orchestrator.results.figures.charts import convergence, time_per_stage, tolerance
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.plotting import png
-from orchestrator.results.figures.stages import time_per_stage
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.summary import STAGES
 
@@ -108,17 +104,3 @@ def test_files_hold_the_figures(tmp_path):
     assert [p.name for p in written] == ["convergence.png", "time.png"]
     expected = [png(convergence(case.summary(), case.history())), png(time_per_stage(case.summary()))]
     assert [p.read_bytes() for p in written] == expected
-
-
-@pytest.mark.skipif(len(os.sched_getaffinity(0)) < 2, reason="on one core nothing is copied")
-@pytest.mark.parametrize("dies", [False, True])
-def test_a_copy_works_beside_and_what_it_leaves_undone_is_done_here(dies, tmp_path):
-    this, done = os.getpid(), tmp_path / "done"
-
-    def work() -> None:
-        if os.getpid() != this and dies:
-            os._exit(1)
-        done.write_text(str(os.getpid()))
-
-    Copied(work).finish()
-    assert (done.read_text() == str(this)) == dies

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import results_case as case
 
-from orchestrator.results.figures import deformed, panels, surface
+from orchestrator.results.figures import surface
+from orchestrator.results.figures.deformed import deformed, exaggeration
 from orchestrator.results.figures.view import colour_limits
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -44,10 +45,11 @@ def test_edges_of_the_bounding_box():
 
 def test_view_of_the_step_with_the_largest_displacement():
     fields = case.fields()
-    view = deformed.view(fields)
-    assert "load step 2 of 2" in view.caption
+    sheet = deformed(fields)
+    view, = sheet.views
+    assert sheet.headings == ["load step 2 of 2"]
     size = np.linalg.norm(np.ptp(fields.nodes, axis=0))
-    factor = float(re.search(r"× ([\d.e+]+)", view.caption)[1])
+    factor = float(re.search(r"× ([\d.e+]+)", sheet.caption)[1])
     largest = np.linalg.norm(fields.displacement[-1], axis=1).max()
     assert factor * largest / size == pytest.approx(0.1, rel=0.05)
     low, high = view.camera.project(view.points).min(axis=0), view.camera.project(view.points).max(axis=0)
@@ -62,7 +64,7 @@ def test_values_are_those_of_the_nodes():
     lame, half = case.lame(mesh), case.slices(mesh, 2)
     lame[half == 1] *= 3
     stretched = type(case.fields())(mesh.nodes, mesh.cells, case.slices(mesh), lame, 1e-3 * mesh.nodes[None] * [1, 0, 0])
-    view = deformed.view(stretched)
+    view, = deformed(stretched).views
     middle = mesh.nodes[:, 0].max() / 2 + 0.05
     left, right = (view.values[view.triangles[(view.points[view.triangles, 0].mean(axis=1) < middle) == side]] for side in (1, 0))
     np.testing.assert_allclose(right, 3 * left.max(), rtol=1e-9)
@@ -71,9 +73,9 @@ def test_values_are_those_of_the_nodes():
 
 def test_view_at_rest():
     fields = case.fields()
-    at_rest = deformed.view(type(fields)(fields.nodes, fields.cells, fields.subdomain, fields.lame,
-                                         0 * fields.displacement))
-    assert np.isfinite(at_rest.limits).all() and at_rest.limits[0] < at_rest.limits[1] and at_rest.magnified == 1
+    sheet = deformed(type(fields)(fields.nodes, fields.cells, fields.subdomain, fields.lame, 0 * fields.displacement))
+    low, high = sheet.views[0].limits
+    assert np.isfinite([low, high]).all() and low < high and "drawn × 1 " in sheet.caption
 
 
 def test_limits_leave_out_what_a_corner_stretches():
@@ -91,7 +93,7 @@ def test_limits_leave_out_what_a_corner_stretches():
 
 def test_bodies_apart_at_every_step():
     fields = case.opened()
-    grid = panels.opened(fields)
+    grid = deformed(fields)
     assert [view.limits for view in grid.views] == 2 * [grid.views[0].limits]
     last = grid.views[1]
     parted = np.unique(last.points.round(9), axis=0)
@@ -101,5 +103,5 @@ def test_bodies_apart_at_every_step():
     assert {tuple(point) for point in ends} <= {tuple(point) for point in parted}
     assert len(last.lines) == 2 * 4 * (3 + 2 + 2), "each body has edges of its own"
     assert np.linalg.norm(np.diff(last.lines, axis=1), axis=2).max() < 0.6, "and none leads to the other body"
-    gap = fields.interfaces.gap[1].max() * last.magnified
+    gap = fields.interfaces.gap[1].max() * exaggeration(fields, [0, 1])
     assert gap > 0.02 * np.linalg.norm(np.ptp(fields.nodes, axis=0))

@@ -23,7 +23,7 @@ from quick import quick
 
 from orchestrator.cli import app
 from orchestrator.method.events import HISTORY_COLUMNS
-from orchestrator.results.figures.convergence import convergence
+from orchestrator.results.figures.charts import convergence
 from orchestrator.results.figures.plotting import BLUE, png
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution

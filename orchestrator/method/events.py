@@ -141,9 +141,6 @@ class Subscriber:
     def finished(self, event: Finished) -> None:
         """The iterations have ended, converged or not; what is delivered is computed next."""
 
-    def solved(self, fields: object) -> None:
-        """Displacements are delivered, on the whole mesh; ``fields`` are as in the solution, but for an estimate of their error."""
-
     def failed(self, error: BaseException) -> None:
         """The run has been interrupted or has failed, at whatever stage; ``error`` ends it after this."""
 
@@ -169,10 +166,6 @@ class Subscribers(Subscriber):
     def finished(self, event: Finished) -> None:
         for subscriber in self.all:
             subscriber.finished(event)
-
-    def solved(self, fields: object) -> None:
-        for subscriber in self.all:
-            subscriber.solved(fields)
 
     def failed(self, error: BaseException) -> None:
         for subscriber in self.all:

@@ -8,11 +8,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from types import TracebackType
 
+import numpy as np
+
 from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.config import Config
 from orchestrator.method.start import Start
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.figures.artist import Artist, TooSlow
+from orchestrator.results.fields.nodal import KEPT
+from orchestrator.results.figures.artist import Artist, CannotDraw
+from orchestrator.results.figures.deformed import shown_steps
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.kept_mesh import NAME as MESH
@@ -76,7 +80,7 @@ class Record:
         solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
             together: the others ``write_piece``
         fields : whether they are wanted
-        artist : who draws the figures, and has been told the solution (``Drawing``); None: nobody
+        artist : who draws the figures; None: nobody
         beside : fields of parts with a mesh of their own
 
         Raises
@@ -131,7 +135,8 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     with watch("output"):
         if artist:
             note_time(solution.summary, watch)
-            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"))
+            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields, None,
+                         _known_stress(solution))
         if fields:
             write_fields(folder, solution.fields, solution.piece, beside)
         if solution.answers is not None:
@@ -140,8 +145,16 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     write_summary(folder, solution.summary)
 
 
+def _known_stress(solution: Solution) -> dict[int, np.ndarray] | None:
+    """Von Mises stresses of what is drawn; None where no process has those of the whole, or nobody keeps those of so many steps."""
+    fields = solution.fields
+    if solution.piece is not None or not fields.steps or not len(fields.cells) or len(steps := shown_steps(fields)) > KEPT:
+        return None
+    return {step: fields.nodal.von_mises(step) for step in steps}
+
+
 def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, artist: Artist) -> None:
-    """Waits for the figures that were begun, within reason: if they do not come, the summary's warnings say so.
+    """Waits for the figures that were begun, within reason; without pictures, charts are drawn here and the warnings say so.
 
     Raises
     ------
@@ -150,8 +163,9 @@ def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, a
     with watch("output"):
         try:
             artist.finish()
-        except TooSlow as error:
+        except CannotDraw as error:
+            write_figures(folder, solution.summary, read_history(folder / "history.csv"))
             solution.summary["warnings"] = [*(solution.summary.get("warnings") or ()),
-                                            f"no figures: {error}; orchestrator report {folder.path} draws them"]
+                                            f"no pictures of the structure: {error}; orchestrator report {folder.path} draws them"]
     note_time(solution.summary, watch)
     write_summary(folder, solution.summary)

@@ -1,8 +1,13 @@
 """A process that draws, made ready while the run computes.
 
-To import what draws and to open a window takes as long as the iterations of a small problem; and a graphics library
-that finds no display may end its process: the run must survive that. This module imports next to nothing, so that
-the process can be started before the run's own imports.
+To import what draws and to open a window takes as long as the iterations of a small problem; and a graphics library that finds no
+display may end its process: the run must survive that. This module imports next to nothing before ``main``, so that the process can
+be started before the run's own imports.
+
+    python -m orchestrator.results.figures.artist < JOBS > ANSWER
+
+JOBS are pickled pairs of a function and its arguments, one after the other; ANSWER is the pickled pair of what they returned, and an
+InputError of one of them.
 """
 
 from __future__ import annotations
@@ -11,84 +16,55 @@ import os
 import pickle
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from queue import SimpleQueue
 from threading import Thread
 
 from orchestrator.parallel.launcher import without_launcher
 
-PATIENCE = 300.0  # seconds after which the process is given up, whatever it does
-IDLE = 15.0  # seconds after which it is given up if it has used no processor: it is stopped, or waits for what never comes
-_LOOK = 0.2  # seconds between two looks
+PATIENCE = 300.0  # seconds after the last job from which the process is given up
 
 
-class TooSlow(Exception):
-    """The process has been given up."""
+class CannotDraw(Exception):
+    """The process has ended without an answer, or has been given up."""
 
 
 class Artist:
-    """The process; as a context manager it is ended on leaving. Where it fails, this process draws."""
+    """The process; as a context manager it is ended on leaving."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        self._waiting: Thread | None = None
-        self._jobs: list[tuple[Callable[..., object], tuple]] = []
         self._work: SimpleQueue[bytes | None] = SimpleQueue()
-        self._answer = b""
+        self._answer, self._process = b"", None
         with suppress(OSError):
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "orchestrator.results.figures.studio"], env=without_launcher(os.environ),
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-                process_group=0)  # Ctrl-C is for the run, which then ends it
+                [sys.executable, "-P", "-m", __name__], env=without_launcher(os.environ), stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, process_group=0)  # Ctrl-C is for the run, which then ends it
+        self._thread = Thread(target=self._hand_over, daemon=True)  # pipes hold less than a job
+        self._thread.start()
 
-    def prepare(self, draw: Callable[..., object], *job: object) -> Artist:
-        """Has ``draw(*job, canvas=…)`` called there, for what it returns: the next one has it as ``prepared=…``.
-
-        Parameters
-        ----------
-        draw : a function of a module, whose ``canvas`` may be None: then matplotlib must do
-        job : what can be pickled
-        """
-        self._jobs.append((draw, job))
+    def begin(self, draw: Callable[..., object], *job: object) -> None:
+        """Has ``draw(*job)`` called there, after earlier jobs; the function is one of a module, and all that is pickled."""
         self._work.put(pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL))
-        if self._waiting is None:
-            self._waiting = Thread(target=self._hand_over, daemon=True)
-            self._waiting.start()
-        return self
 
-    def begin(self, draw: Callable[..., object], *job: object) -> Artist:
-        """The same of the last one, whose result ``finish`` returns; returns this artist."""
-        self.prepare(draw, *job)
-        self._work.put(None)
-        return self
-
-    def finish(self) -> object:
-        """Waits for what the function returns, but not for ever.
+    def finish(self) -> list[object]:
+        """Waits for what the functions return, but not for ever.
 
         Raises
         ------
-        TooSlow : the process takes longer than ``PATIENCE``, or does nothing for ``IDLE``
-        InputError : from the function: disk full or folder not writable
+        CannotDraw : the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
+        InputError : from a function: disk full or folder not writable
         """
-        begin = active = time.monotonic()
-        used = self._processor_time()
-        while self._waiting.is_alive():
-            self._waiting.join(_LOOK)
-            now = time.monotonic()
-            if (so_far := self._processor_time()) != used:
-                used, active = so_far, now
-            if self._waiting.is_alive() and max(now - begin - PATIENCE, now - active - IDLE) > 0:
-                self.close()
-                raise TooSlow(f"the process that draws did nothing for {IDLE:g} s" if now - active > IDLE else
-                              f"the process that draws was not done after {PATIENCE:g} s")
-        if not self._answer:
-            return _one_after_another(self._jobs, None)
-        result, error = pickle.loads(self._answer)
+        self._work.put(None)
+        self._thread.join(PATIENCE)
+        if late := self._thread.is_alive():
+            self.close()
+        if late or not self._answer:
+            raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s" if late else "VTK cannot draw on this machine")
+        results, error = pickle.loads(self._answer)
         if error is not None:
             raise error
-        return result
+        return results
 
     def _hand_over(self) -> None:
         if self._process is not None:
@@ -96,26 +72,15 @@ class Artist:
                 while (work := self._work.get()) is not None:
                     self._process.stdin.write(work)
                     self._process.stdin.flush()
-            with suppress(OSError):
+            with suppress(OSError, ValueError):
                 self._answer, _ = self._process.communicate()
-            self._process.kill()
-
-    def _processor_time(self) -> str | None:
-        """Ticks that the process has computed, as the system writes them; None where it does not tell."""
-        with suppress(OSError, AttributeError):
-            with open(f"/proc/{self._process.pid}/stat") as file:
-                return " ".join(file.read().rpartition(")")[2].split()[11:13])
-        return None
 
     def close(self) -> None:
         """Ends the process if it still runs."""
-        if self._process is not None and self._process.returncode is None:
+        if self._process is not None:
             self._process.kill()
-            if self._waiting is None:
-                self._process.communicate()
-            else:
-                self._work.put(None)
-                self._waiting.join()
+            self._work.put(None)
+            self._thread.join()
             self._process.wait()
 
     def __enter__(self) -> Artist:
@@ -125,18 +90,38 @@ class Artist:
         self.close()
 
 
-def _one_after_another(jobs: Sequence[tuple[Callable[..., object], tuple]], canvas: object) -> object:
-    """What the last of these functions returns; each but the first is told what the one before it has returned."""
-    result = None
-    for number, (draw, job) in enumerate(jobs):
-        result = draw(*job, canvas=canvas, **({"prepared": result} if number else {}))
-    return result
-
-
 def drawn(draw: Callable[..., object], *job: object) -> object:
-    """What ``draw(*job, canvas=…)`` returns, called in a process of its own; parameters and errors as for ``Artist``."""
+    """What ``draw(*job)`` returns, called in a process of its own; errors as from ``Artist.finish``."""
     with Artist() as artist:
-        try:
-            return artist.begin(draw, *job).finish()
-        except TooSlow:
-            return draw(*job, canvas=None)
+        artist.begin(draw, *job)
+        return artist.finish()[0]
+
+
+def main() -> None:
+    """Gets ready, does its jobs, ends."""
+    import atexit
+    import gc
+    import resource
+
+    gc.disable()  # a few jobs, then the end
+    atexit.register(gc.freeze)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # where VTK can draw nowhere it crashes: no core dump
+    with os.fdopen(os.dup(1), "wb") as answer:
+        os.dup2(2, 1)  # what libraries print is no answer
+        from orchestrator.errors import InputError
+        from orchestrator.results.figures.figures import warm_up
+
+        warm_up()
+        results, error = [], None
+        with suppress(EOFError):
+            while error is None:
+                draw, job = pickle.load(sys.stdin.buffer)
+                try:
+                    results.append(draw(*job))
+                except InputError as its:
+                    error = its
+        pickle.dump((results, error), answer)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,29 +1,25 @@
-"""figures/deformed.png: the deformed surface with von Mises stress, and the undeformed outline.
-
-Where interfaces open, one panel per load step shows the bodies apart (see ``panels``).
-"""
+"""The deformed structure: deformed.png with von Mises stress, codes.png coloured by the code that solves each part."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures import surface
 from orchestrator.results.figures.look import Look
-from orchestrator.results.figures.painting import PAINTED, scale, show
-from orchestrator.results.figures.plotting import new_figure
-from orchestrator.results.figures.skin import Shape, skin
-from orchestrator.results.figures.skin import shape as shape_of
+from orchestrator.results.figures.sheet import Scale, Sheet
+from orchestrator.results.figures.skin import Skin, drawn_cells, skin
 from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, toward_eye
+from orchestrator.results.summary.codes import code_label
 from orchestrator.scene.mesh.geometry import area_vectors
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+_MOST = 6  # pictures of load steps; of more steps, evenly many are shown
 _LARGEST = 0.1  # largest drawn displacement over the structure's size
 _OPENING, _FARTHEST = 0.03, 0.25  # the same for the largest opening, and the limit to which it may raise the other
+# blue, orange, green, purple, sky, red: told apart by the colour-blind
+PALETTE = ["#598cbf", "#ed9e40", "#59a673", "#9e73ad", "#8cc7e6", "#cc594d"]
 
 
 def most_deformed(fields: Fields) -> int:
@@ -31,43 +27,75 @@ def most_deformed(fields: Fields) -> int:
     return int(np.argmax(np.abs(fields.displacement).max(axis=(1, 2))))
 
 
-def view(fields: Fields, look: Look = Look(), shape: Shape | None = None, stress: Mapping[int, np.ndarray] | None = None) -> View:
-    """Prepares the picture of the load step with the largest displacement."""
-    return views(fields, [most_deformed(fields)], WIDTH, look, shape, stress)[0]
+def spread(count: int, most: int) -> list[int]:
+    """At most ``most`` of ``count`` load steps, first and last among them."""
+    return sorted(set(np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist()))
 
 
-def views(fields: Fields, steps: Sequence[int], inches: float = WIDTH, look: Look = Look(), shape: Shape | None = None,
-          stress: Mapping[int, np.ndarray] | None = None) -> list[View]:
-    """Pictures of several load steps: one camera, one exaggeration, one colour scale; shape and stress as for ``skin``."""
-    drawn, units = fields.opened, look.units
-    size = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    ours = np.zeros(len(drawn.nodes), dtype=bool)
-    ours[drawn.cells[drawn.lame[:, 1] > 0]] = True  # others stand for parts whose mesh is another program's
-    largest = {step: float(np.linalg.norm(drawn.displacement[step][ours], axis=1).max(initial=0.0)) for step in steps}
-    factor = exaggeration(fields, steps, size, max(largest.values()))
+def shown_steps(fields: Fields) -> list[int]:
+    """The load steps that are drawn: the most deformed one, where interfaces open all or evenly many."""
+    return [most_deformed(fields)] if fields.interfaces is None else spread(fields.steps, _MOST)
 
-    toward = toward_eye(fields.nodes) if look.direction is None else look.direction
-    if look.cut is None:
-        shape = shape or shape_of(fields, look)
-    outline = np.empty((0, 2, 3)) if look.cut is not None else shape.outline
-    seen = skin(fields, steps, look, toward, shape, stress)
+
+def headings(fields: Fields, steps: Sequence[int]) -> list[str]:
+    """Above the pictures of load steps."""
+    return [f"load step {step + 1} of {fields.steps}" if fields.steps > 1 else "" for step in steps]
+
+
+def exaggeration(fields: Fields, steps: Sequence[int]) -> float:
+    """Factor that shows the displacements, and the openings where there are any."""
+    size, largest, i = float(np.linalg.norm(np.ptp(fields.nodes, axis=0))), max(_largest(fields, steps)), fields.interfaces
+    if largest == 0:
+        return 1.0
+    factor, opening = _LARGEST * size / largest, 0.0 if i is None else float((i.gap - i.initial_gap)[list(steps)].max(initial=0.0))
+    if opening > 0:
+        factor = max(factor, min(_OPENING * size / opening, _FARTHEST * size / largest))
+    return float(f"{factor:.1e}")
+
+
+def _largest(fields: Fields, steps: Sequence[int]) -> list[float]:
+    """Per load step the largest displacement of what is ours: cells may stand for parts whose mesh is another program's."""
+    drawn = fields.opened
+    ours = np.unique(drawn.cells[drawn.lame[:, 1] > 0])
+    return [float(np.linalg.norm(drawn.displacement[step][ours], axis=1).max(initial=0.0)) for step in steps]
+
+
+def deformed(fields: Fields, look: Look = Look(), stress: Mapping[int, np.ndarray] | None = None) -> Sheet | None:
+    """The deformed surface at ``shown_steps``: one camera, one exaggeration, one colour scale; bodies apart where interfaces opened.
+
+    Parameters
+    ----------
+    stress : step → ``Nodal.von_mises``; None: computed here
+
+    Returns
+    -------
+    None where there is no part to draw that has a mesh of ours
+    """
+    if not len(drawn_cells(fields, look)):
+        return None
+    steps, units = shown_steps(fields), look.units
+    factor, toward = exaggeration(fields, steps), toward_eye(fields.nodes) if look.direction is None else look.direction
+    seen = skin(fields, steps, look, toward, stress)
     moved = {step: seen.points + factor * seen.displacement[step] for step in steps}
-    camera = Camera.framing(np.concatenate([*moved.values(), outline.reshape(-1, 3)]),
-                            direction=toward if look.cut is not None or look.direction is not None else None).shaped()
-    areas = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
-    weight = np.bincount(seen.triangles.ravel(), np.repeat(areas / 3, 3), minlength=len(seen.points))
-    limits, beyond = colour_limits(np.concatenate(list(seen.stress.values())), np.tile(weight, len(steps)))
-    made = []
-    for step in steps:
-        peak = seen.peaks[step]
-        told = [f"displacements drawn × {factor:g}", f"largest displacement {largest[step]:.3g}{units['length']}",
-                "stress not known (grey)" if peak is None else f"largest von Mises stress {peak[1]:.3g}{units['stress']}",
-                *([f"load step {step + 1} of {fields.steps}"] if fields.steps > 1 else []),
-                *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else [])]
-        made.append(View(moved[step], seen.triangles, seen.stress[step], moved[step][seen.lines], outline, camera, limits,
-                         beyond, "   ·   ".join(told), inches=inches, closed=look.cut is None, magnified=factor,
-                         mark=_mark(peak, factor, moved[step], seen.triangles, camera)))
-    return made
+    own = toward if look.cut is not None or look.direction is not None else None
+    camera = Camera.framing(np.concatenate([*moved.values(), seen.outline.reshape(-1, 3)]), own)
+    limits, beyond = stress_limits(seen)
+    views = [View(moved[step], seen.triangles, seen.stress[step], camera, limits, beyond, moved[step][seen.lines], seen.outline,
+                  closed=look.cut is None, mark=_mark(seen.peaks[step], factor, moved[step], seen.triangles, camera)) for step in steps]
+    flat, count = camera.height < 0.45 * camera.width, len(steps)
+    peaks = [peak[1] for peak in seen.peaks.values() if peak is not None]
+    told = [f"displacements drawn × {factor:g}", f"largest displacement {max(_largest(fields, steps)):.3g}{units['length']}",
+            f"largest von Mises stress {max(peaks):.3g}{units['stress']}" if peaks else "stress not known (grey)",
+            *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else [])]
+    return Sheet(views, headings(fields, steps), 1 if count == 1 else 2 if flat or count in (2, 4) else 3,
+                 [Scale(views[0], "von Mises stress" + (units["stress"] and "," + units["stress"]))], "   ·   ".join(told))
+
+
+def stress_limits(seen: Skin) -> tuple[tuple[float, float], tuple[bool, bool]]:
+    """``colour_limits`` of the stress at all its load steps, each point with its share of the surface."""
+    area = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
+    weight = np.bincount(seen.triangles.ravel(), np.repeat(area / 3, 3), minlength=len(seen.points))
+    return colour_limits(np.concatenate(list(seen.stress.values())), np.tile(weight, len(seen.stress)))
 
 
 def _mark(peak: tuple[np.ndarray, float] | None, factor: float, points: np.ndarray, triangles: np.ndarray,
@@ -75,34 +103,30 @@ def _mark(peak: tuple[np.ndarray, float] | None, factor: float, points: np.ndarr
     """Where the largest stress is, for the picture; faces turned to the eye are taken for visible."""
     if peak is None or not peak[1] > 0:
         return None
-    (place, moved), value = peak
-    at = place + factor * moved
+    (place, displacement), value = peak
+    at = place + factor * displacement
     near = np.linalg.norm(points - at, axis=1) <= 1e-9 * max(camera.width, camera.height)
     around = triangles[near[triangles].any(axis=1)]
-    facing = bool(len(around)) and bool((area_vectors(points, around) @ camera.toward > 0).any())
-    return at, value, facing
+    return at, value, bool((area_vectors(points, around) @ camera.toward > 0).any())
 
 
-def exaggeration(fields: Fields, steps: Sequence[int], size: float, largest: float) -> float:
-    """Factor that shows the displacements, and the openings where there are any."""
-    if largest == 0:
-        return 1.0
-    factor, i = _LARGEST * size / largest, fields.interfaces
-    opening = 0.0 if i is None else float((i.gap - i.initial_gap)[list(steps)].max(initial=0.0))
-    if opening > 0:
-        factor = max(factor, min(_OPENING * size / opening, _FARTHEST * size / largest))
-    return float(f"{factor:.1e}")
+def codes(fields: Fields, summary: Mapping[str, object]) -> Sheet | None:
+    """The most deformed load step, coloured by code; None where there is one code."""
+    from matplotlib.colors import ListedColormap
 
-
-def compose(view: View, picture: np.ndarray | None, title: str, look: Look = Look()) -> Figure:
-    """The picture with colour scale and caption; matplotlib draws the surface if there is no picture."""
-    drawing = WIDTH * view.camera.height / view.camera.width
-    below, above = 1.0, 0.4
-    total = drawing + below + above
-    figure = new_figure(WIDTH, total)
-    show(figure.add_axes((0, below / total, 1, drawing / total)), view, picture)
-    scale(figure.add_axes((0.25, (below - 0.2) / total, 0.5, 0.13 / total)), view, f"von Mises stress{look.units['stress'] and ',' + look.units['stress']}")
-    figure.text(0.5, 1 - 0.12 / total, title, ha="center", va="top", fontsize=12)
-    caption = view.caption + ("" if picture is not None else PAINTED)
-    figure.text(0.5, 0.08 / total, caption, ha="center", va="bottom", fontsize=8.5, color="0.3")
-    return figure
+    entries, cells = summary.get("codes") or [], drawn_cells(fields, Look())
+    if len(entries) < 2 or not len(cells):
+        return None
+    step, drawn = most_deformed(fields), fields.opened
+    factor = exaggeration(fields, [step])
+    of_subdomain = np.zeros(int(fields.subdomain.max()) + 1)
+    for number, entry in enumerate(entries):
+        of_subdomain[entry["subdomains"]] = number
+    faces, cell = surface.outer_faces(drawn.nodes, drawn.cells)
+    moved = drawn.nodes + factor * drawn.displacement[step]
+    points = moved[faces].reshape(-1, 3)  # none shared: no colours between those of the codes
+    view = View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(of_subdomain[fields.subdomain[cell]], 3), Camera.framing(points),
+                (-0.5, len(entries) - 0.5), lines=moved[surface.edges(drawn.nodes, faces, fields.subdomain[cell])],
+                palette=ListedColormap([PALETTE[k % len(PALETTE)] for k in range(len(entries))]))
+    return Sheet([view.wide(WIDTH)], [""], 1, [Scale(view, "which code solves what", list(map(code_label, entries)))],
+                 f"displacements drawn × {factor:g}")

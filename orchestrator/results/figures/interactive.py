@@ -12,17 +12,15 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures import deformed
+from orchestrator.results.figures.deformed import exaggeration, most_deformed, stress_limits
 from orchestrator.results.figures.look import Look
-from orchestrator.results.figures.skin import Skin, anything, skin
-from orchestrator.results.figures.view import colour_limits, toward_eye
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.results.figures.plotting import COLOURS
+from orchestrator.results.figures.skin import Skin, drawn_cells, skin
+from orchestrator.results.figures.view import toward_eye
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-# told apart by the colour-blind, see ``plotting``
-COLOURS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#7A4B2A", "#8A8A2A")
 MOST = 600_000  # triangles: more than browsers turn smoothly
 
 
@@ -33,18 +31,15 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
     ------
     InputError : Plotly is not installed, the surface is too large for a browser, or there is none
     """
-    step = deformed.most_deformed(fields)
-    if not anything(fields, look):
+    step = most_deformed(fields)
+    if not len(drawn_cells(fields, look)):
         raise InputError(Problem((), "no part to draw that has a mesh of ours", "a part other than decks, matrices and programs",
                                  "open fields/fields.pvd in ParaView: decks are there with their own mesh"))
     seen = skin(fields, [step], look, toward_eye(fields.nodes) if look.direction is None else look.direction)
     _check(len(seen.triangles))
     u, stress = seen.displacement[step], seen.stress[step]
-    size = float(np.linalg.norm(np.ptp(fields.nodes, axis=0)))
-    factor = deformed.exaggeration(fields, [step], size, float(np.linalg.norm(u, axis=1).max(initial=0.0)))
+    factor, (limits, _) = exaggeration(fields, [step]), stress_limits(seen)
     moved = seen.points + factor * u
-    area = np.linalg.norm(area_vectors(seen.points, seen.triangles), axis=1)
-    limits, _ = colour_limits(stress, np.bincount(seen.triangles.ravel(), np.repeat(area / 3, 3), minlength=len(stress)))
     part = np.zeros(len(seen.cell), dtype=int) if fields.part is None else fields.part[seen.cell]
     length, unit = look.units["length"], look.units["stress"]
     graph, figure = _figure(f"{title}: displacements drawn × {factor:g}, load step {step + 1} of {fields.steps}")
@@ -54,7 +49,8 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
         told = np.column_stack([seen.points[used], u[used], stress[used]])
         figure.add_trace(graph.Mesh3d(
             **_mesh(moved[used], corners.reshape(-1, 3)), intensity=stress[used], cmin=limits[0], cmax=limits[1],
-            colorscale="Viridis", showscale=shown_bar, colorbar={"title": {"text": "von Mises" + (unit and "," + unit)}, "x": 0.0, "xanchor": "right"},
+            colorscale="Viridis", showscale=shown_bar,
+            colorbar={"title": {"text": "von Mises" + (unit and "," + unit)}, "x": 0.0, "xanchor": "right"},
             name=fields.parts[p] if fields.parts else "structure", showlegend=True, customdata=told,
             hovertemplate="(%{customdata[0]:.4g}, %{customdata[1]:.4g}, %{customdata[2]:.4g})" + length
             + "<br>u (%{customdata[3]:.4g}, %{customdata[4]:.4g}, %{customdata[5]:.4g})" + length

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
 
 _COMPRESSION = 4  # of 9: a twentieth to a third larger than with the usual 6, in half the time
@@ -16,6 +17,7 @@ GREY = "0.35"
 # Okabe and Ito's palette: told apart by the colour-blind
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
+COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BROWN, OLIVE)
 _SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -39,11 +41,11 @@ def _without_strangers_settings() -> None:
         matplotlib.rcdefaults()
 
 
-def warm_up() -> None:
-    """Loads what the first figure waits for: matplotlib and its fonts."""
-    figure = new_figure(1, 1)
-    figure.text(0, 0, "1")
-    png(figure)
+def viridis() -> Colormap:
+    """The colours of quantities: readable in grey and by the colour-blind."""
+    from matplotlib import colormaps
+
+    return colormaps["viridis"]
 
 
 def powers_of_ten(axis: object) -> None:

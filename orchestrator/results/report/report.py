@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -15,8 +16,8 @@ from orchestrator.results.report.interface_section import interface_section, law
 from orchestrator.results.report.document import heading, number, page, picture, plain, table
 from orchestrator.results.report.question import question, settings
 from orchestrator.results.summary.codes import CODE_HEAD, code_rows
-from orchestrator.results.figures.artist import drawn
-from orchestrator.results.figures.convergence import tolerance
+from orchestrator.results.figures.artist import CannotDraw, drawn
+from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
 from orchestrator.results.figures.look import Look
 from orchestrator.results.folder import ResultsFolder
@@ -82,7 +83,12 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     look = look_of(solution.summary) if figures is None else _look(solution, figures)
     if interactive:
         _turning(solution, folder, look)
-    names = {path.name for path in drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)}
+    try:
+        made = drawn(write_figures, folder, solution.summary, solution.history, solution.fields, look)
+    except CannotDraw as error:
+        print(f"warning: no pictures of the structure: {error}", file=sys.stderr)
+        made = write_figures(folder, solution.summary, solution.history)
+    names = {path.name for path in made}
     pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in names]
     first = [name for name, _ in _PICTURES if name in names][:1] == [_PICTURES[0][0]]
     parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it

@@ -1,4 +1,4 @@
-"""figures/convergence.png: the relative quantities of history.csv over the iterations, with the tolerance."""
+"""Charts of a run: convergence.png, time.png, and probes.png where there are probes at several load steps."""
 
 from __future__ import annotations
 
@@ -11,19 +11,10 @@ import numpy as np
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.plotting import (
-    BLUE,
-    BROWN,
-    GREEN,
-    GREY,
-    OLIVE,
-    ORANGE,
-    PURPLE,
-    RED,
-    SKY,
-    new_figure,
-    powers_of_ten,
-    tidy,
-)
+    BLUE, BROWN, COLOURS, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, powers_of_ten, tidy)
+from orchestrator.results.summary.codes import code_label
+from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, jsonable
+from orchestrator.results.summary.units import units_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,6 +30,9 @@ _CURVES = [("error_bound", "error bound (guaranteed)", "black", "o"),
            ("displacement_jump", "displacement jump ‖B w‖", BLUE, "s"),
            ("force_imbalance", "force imbalance ‖A f‖", GREEN, "^"),
            ("indicator", "indicator η (a squared ratio)", ORANGE, "D")]
+# of each kind, the components that are drawn: one number says most of a stress or a displacement
+_DRAWN = {"displacement": ("ux", "uy", "uz"), "stress": ("von_mises",), "force": ("fx", "fy", "fz")}
+_UNIT = {"displacement": "length", "stress": "stress", "force": "force"}
 
 
 def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]) -> Figure:
@@ -97,3 +91,65 @@ def tolerance(summary: Mapping[str, object]) -> tuple[str, float] | None:
             value = summary.get("tolerance") if value == "auto" else value
             return None if value is None else (names.get(key, key), float(value))
     return None
+
+
+def time_per_stage(summary: Mapping[str, object]) -> Figure:
+    """Bars: wall-clock seconds of each stage, and the black box's own seconds by kind of work."""
+    timing = summary["timing"]
+    total = float(timing["total"])
+    wall = [(label, float(timing[stage])) for stage, label in STAGES.items() if timing.get(stage)]
+    rest = total - sum(seconds for _, seconds in wall)
+    if rest > 0.005 * total:
+        wall.append(("everything else", rest))
+    sections = [(f"wall clock: {total:.2f} s", wall, BLUE)]
+    entries = summary.get("codes") or [{"code": "the black box", "seconds": timing.get("blackbox") or {}}]
+    for entry in entries:
+        own = [(stage, float(entry["seconds"].get(stage) or 0.0)) for stage in BLACKBOX_STAGES]
+        if spent := sum(seconds for _, seconds in own):
+            name = code_label(entry) if len(entries) > 1 else entry["code"]
+            sections.append((f"{name}, on its own clock: {spent:.2f} s, summed over its workers", own, ORANGE))
+
+    rows = sum(len(bars) + 1 for _, bars, _ in sections)
+    height = 0.27 * rows + 0.9
+    figure = new_figure(7.2, height)
+    axes = figure.add_axes((0.26, 0.5 / height, 0.70, 1 - 0.95 / height))
+    longest = max(seconds for _, bars, _ in sections for _, seconds in bars)
+    y, ticks, labels = 0.0, [], []
+    for heading, bars, colour in sections:
+        axes.text(0, y, heading, fontsize=9, fontweight="bold", va="center")
+        for label, seconds in bars:
+            y += 1
+            axes.barh(y, seconds, height=0.72, color=colour)
+            axes.text(seconds + 0.008 * longest, y, f"{seconds:.2f}", fontsize=8, va="center", color=GREY)
+            ticks.append(y)
+            labels.append(label)
+        y += 1.2
+    axes.set_yticks(ticks, labels, fontsize=8.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set(ylim=(y - 0.5, -0.7), xlim=(0, 1.1 * longest), xlabel="seconds")
+    axes.set_title(f"{summary.get('name') or ''}: time per stage", fontsize=11)
+    tidy(axes)
+    axes.grid(False, axis="y")
+    return figure
+
+
+def probes_over_steps(summary: Mapping[str, object]) -> Figure | None:
+    """The curves; None where there is a single load step, or nothing to tell."""
+    found = [probe for probe in jsonable(summary.get("probes")) or () if not probe.get("why")]
+    kinds = [kind for kind in _DRAWN if any(probe["of"] == kind for probe in found)]
+    if (summary.get("load_steps") or 1) < 2 or not kinds:
+        return None
+    units, figure = units_of(summary), new_figure(7.2, 0.5 + 2.6 * len(kinds))
+    for axes, kind in zip(figure.subplots(len(kinds), squeeze=False)[:, 0], kinds):
+        curves = [(f"{probe['name']} {name}", probe["values"][name]) for probe in found if probe["of"] == kind for name in _DRAWN[kind]]
+        curves = [(name, values) for name, values in curves if any(values)]
+        for k, (name, values) in enumerate(curves):
+            axes.plot(range(1, len(values) + 1), values, color=COLOURS[k % len(COLOURS)], marker="o", markersize=4, label=name)
+        unit = units[_UNIT[kind]]
+        axes.set(xlabel="load step", ylabel=("von Mises stress" if kind == "stress" else kind) + (unit and "," + unit))
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        tidy(axes)
+        if curves:
+            axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.subplots_adjust(left=0.13, right=0.72, top=0.97, bottom=0.18 / len(kinds), hspace=0.35)
+    return figure
