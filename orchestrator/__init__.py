@@ -28,7 +28,7 @@ _PUBLIC = {
     "Config": "orchestrator.config.model", "load_config": "orchestrator.config.load",
     "config_from": "orchestrator.config.load",
     "Scene": "orchestrator.scene.model", "build_scene": "orchestrator.scene.build",
-    "solve": "orchestrator.run", "Solution": "orchestrator.results.solution",
+    "solve": "orchestrator.solving", "Solution": "orchestrator.results.solution",
     "Subscriber": "orchestrator.method.events", "Iteration": "orchestrator.method.events",
     "Finished": "orchestrator.method.events",
     "Law": "orchestrator.laws.base", "LAWS": "orchestrator.registry",

@@ -12,7 +12,8 @@ from orchestrator.config import config_from, load_config
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.join import join
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.run import follow, run, solve
+from orchestrator.run import follow, run
+from orchestrator.solving import Ranks, solve
 from orchestrator.scene.build import build_scene
 
 
@@ -119,7 +120,7 @@ def found(name: str, team: Team = ALONE, nudge: float = 0.0) -> dict[str, np.nda
     """What a case comes out as; on rank 0. ``nudge``: a force per volume on all of it."""
     loads = {"loads": [{"body_force": [nudge, -0.7 * nudge, 0.4 * nudge]}]} if nudge else {}
     config = config_from({"name": name, **CASES[name], **loads})
-    solved = solve(config, build_scene(config) if team.rank == 0 else None, team=team)
+    solved = solve(config, build_scene(config) if team.rank == 0 else None, ranks=Ranks(team))
     if team.rank:
         return None
     summary = solved.summary

@@ -22,7 +22,7 @@ from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
 from orchestrator.results.solution import Solution
 from orchestrator.results.subscribers.history import read_history
-from orchestrator.results.subscribers.log import records
+from orchestrator.results.record_file import read_record
 from orchestrator.results.summary.summary import read_summary
 
 pytestmark = pytest.mark.xdist_group("ranks")  # more ranks than cores already; what one process finds is found once
@@ -143,7 +143,7 @@ def saved_iteration(results: Path) -> int:
     latest = 0
     for path in (results / "checkpoint").glob("iterations-*"):
         with suppress(FileNotFoundError):  # one that is needed no more has gone meanwhile
-            latest = max([latest, *(record.header["iteration"] for record in records(path))])
+            latest = max(latest, read_record(path).header["iteration"])
     return latest
 
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.results.manifest import FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, Manifest
+from orchestrator.results.record_file import UNFINISHED
 
 DIRECTORY_KEY = ("output", "directory")
 SHOWN = 5  # names in a message
 _FULL = {errno.ENOSPC, errno.EDQUOT}
-_UNFINISHED = ".orchestrator-part"  # the ending of files that are being written; nobody else's have it
 
 
 class ResultsFolder:
@@ -38,7 +38,7 @@ class ResultsFolder:
         with self.guarded("the folder itself"):
             self.path.mkdir(parents=True, exist_ok=True)
             # Permission bits say nothing to root or on read-only mounts: only writing tells.
-            probe = self.path / f".probe{_UNFINISHED}"
+            probe = self.path / f".probe{UNFINISHED}"
             try:
                 probe.unlink(missing_ok=True)  # a link to another file would be written through
                 probe.write_bytes(b"")
@@ -81,7 +81,7 @@ class ResultsFolder:
         InputError : disk full or folder not writable; what stands there is not this program's
         """
         target = self.path / name
-        temporary = target.with_name(f".{target.name}{_UNFINISHED}")
+        temporary = target.with_name(f".{target.name}{UNFINISHED}")
         with self.guarded(name):
             try:
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -144,7 +144,7 @@ class ResultsFolder:
                 with self.guarded(name):
                     (self.path / name).unlink(missing_ok=True)
         for place in ("", *FOLDERS):  # of a run that was killed while it wrote
-            for path in (self.path / place).glob(f".*{_UNFINISHED}"):
+            for path in (self.path / place).glob(f".*{UNFINISHED}"):
                 with self.guarded(path.name):
                     path.unlink(missing_ok=True)
         with self.guarded("the list of its files"):

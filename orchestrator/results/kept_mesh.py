@@ -15,7 +15,7 @@ import orchestrator
 from orchestrator.errors import InputError
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.log import Damaged, OtherVersion, append, records
+from orchestrator.results.record_file import Damaged, OtherVersion, read_record, write_record
 from orchestrator.scene.mesh.mesh import Mesh
 
 NAME = "checkpoint/mesh.log"
@@ -58,19 +58,19 @@ def _write(folder: ResultsFolder, key: str, mesh: Mesh) -> None:
              "smooth": mesh.smooth}
     arrays = {"nodes": mesh.nodes, "cells": mesh.cells, "volume": mesh.volume,
               **{f"surface {i}": triangles for i, triangles in enumerate(mesh.surfaces.values())}}
-    with suppress(InputError), folder.replacing(NAME) as temporary, open(temporary, "wb", buffering=0) as file:
-        append(file, key, about, arrays)
+    with suppress(InputError), folder.replacing(NAME) as temporary:
+        write_record(temporary, key, about, arrays)
 
 
 def _read(folder: ResultsFolder, key: str) -> Mesh | None:
     """None: there is none, it is of another section, or damaged."""
     try:
-        found = next(records(folder / NAME), None)
+        found = read_record(folder / NAME)
     except (OSError, Damaged, OtherVersion):
         return None
-    if found is None or found.header["problem"] != key:
+    if found.header["problem"] != key:
         return None
-    about, arrays = found.header, found.arrays()
+    about, arrays = found.header, found.arrays
     surfaces = {name: arrays[f"surface {i}"] for i, name in enumerate(about["surfaces"])}
     return Mesh(arrays["nodes"], arrays["cells"], arrays["volume"], about["volumes"], surfaces, about["source"],
                 about["remarks"], about["smooth"])

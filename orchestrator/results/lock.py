@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import platform
@@ -14,7 +13,7 @@ from orchestrator.errors import InputError, Problem
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.manifest import OWN
 
-NAME = f"{OWN}/lock"
+NAME, HOLDER = f"{OWN}/lock", f"{OWN}/holder.json"
 
 
 @contextmanager
@@ -25,42 +24,34 @@ def locked(folder: ResultsFolder) -> Iterator[None]:
     ------
     InputError : another run holds it; the message names that run
     """
-    path = folder / NAME
-    while True:
-        with folder.guarded(NAME):
-            path.parent.mkdir(exist_ok=True)
-            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+    from filelock import FileLock, Timeout
+
+    lock, about = FileLock(folder / NAME, timeout=0), {"pid": os.getpid(), "host": platform.node(), "since": time.strftime("%F %T")}
+    with folder.guarded(NAME):
+        (folder / NAME).parent.mkdir(exist_ok=True)
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = _holder(file)
-            os.close(file)
+            lock.acquire()
+        except Timeout:
             raise InputError(Problem(
-                DIRECTORY_KEY, f"another run writes to {folder.path}: {holder}", "a folder of its own for every run",
+                DIRECTORY_KEY, f"another run writes to {folder.path}: {_holder(folder)}", "a folder of its own for every run",
                 "wait for that run, end it, or choose another folder with --output")) from None
-        except OSError:  # a file system without locks
-            os.close(file)
-            yield
-            return
-        with suppress(OSError):
-            if os.fstat(file).st_ino == os.stat(path).st_ino:  # else the one before has just removed it
-                break
-        os.close(file)
     try:
-        about = {"pid": os.getpid(), "host": platform.node(), "since": time.strftime("%Y-%m-%d %H:%M:%S")}
-        with suppress(OSError):  # a full disk still locks
-            os.ftruncate(file, 0)
-            os.pwrite(file, json.dumps(about).encode(), 0)
+        with suppress(OSError), open(folder / HOLDER, "w", opener=_not_through_links) as file:  # a full disk still locks
+            json.dump(about, file)
         yield
     finally:
         with suppress(OSError):
-            path.unlink()
-        os.close(file)
+            (folder / HOLDER).unlink()
+        lock.release()
 
 
-def _holder(file: int) -> str:
+def _not_through_links(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NOFOLLOW, 0o644)
+
+
+def _holder(folder: ResultsFolder) -> str:
     try:
-        about = json.loads(os.pread(file, 1000, 0))
+        about = json.loads((folder / HOLDER).read_bytes())
         return f"process {about['pid']} on {about['host']}, since {about['since']}"
     except (OSError, ValueError, KeyError, TypeError):
         return "a process that has just begun"

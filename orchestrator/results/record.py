@@ -44,6 +44,7 @@ class Record:
     Attributes
     ----------
     start : where the run goes on from; None at the beginning
+    scene, watch : as given
     subscribers : history, checkpoint, and what remains if the run dies
 
     Raises
@@ -61,7 +62,7 @@ class Record:
             folder.clear(but=MESH)
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
-        self._folder, self._watch, self._key = folder, watch, key
+        self.scene, self.watch, self._folder, self._key = scene, watch, folder, key
         self._checkpoint = Checkpoint(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         self._remains = Remains(folder, config, scene, watch)
@@ -89,14 +90,14 @@ class Record:
         """
         try:
             self._history.complete()
-            write_results(self._folder, solution, self._watch, fields, artist, beside)
+            write_results(self._folder, solution, self.watch, fields, artist, beside)
         except BaseException as error:
             self._remains.unwritten(error, solution)
             raise
         if solution.converged:
             self._checkpoint.remove()
         if artist:
-            await_figures(self._folder, solution, self._watch, artist)
+            await_figures(self._folder, solution, self.watch, artist)
 
     def latest(self) -> Start | None:
         """Where the run stands, to go on from: all that it has told is in the checkpoint."""

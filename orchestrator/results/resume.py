@@ -15,8 +15,8 @@ from orchestrator.method.memory import Memory
 from orchestrator.method.start import Start
 from orchestrator.results.fingerprint import differences, digest_of
 from orchestrator.results.folder import DIRECTORY_KEY, SHOWN, ResultsFolder
-from orchestrator.results.subscribers.checkpoint import ENDED, NAME, PROBLEM, SEGMENTS
-from orchestrator.results.subscribers.log import Damaged, OtherVersion, Record, records
+from orchestrator.results.record_file import Damaged, OtherVersion, Record, read_record
+from orchestrator.results.subscribers.checkpoint import ENDED, ITERATIONS, NAME, PROBLEM
 
 _FRESH = "run without --resume, or name the interrupted run's folder with --output"
 
@@ -26,7 +26,7 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
                     warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)) -> Start | None:
     """Reads the checkpoint of a results folder.
 
-    Records that a killed run has not finished, or that are damaged, are left out: what they tell is computed again.
+    Files that are damaged are left out: what they tell is computed again.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     InputError : none there, or written for another problem than ``fingerprint``, or by another version
     """
     path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
-    files = [sorted(path.glob(pattern)) for pattern in (ENDED, SEGMENTS)]
+    files = [sorted(path.glob(pattern)) for pattern in (ENDED, ITERATIONS)]
     if not path.is_dir():
         raise InputError(Problem(DIRECTORY_KEY, f"no {NAME} in {path.parent}",
                                  "the checkpoint of an interrupted run of this configuration", _FRESH))
     # read all the same: what belongs to another problem or version is refused
-    ended, latest = ([record for file in some for record in _sound(file, warn)] for some in files)
+    ended, latest = ([record for file in some if (record := _sound(file, warn))] for some in files)
     for record in (*ended, *latest):
         if record.header["problem"] != fingerprint:
             raise InputError(_another(path, record.header["problem"], problem))
@@ -61,21 +61,19 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
     return _between(done, window) if done or window else None
 
 
-def _sound(file: Path, warn: Callable[[str], None]) -> list[Record]:
-    """The sound records of a file."""
-    found: list[Record] = []
+def _sound(file: Path, warn: Callable[[str], None]) -> Record | None:
+    """What a file tells, if it is sound."""
     try:
-        for record in records(file):
-            found.append(record)
+        return read_record(file)
     except OtherVersion as error:
         raise InputError(Problem(DIRECTORY_KEY, f"{file} was written by another version of this program ({error})",
                                  "a checkpoint of this version", "resume with that version, or run without --resume")
                          ) from error
     except Damaged as error:
-        warn(f"The checkpoint is damaged: {error}. What it told from there on is computed again.")
+        warn(f"The checkpoint is damaged: {error}. What it told is computed again.")
     except OSError as error:
         warn(f"The checkpoint cannot be read: {file}: {error.strerror}. What it told is computed again.")
-    return found
+    return None
 
 
 def _another(path: Path, theirs: str, problem: Mapping[str, str] | None) -> Problem:
@@ -128,4 +126,4 @@ def _after_the_end(done: Sequence[Record], latest: Sequence[Record]) -> Start:
 
 def _memory(record: Record) -> Memory:
     header = record.header
-    return Memory(header["iteration"], header["batch"], header["back"], record.arrays(), header["notes"])
+    return Memory(header["iteration"], header["batch"], header["back"], record.arrays, header["notes"])

@@ -1,37 +1,36 @@
-"""checkpoint/: what a run needs to go on exactly where it stood, appended iteration by iteration.
+"""checkpoint/: what a run needs to go on where it stood, a file for each iteration.
 
 - ``iterations-000001.log`` …  what each iteration has added; the oldest go as soon as the method needs them no more
 - ``batch-000.log`` …          the end of each batch of load steps: the fields themselves
 - ``problem.json``             what the run's problem depends on, so that another one is told by what differs
 - ``mesh.log``                 a mesh that was dear to make, see ``kept_mesh``
 
-A thread of its own writes at most ``DELAY`` seconds after an iteration, so that a killed process loses that much or
-the iteration under way, and the loop does not wait for the disk. Killed processes leave whole records; for the day the
-machine goes down, the disk itself is waited for every ``SYNCED`` seconds and at the end.
+A thread of its own writes, so that the loop does not wait for the disk. Files are whole or not there; for the day the machine goes
+down, the disk itself is waited for every ``SYNCED`` seconds and at the end of each batch.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
 from orchestrator.method.events import Finished, Iteration, Subscriber
-from orchestrator.method.memory import INTERVAL, MONITOR, Memory
+from orchestrator.method.memory import MONITOR, Memory
 from orchestrator.method.start import Start
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.log import append
+from orchestrator.results.record_file import write_record
 
-NAME, ENDED, SEGMENTS = "checkpoint", "batch-*.log", "iterations-*.log"
+NAME, ENDED, ITERATIONS = "checkpoint", "batch-*.log", "iterations-*.log"
 PROBLEM = "problem.json"
 RESERVE, MARGIN = "reserve", 1 << 16  # bytes for what is no array
 _OWN = rf"{NAME}/((iterations-\d{{6,}}|batch-\d{{3,}}|mesh)\.log|{RESERVE}|problem\.json)"  # whatever a disk makes of them
-DELAY = 0.5  # seconds that an iteration waits for others, to be written together
 SYNCED = 30.0  # seconds between two waits for the disk itself
+WAITING = 4  # iterations that the loop may be ahead of the disk
 
 
 def begun(folder: ResultsFolder) -> None:
@@ -43,7 +42,7 @@ def begun(folder: ResultsFolder) -> None:
 
 def saved(folder: ResultsFolder) -> bool:
     """Whether iterations are there to resume from."""
-    return any(next((folder / NAME).glob(pattern), None) for pattern in (ENDED, SEGMENTS))
+    return any(next((folder / NAME).glob(pattern), None) for pattern in (ENDED, ITERATIONS))
 
 
 class Checkpoint(Subscriber):
@@ -71,18 +70,13 @@ class Checkpoint(Subscriber):
                  warn: Callable[[str], None] = lambda text: print(text, file=sys.stderr)):
         self._folder, self._fingerprint, self._warn = folder, fingerprint, warn
         self._path = folder / NAME
-        self._segments: list[tuple[Path, int]] = []  # and the last iteration in each, at most
-        self._stale: list[Path] = []  # ends of batches that begin anew
+        self._stale: list[Path] = []  # what begins anew
         if start is not None:
-            self._segments = [(path, start.iteration) for path in sorted(self._path.glob(SEGMENTS))]
-            self._stale = sorted(self._path.glob(ENDED))[len(start.ended):] if start.state is not None else []
-        self._file = None
-        self._in_file = 0
-        self._pending: list[Memory] = []
+            self._stale = [path for path in self._path.glob(ITERATIONS) if _number(path) > start.iteration]
+            self._stale += sorted(self._path.glob(ENDED))[len(start.ended):] if start.state is not None else []
         self._given_up = self._removed = self._reserved = False
         self._synced = time.monotonic()
-        self._lock, self._wake, self._stop = threading.Lock(), threading.Event(), threading.Event()
-        self._thread: threading.Thread | None = None
+        self._writer, self._pending = ThreadPoolExecutor(1, "checkpoint"), list[Future]()
 
     # ---- what the run tells --------------------------------------------------------------------
 
@@ -92,11 +86,8 @@ class Checkpoint(Subscriber):
         if not self._reserved:
             with self._folder.guarded("what the end of the run will need"):
                 self._reserve(event.memory)
-        self._pending.append(event.memory)
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._work, name="checkpoint", daemon=True)
-            self._thread.start()
-        self._wake.set()
+        self._pending.append(self._writer.submit(self._keep_or_give_up, event.memory))
+        self._wait(WAITING)
 
     def finished(self, event: Finished) -> None:
         self.write()
@@ -112,20 +103,13 @@ class Checkpoint(Subscriber):
         return not self._given_up
 
     def write(self) -> None:
-        """Write what is pending now, and wait for the disk."""
-        with self._lock:
-            self._write_pending()
-            self._sync()
+        """Wait until all iterations are written."""
+        self._wait(0)
 
     def close(self) -> None:
         """Write what is pending, end the thread."""
-        self._stop.set()
-        self._wake.set()
-        if self._thread is not None:
-            self._thread.join()
         self.write()
-        with self._lock:
-            self._close_file()
+        self._writer.shutdown()
 
     def remove(self) -> None:
         """All results are there: the checkpoint goes."""
@@ -137,24 +121,15 @@ class Checkpoint(Subscriber):
 
     # ---- writing -------------------------------------------------------------------------------
 
-    def _work(self) -> None:
-        while not self._stop.is_set():
-            self._wake.wait()
-            self._wake.clear()
-            self._stop.wait(DELAY)
-            with self._lock:
-                self._write_pending()
-                if time.monotonic() - self._synced > SYNCED:
-                    self._sync()
-
-    def _write_pending(self) -> None:
-        while self._pending and not self._removed:
-            memory = self._pending[0]
-            if not self._given_up or memory.ended:
-                self._keep_or_give_up(memory)
+    def _wait(self, left: int) -> None:
+        """Until at most so many iterations are not written."""
+        while len(self._pending) > left:
+            self._pending[0].result()
             self._pending.pop(0)  # now, so that an interrupt does not lose it
 
     def _keep_or_give_up(self, memory: Memory) -> None:
+        if self._removed or self._given_up and not memory.ended:
+            return
         try:
             self._keep(memory)
         except (OSError, MemoryError) as first:
@@ -165,17 +140,26 @@ class Checkpoint(Subscriber):
                 self._give_up(first)
 
     def _keep(self, memory: Memory) -> None:
-        for path in self._stale:
-            path.unlink(missing_ok=True)
+        _remove(self._stale)
         self._stale = []
         if memory.ended:
             if memory.notes["last"]:
                 (self._path / RESERVE).unlink(missing_ok=True)
-            self._end(memory)  # first, so that no run goes on after an iteration that was the last
+            # first, so that no run goes on after an iteration that was the last
+            self._write(f"batch-{memory.batch:03}.log", memory, _needed_after, sync=True)
         if memory.ended and memory.notes["met"]:
             self._forget()  # the results may need the room
         elif not self._given_up:
-            self._append(memory)
+            sync = time.monotonic() - self._synced > SYNCED
+            self._write(f"iterations-{memory.iteration:06}.log", memory, lambda name: "/delivered" not in name, sync)
+            self._synced = time.monotonic() if sync else self._synced
+            first = memory.iteration - memory.back + 1  # that the method needs
+            _remove(path for path in self._path.glob(ITERATIONS) if _number(path) < first)
+
+    def _write(self, name: str, memory: Memory, chosen: Callable[[str], bool], sync: bool) -> None:
+        header = {"iteration": memory.iteration, "batch": memory.batch, "back": memory.back, "notes": memory.notes}
+        arrays = {name: array for name, array in memory.arrays.items() if chosen(name)}
+        write_record(self._path / name, self._fingerprint, header, arrays, sync)
 
     def _reserve(self, memory: Memory) -> None:
         """Take the room that the end of the run will need."""
@@ -191,39 +175,6 @@ class Checkpoint(Subscriber):
             (self._path / RESERVE).unlink(missing_ok=True)
             raise
 
-    def _append(self, memory: Memory) -> None:
-        if self._file is None or self._in_file >= INTERVAL:
-            self._close_file()
-            path = self._path / f"iterations-{memory.iteration:06}.log"
-            self._file = self._new(path)
-            self._segments = [(p, last) for p, last in self._segments if p != path] + [(path, 0)]
-            self._in_file = 0
-        arrays = {name: array for name, array in memory.arrays.items() if "/delivered" not in name}
-        append(self._file, self._fingerprint, _header(memory), arrays)
-        self._in_file += 1
-        self._segments[-1] = self._segments[-1][0], memory.iteration
-        self._drop(memory.iteration - memory.back + 1)
-
-    def _end(self, memory: Memory) -> None:
-        """The end of a batch in a file of its own; the iterations before it are needed no more once it is there."""
-        arrays = {name: array for name, array in memory.arrays.items()
-                  if "/delivered" in name or f"/{MONITOR}" in name or name.startswith(("common/", "interface"))}
-        with self._new(self._path / f"batch-{memory.batch:03}.log") as file:
-            append(file, self._fingerprint, _header(memory), arrays)
-            os.fsync(file.fileno())
-
-    def _new(self, path: Path):
-        self._path.mkdir(parents=True, exist_ok=True)
-        path.unlink(missing_ok=True)  # nothing is written through a link
-        return open(path, "wb", buffering=0)
-
-    def _drop(self, first: int) -> None:
-        """Remove files all of whose iterations are before ``first``."""
-        for path, last in self._segments[:-1]:
-            if last < first:
-                path.unlink(missing_ok=True)
-        self._segments = [(path, last) for path, last in self._segments if path.exists()]
-
     def _free(self, memory: Memory) -> None:
         """Make room on a full disk: the end of a batch needs none of the iterations before."""
         if memory.ended:
@@ -233,34 +184,25 @@ class Checkpoint(Subscriber):
             self._given_up = True
 
     def _forget(self) -> None:
-        """Remove the iterations so far."""
-        self._close_file()
-        for path, _ in self._segments:
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
-        self._segments = []
+        with suppress(OSError):
+            _remove(self._path.glob(ITERATIONS))
 
     def _give_up(self, error: Exception) -> None:
         if not self._given_up:
             self._warn(f"No checkpoint can be written in {self._path} ({getattr(error, 'strerror', None) or error}): the run goes on "
                        "without; if it is killed, --resume begins where the last checkpoint was.")
         self._given_up = True
-        self._close_file()
-        if self._segments and not self._in_file:
-            with suppress(OSError):
-                self._segments.pop()[0].unlink()
-
-    def _sync(self) -> None:
-        if self._file is not None:
-            with suppress(OSError):
-                os.fsync(self._file.fileno())
-        self._synced = time.monotonic()
-
-    def _close_file(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
 
-def _header(memory: Memory) -> dict[str, object]:
-    return {"iteration": memory.iteration, "batch": memory.batch, "back": memory.back, "notes": memory.notes}
+def _needed_after(name: str) -> bool:
+    """Whether an array is needed once its batch has ended."""
+    return "/delivered" in name or f"/{MONITOR}" in name or name.startswith(("common/", "interface"))
+
+
+def _number(path: Path) -> int:
+    return int("0" + "".join(filter(str.isdigit, path.stem)))
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in list(paths):
+        path.unlink(missing_ok=True)

@@ -1,0 +1,251 @@
+"""From a scene to its solution: hand out parts, set them up, iterate, deliver, summarise."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loads
+from orchestrator.config import Config
+from orchestrator.cost import predicted_cost
+from orchestrator.memory import give_back, keep_at_hand, trim
+from orchestrator.method.decomposition import Decomposition, prepare
+from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
+from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
+from orchestrator.method.delivery.pseudo_loads import with_pseudo_loads
+from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
+from orchestrator.method.events import Subscriber, Subscribers
+from orchestrator.method.increments import check_iterations, iterate
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.load_cases import LoadCases, common_load_cases
+from orchestrator.method.monitors.placing import Placing, Unbalanced
+from orchestrator.method.part import Part
+from orchestrator.method.start import Start, numbers_of
+from orchestrator.parallel.placement import Placement, ranks_of, with_workers
+from orchestrator.parallel.team import ALONE, Team
+from orchestrator.results.fields.estimated import estimated
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.fields.piece import Piece
+from orchestrator.results.solution import Solution, fields_of
+from orchestrator.results.subscribers.whole_states import whole_states
+from orchestrator.results.summary.content import summarise
+from orchestrator.results.summary.spent import Spent
+from orchestrator.results.summary.workload import Workload
+from orchestrator.savings import Savings
+from orchestrator.scene.aside import set_aside
+from orchestrator.scene.build import build_scene
+from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.make import make_soles
+from orchestrator.solvable import check_codes
+from orchestrator.timing import Stopwatch
+
+
+@dataclass(frozen=True)
+class Ranks:
+    """Who solves a problem together.
+
+    Parameters
+    ----------
+    speeds : (ranks,) shares of 1, by which they get subdomains; None: all alike
+    may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
+    """
+
+    team: Team = ALONE
+    speeds: np.ndarray | None = None
+    may_stop: Callable[[], bool] | None = None
+
+
+def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subscriber] = (), *, reference: bool = False,
+          start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | Piece:
+    """Solve a problem; nothing is written.
+
+    Parameters
+    ----------
+    scene : default: what ``build_scene`` makes of the configuration
+    subscribers : told what goes on
+    reference : also solve undecomposed, and follow the true error; with perfect interfaces only
+    start : where an earlier run stood, to resume from
+    watch : where seconds are counted
+    ranks : that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only rank 0 gets
+        the solution, the others their pieces of its fields, and only its subscribers see whole states
+
+    Returns
+    -------
+    the solution, converged or not
+
+    Raises
+    ------
+    InputError : the problem cannot be solved, or a code is not there
+    BlackBoxError : a code fails, hangs or answers nonsense
+    Unbalanced : where ``ranks.may_stop`` allows it: call it again, on all ranks, with the speeds found and the latest start
+
+    Examples
+    --------
+    A bar of length 4 and modulus 200e3, pulled by 10 per unit area: it grows by 4 · 10 / 200e3.
+
+    >>> from orchestrator import config_from, solve
+    >>> config = config_from({
+    ...     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}},
+    ...     "subdomains": {"slices": {"axis": "x", "count": 4}}, "materials": [{"young": 200e3, "poisson": 0.0}],
+    ...     "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "traction": [10, 0, 0]}]})
+    >>> solution = solve(config, reference=True)
+    >>> solution.converged, solution.summary["true_error"] <= solution.error_bound <= 1e-6
+    (True, True)
+    >>> solution.displacement.shape    # load steps, nodes, components
+    (1, 81, 3)
+    >>> print(f"{solution.displacement[0, :, 0].max():.7f}, held by {solution.reactions[0, 0, 0]:.6f}")
+    0.0002000, held by -10.000000
+    """
+    told, watch, team = Subscribers(subscribers), watch or Stopwatch(), ranks.team
+    try:
+        if scene is None and team.rank == 0:
+            told.stage("meshing")
+            with watch("mesh"):
+                scene = build_scene(config, run_programs=True)
+        return _Solving(config, scene, told, start, watch, ranks, reference).solution()
+    except Unbalanced:
+        raise
+    except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
+        told.failed(team.cause(error))
+        raise
+
+
+class _Solving:
+    """One solution; every rank has its own, and the whole scene is on rank 0.
+
+    Attributes
+    ----------
+    rank_of : (subdomains,) int
+    exact : the undecomposed solution, on rank 0 where it is asked for
+    """
+
+    def __init__(self, config: Config, whole: Scene | None, told: Subscribers, start: Start | None, watch: Stopwatch, ranks: Ranks,
+                 reference: bool):
+        self.begun = time.perf_counter()
+        self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
+        if (team := ranks.team).size > 1:
+            give_back()
+        self.codes = with_workers(config.codes, team)
+        self.whole = None if whole is None else with_own_loads(whole, self.codes)
+        self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
+        self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
+        self.rank_of: np.ndarray = team.share(None if team.rank else ranks_of(self.whole, team.size, ranks.speeds))
+
+    def solution(self) -> Solution | Piece:
+        """The solution on rank 0, elsewhere this rank's piece of its fields."""
+        team, watch = self.ranks.team, self.watch
+        with watch("parts"):
+            parts = [Part.handed_out(self.whole, self.rank_of, team)]
+        estimate, needed = DiscretisationEstimate(self.whole, self.cases), self.reference or self._follows_mesh
+        with set_aside(self.whole, team.size > 1 and not needed):
+            delivered, setup_sweeps, spent = self._part_solved(parts, estimate, team.size > 1 and self.ranks.speeds is None and not needed)
+        fields = None
+        if team.rank == 0:
+            with watch("output"):
+                delivered = on_whole(delivered, self.whole)
+                fields = fields_of(self.whole, delivered, spent)
+        with watch("bound"):
+            delivered, piece = self._with_error(delivered, fields, estimate)
+        if team.rank:
+            piece.extremes()
+            return piece
+        summary = summarise(self.config, self.whole, delivered, setup_sweeps, self.exact, spent, watch)
+        with watch("output"):
+            known = delivered.discretisation
+            return Solution.of(self.config, self.whole, delivered, fields.with_error(known and known.cells), summary, self.exact, piece)
+
+    @property
+    def _follows_mesh(self) -> bool:
+        """Whether the tolerance follows the mesh's error, which then is estimated on the way."""
+        return self.config.method.tolerance.error == "auto"
+
+    def _undecomposed(self) -> Reference:
+        check_reference(self.whole)
+        self.told.stage("solving undecomposed")
+        with self.watch("reference"), make_blackbox(self.codes[0]) as whole:
+            return solve_reference(self.whole, whole)
+
+    def _part_solved(self, parts: list[Part], estimate: DiscretisationEstimate,
+                     placed: bool) -> tuple[Delivered, float, list[Spent] | None]:
+        """This rank's part: what is delivered, back-substitutions in set-up, and on rank 0 what all have spent.
+
+        Parameters
+        ----------
+        parts : this rank's, taken out of the list so that nobody else holds it
+        placed : whether the balance of the ranks is watched
+        """
+        part, team, method, watch, savings = parts.pop(), self.ranks.team, self.config.method, self.watch, Savings()
+        placement, workers = Placement.of(part.scene, self.rank_of, team), max(code.workers for code in self.codes)
+        if team.rank == 0:
+            savings.add(self.cases.switch, "load steps", self.cases.left_out)
+        with watch("soles"):
+            soles = make_soles(part.scene, method.sole, method.skip.congruent, placement.touched)
+        self.told.stage("assembling and factorising")
+        check_iterations(len(self.cases.chosen), all(i.law.perfect for i in part.scene.interfaces), method,
+                         any(s.remembers for s in part.scene.subdomains) or any(i.law.follows for i in part.scene.interfaces))
+        with watch("start"):
+            blackbox = with_layers(make_blackbox(self.codes, placement.codes), method.skip, workers, len(self.cases.chosen), savings)
+        with blackbox:
+            check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
+            workload = Workload(blackbox.usage, watch, team)
+            d = prepare(part.scene, soles, method, blackbox, workers, watch, savings, part)
+            del soles, part  # with the models made of them, what set-up has held and nothing else needs
+            trim()
+            workload.end("set_up")
+            chosen = self.cases.part_of(d)
+            true_error = TrueError(chosen, self.whole, self.cases, self.exact, watch) if self.reference else None
+            iterated = self._iterated(chosen, {"true_error": true_error, "estimate": estimate,
+                                               "placing": self._placing(chosen) if placed else None})
+            if d.all_perfect and team.rank == 0:
+                savings.add("bound", "evaluations of the bound's second part",
+                            sum(math.isnan(event.error_bound) for event in iterated.history))
+            workload.end("iterations")
+            if team.size > 1:
+                give_back()
+            if d.nonlinear is not None:
+                d = chosen = chosen.reloaded()
+                iterated = with_pseudo_loads(d, iterated)
+            delivered = deliver(d, chosen, self.cases, iterated, watch)
+            spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
+                                         true_error.asked if true_error else 0.0))
+        return delivered, d.setup_sweeps, spent
+
+    def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
+        """From where the run begins to where iterations end; ``monitors``: what some of them are given."""
+        team, numbers = self.ranks.team, numbers_of(chosen)
+        begin = Start.handed_out(self.start, chosen, numbers)
+        if team.size > 1:
+            keep_at_hand(16 * chosen.steps * chosen.space.size)  # traces of all load steps, two such arrays in one
+        return iterate(chosen, self.config.method, whole_states(self.told.all, numbers, team), self.watch, begin,
+                       [int(step) + 1 for step in self.cases.chosen], monitors)
+
+    def _placing(self, d: Decomposition) -> Placing:
+        """What watches the balance of the ranks."""
+        usage, load = d.blackbox.usage, predicted_cost([(~s.fixed).sum() for s in d.own]).sum()
+
+        def busy() -> float:
+            return max((worker.solve + worker.messages for worker in usage.activity()), default=0.0)
+
+        return Placing(self.ranks.team, busy, float(load), time.perf_counter() - self.begun, self.ranks.may_stop)
+
+    def _with_error(self, delivered: Delivered, fields: Fields | None, estimate: DiscretisationEstimate) -> tuple[Delivered, Piece | None]:
+        """The same with the mesh's estimated error, and of several ranks this one's piece of the fields."""
+        team, wanted, pieces = self.ranks.team, self._follows_mesh or self.config.output.fields, None
+        # what stands for a part that is not ours has no moduli in fields
+        if team.rank == 0 and wanted and (team.size == 1 or self.whole.mesh.foreign):
+            found = estimated(fields) if team.size == 1 else None
+            delivered = replace(delivered, discretisation=found or estimate.of_delivered(delivered.continuous))
+        if team.size == 1:
+            return delivered, None
+        give_back()  # of this rank's part nothing is left
+        if team.rank == 0:
+            known = delivered.discretisation
+            pieces = replace(fields, interfaces=None, believed=None, discretisation_error=known and known.cells)
+        piece, pieces = Piece.handed_out(pieces, self.rank_of, team), None
+        if found := piece.estimate(wanted and team.rank == 0 and delivered.discretisation is None):
+            delivered = replace(delivered, discretisation=found)
+        return delivered, piece
