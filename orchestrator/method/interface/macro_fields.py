@@ -16,19 +16,8 @@ def both_sides(transfer: Transfer, bases: Sequence[np.ndarray], signs: tuple[flo
 
     Interfaces without points here keep their columns. Zeros are no entries.
     """
-    fields = _on_points_of(transfer, bases)
-    if not transfer.picks:
-        G1, G2 = transfer.products.G1, transfer.products.G2
-        return sp.csr_array((signs[0] * G1.T @ fields + signs[1] * G2.T @ fields)[: transfer.size])
-    at, sign_of = np.full(transfer.size, len(transfer.one)), np.zeros(transfer.size)  # of each trace dof: it has one point at most
-    for side, sign in zip((transfer.one, transfer.two), signs):
-        mine = np.flatnonzero(side < transfer.size)
-        at[side[mine]], sign_of[side[mine]] = mine, sign
-    empty = sp.csr_array((fields.data, fields.indices, np.append(fields.indptr, fields.nnz)), shape=(len(transfer.one) + 1, fields.shape[1]))
-    both = narrow(sp.csr_array(empty[at]))
-    if signs[0] != 1 or signs[1] != 1:
-        both.data *= np.repeat(sign_of, np.diff(both.indptr))
-    return both
+    fields, G1, G2 = _on_points_of(transfer, bases), transfer.products.G1, transfer.products.G2
+    return narrow(sp.csr_array((signs[0] * G1 + signs[1] * G2)[:, : transfer.size].T @ fields))
 
 
 def displacements(transfer: Transfer, bases: Sequence[np.ndarray]) -> sp.csr_array:

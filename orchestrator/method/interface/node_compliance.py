@@ -22,46 +22,65 @@ KNOWN = 1e-2
 
 @dataclass
 class NodeCompliance:
-    """C = (k⁺)⁻¹ on the traces of interfaces.
+    """C = (k⁺)⁻¹ on the traces (D + G) of interfaces.
 
     Parameters
     ----------
-    compliance : (D + G, D + G) sparse, blocks of 3 × 3
-    there : (D + G,) bool, traces of these interfaces
+    dofs : (n, 3) int, the trace dofs of the nodes of both sides, −1 where there is none
+    blocks : (n, 3, 3) C at these, zero where there is none
+    size : D + G
     coupling : (3P, 3P) sparse S = B C Bᵀ at their points; None where nodes match on all of them: keq⁻¹ says it
     """
 
-    compliance: sp.csr_array
-    there: np.ndarray
+    dofs: np.ndarray
+    blocks: np.ndarray
+    size: int
     coupling: sp.csr_array | None = None
 
     @classmethod
-    def of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray]], size: int, transfer: Transfer) -> NodeCompliance:
-        """From the nodes of sides: dofs (n, 3), −1 where there is none, and blocks (n, 3, 3)."""
-        at = np.concatenate([np.zeros((0, 3), int), *(dofs for dofs, _ in nodes)])
-        values = np.concatenate([np.zeros((0, 3, 3)), *(blocks for _, blocks in nodes)])
-        rows, columns = np.repeat(at[:, :, None], 3, axis=2), np.repeat(at[:, None, :], 3, axis=1)
-        filled = (values != 0) & (rows >= 0) & (columns >= 0)
-        matrix = sp.csr_array((values[filled], (rows[filled], columns[filled])), shape=(size, size))
-        there = np.zeros(size, dtype=bool)
-        there[at[at >= 0]] = True
-        return cls(matrix, there, None if transfer.picks else sp.csr_array(transfer.B @ matrix @ transfer.B.T))
+    def of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray]], transfer: Transfer) -> NodeCompliance:
+        """From the dofs and blocks of several sides; what blocks have where there is no dof does not count."""
+        dofs = np.concatenate([np.zeros((0, 3), int), *(dofs for dofs, _ in nodes)])
+        blocks = np.concatenate([np.zeros((0, 3, 3)), *(blocks for _, blocks in nodes)])
+        there = dofs >= 0
+        result = cls(dofs, np.where(there[:, :, None] & there[:, None, :], blocks, 0.0), transfer.total)
+        if not transfer.picks:
+            result.coupling = sp.csr_array(transfer.B @ result.compliance @ transfer.B.T)
+        return result
+
+    @cached_property
+    def compliance(self) -> sp.csr_array:
+        """(D + G, D + G) C."""
+        return self._placed(self.blocks)
 
     @cached_property
     def root(self) -> sp.csr_array:
-        """C^½."""
-        return _root(self.compliance)
+        """(D + G, D + G) C^½."""
+        values, vectors = np.linalg.eigh(self.blocks)
+        return self._placed((vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ vectors.swapaxes(1, 2))
+
+    @cached_property
+    def there(self) -> np.ndarray:
+        """(D + G,) bool, traces of these interfaces."""
+        result = np.zeros(self.size, dtype=bool)
+        result[self.dofs[self.dofs >= 0]] = True
+        return result
 
     def some(self, traces: np.ndarray, points: np.ndarray, count: int) -> NodeCompliance:
         """Of some of the interfaces: traces (D + G,) bool, points (R,) int of all that there are."""
         at = (np.arange(3)[:, None] * count + points).ravel()
-        kept = sp.diags_array(traces.astype(float))
-        return NodeCompliance(sp.csr_array(kept @ self.compliance), self.there & traces,
+        own = (traces[self.dofs] & (self.dofs >= 0)).any(axis=1)
+        return NodeCompliance(self.dofs[own], self.blocks[own], self.size,
                               None if self.coupling is None else sp.csr_array(self.coupling[at][:, at]))
 
     def own(self, size: int) -> sp.csr_array:
-        """(D, D) the part without ghosts."""
-        return self.compliance if size == len(self.there) else sp.csr_array(self.compliance[:size, :size])
+        """(D, D) the part of C without ghosts."""
+        return self.compliance if size == self.size else sp.csr_array(self.compliance[:size, :size])
+
+    def _placed(self, blocks: np.ndarray) -> sp.csr_array:
+        rows, columns = np.repeat(self.dofs[:, :, None], 3, axis=2), np.repeat(self.dofs[:, None, :], 3, axis=1)
+        filled = blocks != 0
+        return sp.csr_array((blocks[filled], (rows[filled], columns[filled])), shape=(self.size, self.size))
 
 
 def node_blocks(matrix: sp.csr_array, dofs: np.ndarray) -> np.ndarray:
@@ -123,20 +142,3 @@ def _largest(S: sp.csr_array, root: Points) -> float:
     start = np.random.default_rng(0).standard_normal(S.shape[0])
     operator = sla.LinearOperator(S.shape, matvec=apply, dtype=float)
     return float(sla.eigsh(operator, k=1, which="LA", tol=KNOWN, v0=start, return_eigenvectors=False)[0])
-
-
-def _root(blocks: sp.csr_array) -> sp.csr_array:
-    """The square root of a positive semidefinite matrix of small blocks."""
-    count, label = sp.csgraph.connected_components(blocks, directed=False)
-    order = np.argsort(label, kind="stable")
-    place = np.empty(len(label), int)
-    sizes = np.bincount(label, minlength=count)
-    starts = np.cumsum(sizes) - sizes
-    place[order] = np.arange(len(label)) - starts[label[order]]
-    entries = sp.coo_array(blocks)
-    row, column = entries.coords
-    dense = np.zeros((count, 3, 3))
-    dense[label[row], place[row], place[column]] = entries.data
-    values, vectors = np.linalg.eigh(dense)
-    roots = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ vectors.swapaxes(1, 2)
-    return sp.csr_array((roots[label[row], place[row], place[column]], (row, column)), shape=blocks.shape)

@@ -69,7 +69,7 @@ def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np
 def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Interface], transfer: Transfer,
                       points: Points) -> NodeCompliance:
     """Sets the stiffness keq of points; returns C = (k⁺)⁻¹ of their nodes."""
-    bounds, size, held = transfer.bounds, len(space.owner), None if transfer.picks else space.held_everywhere  # all ranks ask
+    bounds, held = transfer.bounds, None if transfer.picks else space.held_everywhere  # all ranks ask
     pair = np.flatnonzero(np.repeat([i.mortar is None for i in interfaces], np.diff(bounds)))
     one, two = (np.ascontiguousarray(side[:, pair].T) for side in (transfer.one, transfer.two))
     normal, there = points.normal[:, pair].T, one >= 0
@@ -89,7 +89,7 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
             if i.tied:  # mid-edge nodes follow their corners
                 at = at[np.unique(i.triangles_on(side)[:, :3])]
             nodes.append((at, inverses(node_blocks(k, at), ~held[at])))
-    result = NodeCompliance.of(nodes, size, transfer)
+    result = NodeCompliance.of(nodes, transfer)
     if mortars:
         chosen = np.concatenate([np.arange(part.start, part.stop) for _, part in mortars])
         at = (np.arange(3)[:, None] * len(points) + chosen).ravel()

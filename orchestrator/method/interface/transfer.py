@@ -63,7 +63,8 @@ class Transfer:
             one.append(own)
             two.append(second if interface.mortar is None else own)
             if not matched.all():
-                blocks.append(of_pairs(first, second, size) if interface.mortar is None else of_mortar(interface.mortar, first, second, size))
+                blocks.append(of_pairs(first, second, size) if interface.mortar is None else
+                              of_mortar(interface.mortar, first, second, size))
         base = None if matched.all() else stacked(blocks)
         bounds = np.cumsum([0] + [len(a) for a in one[1:]])
         return cls(np.concatenate([none, *one]), np.concatenate([none, *two]), size, size, bounds, list(sides), matched, base)

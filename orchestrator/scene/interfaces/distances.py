@@ -43,8 +43,8 @@ def paired_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np
 def _refuse(search: Search, name: str, key: tuple[int, str], points: np.ndarray, depth: np.ndarray, more: str = "") -> None:
     """Adds the problem of sides that are in each other at points (n, 3) by depths (n,), 0 where they are not."""
     worst = int(depth.argmax())
-    search.problems.add(("interfaces", *key), f"{name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes by up "
-                        f"to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
+    search.problems.add(("interfaces", *key), f"{name} penetrate each other in the initial geometry, at {np.count_nonzero(depth)} nodes "
+                        f"by up to {depth[worst]:.3g} at {format_point(points[worst])}", "sides that touch or are apart" + more,
                         "move the parts, or ask for a press fit by a number: gap: -0.01")
 
 

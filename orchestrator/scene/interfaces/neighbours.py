@@ -147,12 +147,13 @@ def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tupl
         both = [solids[v] for v in pair]
         found = overlap(*both)
         if found is not None:  # worth a closer look: curved faces of coarse chords may be meant to touch
-            found = overlap(*both, tuple(sagittas(bulges(mesh.nodes, s.outer, smooth_faces(mesh, faces)[faces.find(s.outer[:, :3])])) for s in both))
+            smooth = smooth_faces(mesh, faces)
+            found = overlap(*both, tuple(sagittas(bulges(mesh.nodes, s.outer, smooth[faces.find(s.outer[:, :3])])) for s in both))
         if found is None or (index >= 0 and search.laws.entries[index].fit >= found.depth):
             continue
         result.add(pair)
-        search.problems.add(_path(search, index), f"{' and '.join(repr(s.name) for s in both)} are inside each other by about {found.depth:.3g}, "
-                            f"at {format_point(found.where)}", "parts that touch or are apart",
+        search.problems.add(_path(search, index), f"{' and '.join(repr(s.name) for s in both)} are inside each other by about "
+                            f"{found.depth:.3g}, at {format_point(found.where)}", "parts that touch or are apart",
                             "move the parts; a press fit is a gap of contact below zero between parts that touch")
     return result
 
@@ -179,8 +180,8 @@ def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, 
             continue
         (distance, where, size), other = min(((nearest(b, c), c) for b, c in others), key=lambda found: found[0][0])
         search.problems.add(("interfaces", index), f"{some([mesh.volumes[v] for v in own])} has no pair: the nearest other part is "
-                            f"{mesh.volumes[other.volume]!r}, {distance:.3g} from node to node, at {format_point(where)}, where elements measure "
-                            f"{size:.3g}", "parts that lie on some other one",
+                            f"{mesh.volumes[other.volume]!r}, {distance:.3g} from node to node, at {format_point(where)}, where elements "
+                            f"measure {size:.3g}", "parts that lie on some other one",
                             f"move it, raise tolerance, or say that it is meant to be alone: exclude: [[{mesh.volumes[own[0]]}, '*']]")
 
 
@@ -203,9 +204,11 @@ def report_loose_pieces(search: Search, piece: np.ndarray) -> None:
         name = mesh.volumes[min(common)]
         inside = overlap(*(Solid.of(name, mesh.nodes, mesh.cells[piece == b.volume], b.triangles) for b in (one, two)))
         if inside is not None:
-            search.problems.add(("mesh",), f"two pieces of {name!r}, which share no faces, are inside each other by about {inside.depth:.3g}, at "
-                                f"{format_point(inside.where)}", "pieces that are apart", "leave out what is there twice")
+            search.problems.add(("mesh",), f"two pieces of {name!r}, which share no faces, are inside each other by about "
+                                f"{inside.depth:.3g}, at {format_point(inside.where)}", "pieces that are apart",
+                                "leave out what is there twice")
         elif touching := match(one, two, False)[0]:
             search.problems.warnings.append(
-                f"two pieces of {name!r} touch, at {format_point(mesh.nodes[touching[0].triangles[0, :3]].mean(axis=0))}, "
-                "with nodes of their own: nothing joins them there; merge the nodes that coincide, or give each piece a volume of its own")
+                f"two pieces of {name!r} touch, at {format_point(mesh.nodes[touching[0].triangles[0, :3]].mean(axis=0))}, with "
+                "nodes of their own: nothing joins them there; merge the nodes that coincide, or give each "
+                "piece a volume of its own")

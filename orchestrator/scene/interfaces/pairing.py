@@ -178,7 +178,10 @@ def match(one: Body, two: Body, apart: bool, within: float | None = None, share:
     depth = DEEP * one.size[i] if apart else reach
     level = (distance <= reach) & (distance >= -depth)
     fits = level & (aside <= limit)
-    mismatch = _mismatch(one, two, i, j, normal, level, fits, aside, limit) if apart else None
+    mismatch = None
+    if apart:  # seen along the normal, two's triangles turn the other way
+        before = in_front(one.centre[i], two.corners[j], -normal, 1e-9 * one.size[i] ** 2)
+        mismatch = _mismatch(one, i, level & before & ~np.isin(i, i[fits]), aside, limit)
     i, opposite, j = i[fits], two.triangles[j[fits][:, None], TURNS[turn[fits], : two.triangles.shape[1]]], j[fits]
     # of several partners the nearest; then one node for one node
     order = np.lexsort((aside[fits], np.abs(distance[fits])))
@@ -210,19 +213,27 @@ def candidates(x: np.ndarray, y: np.ndarray, reach: np.ndarray) -> tuple[np.ndar
     return np.repeat(np.arange(len(x)), [len(f) for f in found]), np.array([j for f in found for j in f], dtype=int)
 
 
-def _mismatch(one: Body, two: Body, i, j, normal, level, fits, aside, limit) -> Mismatch | None:
-    """Facets of the first body whose centre lies opposite a facet of the second and that match none."""
-    a, b, c = np.moveaxis(two.corners[j], 1, 0)
-    centre = one.corners[i].mean(axis=1)
-    inside = level.copy()
-    for p, q in ((a, b), (b, c), (c, a)):  # seen along the normal, two's triangles turn the other way
-        inside &= np.einsum("ij,ij->i", np.cross(q - p, centre - p), normal) < -1e-9 * one.size[i] ** 2
-    alone = inside & ~np.isin(i, i[fits])
+def in_front(points: np.ndarray, corners: np.ndarray, normal: np.ndarray, least: np.ndarray | float = 0.0) -> np.ndarray:
+    """(m,) bool, whether points (m, 3) project along normals (m, 3) into triangles (m, 3, 3) that turn about them.
+
+    Parameters
+    ----------
+    least : twice the area that a point spans with each edge is more
+    """
+    a, b, c = np.moveaxis(corners, 1, 0)
+    inside = np.ones(len(points), dtype=bool)
+    for p, q in ((a, b), (b, c), (c, a)):
+        inside &= np.einsum("ij,ij->i", np.cross(q - p, points - p), normal) > least
+    return inside
+
+
+def _mismatch(one: Body, i: np.ndarray, alone: np.ndarray, aside: np.ndarray, limit: np.ndarray) -> Mismatch | None:
+    """Facets i (m,) of the first body that lie opposite one of the second and match none: those ``alone`` (m,) bool."""
     if not alone.any():
         return None
     mine = np.flatnonzero(i == i[alone][0])
     at = mine[aside[mine].argmin()]
-    return Mismatch(len(np.unique(i[alone])), centre[at], float(aside[at]), float(limit[at]))
+    return Mismatch(len(np.unique(i[alone])), one.centre[i[at]], float(aside[at]), float(limit[at]))
 
 
 def _one_to_one(triangles: np.ndarray, opposite: np.ndarray) -> np.ndarray:

@@ -166,7 +166,8 @@ def _opposite(search: Search) -> Iterator[Interface]:
             laws.between(*known)
             nodes, at, local = np.unique(patch.triangles, return_index=True, return_inverse=True)
             others = patch.opposite.ravel()[at]
-            interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape), patch.cells)
+            interface = search.interface(tuple(b.subdomain for b in pair), (nodes, others), local.reshape(patch.triangles.shape),
+                                         patch.cells)
             laws.apply(index, interface, known[0], paired_gap(search, interface, (index, apart)) if apart else None)
             yield interface
 
@@ -181,7 +182,8 @@ def _how_far(search: Search, entry: Any) -> str:
     for a, b in product(*sides):
         solids = [Solid.of(mesh.volumes[v.volume], mesh.nodes, mesh.cells[mesh.volume == v.volume], v.triangles) for v in (a, b)]
         if a.volume != b.volume and (inside := overlap(*solids)) is not None:
-            return f"; {solids[0].name} and {solids[1].name} are inside each other by about {inside.depth:.3g}, at {format_point(inside.where)}"
+            return f"; {solids[0].name} and {solids[1].name} are inside each other by about {inside.depth:.3g}, " \
+                   f"at {format_point(inside.where)}"
     distance, where, size = min(found, key=lambda f: f[0])
     allowed = (f"faces are sought within {entry.reach or REACH * size:.3g} along the normal"
                if entry.apart else f"nodes coincide within {COINCIDE * size:.3g}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.scene.interfaces.pairing import OPPOSITE, REACH, Body, candidates
+from orchestrator.scene.interfaces.pairing import OPPOSITE, REACH, Body, candidates, in_front
 
 # Closer than this share of the local mesh size, faces touch.
 TOUCHING = 0.1
@@ -59,7 +59,7 @@ def near(one: Body, two: Body, mine: np.ndarray, theirs: np.ndarray) -> Near | N
     x, y = one.centre[i], two.centre[j]
     distance = np.einsum("ij,ij->i", y - x, normal)
     level = (distance <= REACH * one.size[i]) & (distance >= -TOUCHING * one.size[i])
-    level &= _in_front(x, two.corners[j], -normal) | _in_front(y, one.corners[i], normal)
+    level &= in_front(x, two.corners[j], -normal) | in_front(y, one.corners[i], normal)
     i, j, distance = i[level], j[level], distance[level]
     if not len(i):
         return None
@@ -81,12 +81,3 @@ def may_face(one: np.ndarray, two: np.ndarray, opposite: float = OPPOSITE) -> bo
     rounded = [_DIRECTIONS[np.flatnonzero(np.bincount(np.round(normal / COARSE).astype(int) @ _KEY + _KEY.sum() * _STEPS))]
                for normal in (one, two)]
     return bool((rounded[0] @ rounded[1].T < opposite + 2 * COARSE).any())
-
-
-def _in_front(points: np.ndarray, corners: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(m,) bool, whether points (m, 3) project along normals (m, 3) into triangles (m, 3, 3) that turn about them."""
-    a, b, c = np.moveaxis(corners, 1, 0)
-    inside = np.ones(len(points), dtype=bool)
-    for p, q in ((a, b), (b, c), (c, a)):
-        inside &= np.einsum("ij,ij->i", np.cross(q - p, points - p), normal) > 0
-    return inside

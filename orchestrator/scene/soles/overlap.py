@@ -52,7 +52,8 @@ def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
         cells.append(number[corners])
         sides.append(np.full(len(row), side))
         whole = number[subdomain.connectivity[row]]
-        lines.append(np.concatenate([whole[:, [*ends, 4 + i]] for i, ends in enumerate(TET_EDGES)]) if whole.shape[1] == 10 else whole[:0, :3])
+        lines.append(np.concatenate([whole[:, [*ends, 4 + i]] for i, ends in enumerate(TET_EDGES)])
+                     if whole.shape[1] == 10 else whole[:0, :3])
         copied.append(matter[subdomain.material[row]])
     young, poisson = np.vstack(copied).T
     points, cells = np.vstack(points), np.vstack(cells)

@@ -6,8 +6,8 @@ On each slave facet, over the part of it that the master covers,
 
 so that each multiplier meets one node alone (Wohlmuth, SIAM J. Numer. Anal. 38, 2000) and linear fields of the master
 arrive unchanged also where facets are covered in part (Cichosz & Bischoff, Comput. Methods Appl. Mech. Eng. 200, 2011).
-Ten-node faces that nothing presses, as bonded ones, have ψ = N, the linear functions of the corners, instead: they alone hold linear tractions,
-without which quadratic displacements lose half an order.
+Ten-node faces that nothing presses, as bonded ones, have ψ = N, the linear functions of the corners, instead: they alone hold
+linear tractions, without which quadratic displacements lose half an order.
 """
 
 from __future__ import annotations

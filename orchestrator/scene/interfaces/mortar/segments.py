@@ -102,9 +102,9 @@ def find_segments(slave: np.ndarray, master: np.ndarray, reach: np.ndarray, dept
     reach, depth : (a,) how far in front of each slave facet, and how far behind it, masters are sought
     facing : the cosine between normals has to be below this
     """
-    frame = _Frame.of(slave)
+    frame = _Frame.of(slave, reach, depth)
     normal = _unit(cross(master[:, 1] - master[:, 0], master[:, 2] - master[:, 0]))
-    found = [_clipped(frame, master, normal, i, j, reach, depth, facing)
+    found = [_clipped(frame, master, normal, i, j, facing)
              for i, j in _candidates(slave, master, np.maximum(reach, depth))] if len(slave) and len(master) else []
     if not found:
         return Segments(*np.zeros((2, 0), int), *np.zeros((2, 0, 6, 3)), *np.zeros((2, 0)))
@@ -120,6 +120,7 @@ class _Frame:
     ----------
     first : (a, 3) a corner; slopes : (a, 3, 3) gradient of each coordinate; normal : (a, 3) unit; area : (a,)
     snap : (a,) below this a coordinate is rounding
+    reach, depth : (a,) how far in front of each and behind it masters are sought
     """
 
     first: np.ndarray
@@ -127,9 +128,11 @@ class _Frame:
     normal: np.ndarray
     area: np.ndarray
     snap: np.ndarray
+    reach: np.ndarray
+    depth: np.ndarray
 
     @classmethod
-    def of(cls, corners: np.ndarray) -> _Frame:
+    def of(cls, corners: np.ndarray, reach: np.ndarray, depth: np.ndarray) -> _Frame:
         one, two = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         vector = cross(one, two)
         double = np.linalg.norm(vector, axis=1)
@@ -137,7 +140,7 @@ class _Frame:
         slopes = np.stack([cross(two, normal), cross(normal, one)], axis=1) / double[:, None, None]
         slopes = np.concatenate([-slopes.sum(axis=1, keepdims=True), slopes], axis=1)
         rounding = ROUNDING * np.abs(corners).max(axis=(1, 2)) * np.linalg.norm(slopes, axis=2).max(axis=1)
-        return cls(corners[:, 0], slopes, normal, double / 2, np.maximum(SNAP, rounding))
+        return cls(corners[:, 0], slopes, normal, double / 2, np.maximum(SNAP, rounding), reach, depth)
 
 
 def _candidates(slave: np.ndarray, master: np.ndarray, reach: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -163,14 +166,13 @@ def _candidates(slave: np.ndarray, master: np.ndarray, reach: np.ndarray) -> Ite
             yield i[close], j[close]
 
 
-def _clipped(frame: _Frame, master: np.ndarray, normal: np.ndarray, i: np.ndarray, j: np.ndarray, reach: np.ndarray,
-             depth: np.ndarray, facing: float) -> Segments:
+def _clipped(frame: _Frame, master: np.ndarray, normal: np.ndarray, i: np.ndarray, j: np.ndarray, facing: float) -> Segments:
     """The overlaps of facets i of the slave and j of the master."""
     keep = np.einsum("ij,ij->i", frame.normal[i], normal[j]) < facing
     i, j = i[keep], j[keep]
     away = master[j] - frame.first[i][:, None]
     height = np.einsum("mvc,mc->mv", away, frame.normal[i])
-    keep = (height.min(axis=1) <= reach[i]) & (height.max(axis=1) >= -depth[i])
+    keep = (height.min(axis=1) <= frame.reach[i]) & (height.max(axis=1) >= -frame.depth[i])
     i, j, away, height = i[keep], j[keep], away[keep], height[keep]
     on_slave = np.einsum("mvc,mkc->mvk", away, frame.slopes[i])
     on_slave[:, :, 0] += 1.0
@@ -190,7 +192,7 @@ def _clipped(frame: _Frame, master: np.ndarray, normal: np.ndarray, i: np.ndarra
     there = np.arange(6) < count[:, None]
     distance = (np.einsum("mvk,mk->mv", found.on_master, height) * there).sum(axis=1) / np.maximum(count, 1)
     found = replace(found, area=share * frame.area[i], distance=distance)
-    return found.some((share > NOTHING) & (distance <= reach[i]) & (distance >= -depth[i]))
+    return found.some((share > NOTHING) & (distance <= frame.reach[i]) & (distance >= -frame.depth[i]))
 
 
 def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray, np.ndarray]:
