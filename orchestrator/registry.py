@@ -1,4 +1,4 @@
-"""What can be added, one line each: interface laws and codes, and the modules that they are in.
+"""What can be added, one line each: interface laws, loads and supports, codes, and the modules that they are in.
 
 Modules are imported when a name is first used, so that knowing the names costs nothing.
 
@@ -104,6 +104,24 @@ MONITORS = Registry({
     "places": "orchestrator.method.monitors.places:Places",
     "self_stress": "orchestrator.method.monitors.self_stress:SelfStressMonitor",
     "placing": "orchestrator.method.monitors.placing:Placing",
+})
+
+# Kinds of entries of boundary and of loads, by their key there.
+ON_FACES = Registry({
+    "displacement": "orchestrator.scene.loads.displacement:Displacement",
+    "symmetry": "orchestrator.scene.loads.symmetry:Symmetry",
+    "motion": "orchestrator.scene.loads.motion:RigidMotion",
+    "traction": "orchestrator.scene.loads.traction:Traction",
+    "pressure": "orchestrator.scene.loads.pressure:Pressure",
+    "resultant": "orchestrator.scene.loads.resultant:Spread",
+    "foundation": "orchestrator.scene.loads.foundation:Bedding",
+    "coupling": "orchestrator.scene.loads.coupling:Remote",
+})
+IN_VOLUMES = Registry({
+    "body_force": "orchestrator.scene.loads.body_force:BodyForce",
+    "gravity": "orchestrator.scene.loads.gravity:Gravity",
+    "spin": "orchestrator.scene.loads.spin:Centrifugal",
+    "temperature": "orchestrator.scene.loads.temperature:Temperature",
 })
 
 # What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.config import Loaded, config_from, load_config, located, steps, vectors_per_step
+from orchestrator.config import Loaded, config_from, factors, load_config, located, steps
 from orchestrator.config.method import Method
 from orchestrator.config.source import Source
 from orchestrator.config.text import parse_yaml
@@ -326,9 +326,8 @@ def test_load_steps(write):
         "{on: c, displacement: [[0, 0, -1], [1, 0, null]]}, {on: d, pressure: 5, history: ramp}".replace("null]]", "-1]]")),
         loads="loads: [{body_force: [0, 0, -3], history: ramp}]")).config
     assert steps(config) == 2
-    assert [vectors_per_step(entry, config) for entry in (*config.boundary, *config.loads)] == [
-        [[0, None, 0], [0, None, 0]], [[1, 0, 0], [2, 0, 0]], [[0, 0, -1], [1, 0, -1]],
-        [[2.5, 0, 0], [5, 0, 0]], [[0, 0, -1.5], [0, 0, -3]]]
+    assert [factors(entry, config) for entry in (*config.boundary, *config.loads)] == [[1, 1], [0.5, 1], [1, 1], [0.5, 1], [0.5, 1]]
+    assert [entry.acts for entry in config.boundary] == ["displacement", "traction", "displacement", "pressure"]
 
 
 def test_same_place_may_be_told_compatible_things(write):

@@ -86,7 +86,7 @@ def _bonded(study: Study, case: str, problem: Any, size: float) -> None:
     for conforming in (True, False):
         solved, seconds = _solved(problem({"h": size, "conforming": conforming}))
         entry = next(e for e in solved.scene.boundary if e.kind == "traction")
-        values.append(float((solved.displacement[-1, entry.nodes] @ entry.values[-1]).mean()))
+        values.append(float((solved.displacement[-1, entry.nodes] @ entry.forces.amounts[-1, 0]).mean()))
     _row(study, case, "bonded: displacement under the load", values[1], values[0], NEAR, f"within {NEAR:.0%} of conforming",
          seconds, solved)
 

@@ -9,6 +9,6 @@ the rules that concern several keys, ``explain`` words what is wrong, ``source``
 
 from orchestrator.config.load import Loaded, config_from, load_config, located
 from orchestrator.config.model import Config
-from orchestrator.config.steps import factors, steps, vectors_per_step
+from orchestrator.config.steps import factors, steps
 
-__all__ = ["Config", "Loaded", "config_from", "factors", "load_config", "located", "steps", "vectors_per_step"]
+__all__ = ["Config", "Loaded", "config_from", "factors", "load_config", "located", "steps"]

@@ -10,6 +10,7 @@ from orchestrator.config.blackbox import settings_class
 from orchestrator.config.foreign_parts import file_keys
 from orchestrator.config.paths import get
 from orchestrator.errors import KeyPath, Problem
+from orchestrator.registry import IN_VOLUMES
 
 # Models that come with gmsh; the scene knows where they are.
 SHIPPED = "gmsh:"
@@ -24,17 +25,17 @@ def with_meshes(data: Any, folder: Path) -> tuple[Any, list[Problem]]:
         data = {**data, "parts": [_part(part, ("parts", i), folder, problems) if isinstance(part, dict) else part
                                   for i, part in enumerate(parts)]}
     if isinstance(loads := get(data, "loads"), list):
-        data = {**data, "loads": [_warmth(load, ("loads", i, "temperature", "file"), folder, problems)
-                                  for i, load in enumerate(loads)]}
+        data = {**data, "loads": [_load(load, ("loads", i), folder, problems) for i, load in enumerate(loads)]}
     return data, problems
 
 
-def _warmth(load: Any, path: KeyPath, folder: Path, problems: list[Problem]) -> Any:
-    """An entry of ``loads`` with the file of its temperatures looked up."""
-    warmth = get(load, "temperature")
-    if not isinstance(warmth, dict) or warmth.get("file") is None:
-        return load
-    return {**load, "temperature": {**warmth, "file": _found(warmth["file"], path, folder, problems)}}
+def _load(load: Any, path: KeyPath, folder: Path, problems: list[Problem]) -> Any:
+    """An entry of ``loads`` with the files of its kind looked up."""
+    for name, kind in IN_VOLUMES.items():
+        for key in kind.files:
+            if (file := get(load, name, key)) is not None:
+                load = {**load, name: {**load[name], key: _found(file, (*path, name, key), folder, problems)}}
+    return load
 
 
 def _part(part: dict[str, Any], path: KeyPath, folder: Path, problems: list[Problem]) -> dict[str, Any]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Iterator
+from typing import Any, Literal
 
 from pydantic import Field
 
 from orchestrator.config.base import Part, Vector, either
+from orchestrator.errors import KeyPath, Problem
 
 Axis = either(Literal["x", "y", "z"], Vector, lambda value: isinstance(value, str), "x, y or z, or a vector of three numbers")
 
@@ -25,3 +27,9 @@ class Rotate(Part):
     axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
     degrees: float = Field(description="angle, right-handed about the axis")
     about: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
+
+
+def no_direction(path: KeyPath, axis: Any) -> Iterator[Problem]:
+    """The problem of a raw axis of no length."""
+    if isinstance(axis, list) and not any(axis):
+        yield Problem(path, str(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")

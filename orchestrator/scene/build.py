@@ -1,35 +1,40 @@
-"""From the configuration to the scene: mesh, materials, boundary conditions, subdomains, interfaces."""
+"""From the configuration to the scene, in ten steps."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
 import numpy as np
 
-from orchestrator.config import Config, factors, steps, vectors_per_step
+from orchestrator.config import Config, factors, steps
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.agreement import check_agreement
-from orchestrator.scene.conditions.boundary import moving_as_one, on_mesh, prescribe, resolve_boundary
+from orchestrator.scene.conditions.boundary import acting, moving_as_one, on_mesh, prescribe, resolve_boundary
 from orchestrator.scene.conditions.codes import assign_codes
 from orchestrator.scene.conditions.covered import loads_on_pairs
-from orchestrator.scene.conditions.heat import eigenstrain, thermal_loads
-from orchestrator.scene.conditions.loads import body_loads, surface_loads
-from orchestrator.scene.conditions.materials import assign_materials
+from orchestrator.scene.conditions.materials import assign_materials, cells_loaded
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.conditions.sides import check_sides
 from orchestrator.scene.interfaces.axial import join_bolts, straighten
+from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.interfaces.joins import joins
 from orchestrator.scene.interfaces.mortar.sides import Matter
-from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.interfaces.search import Search
+from orchestrator.scene.loads.base import InVolumes, Strain
+from orchestrator.scene.mesh.faces import Faces
+from orchestrator.scene.mesh.geometry import tet_volumes
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.patch import node_areas
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
-from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface, Material, Scene, Subdomain
+from orchestrator.scene.model import BoundaryEntry, Interface, Material, PlacedBolt, Scene, Subdomain
 from orchestrator.scene.names import look_alike
-from orchestrator.scene.partition.bolts import cut_bolts
+from orchestrator.scene.partition.bolts import BoltCut, cut_bolts
 from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
 
@@ -37,6 +42,72 @@ from orchestrator.scene.partition.partition import Partition, make_partition
 STEP_BYTES = 5 * 3 * 8
 # Per corner of a mesh that gets a node in the middle of every edge, at most while its scene is made, measured.
 QUADRATIC_BYTES = 5800.0
+
+
+@dataclass
+class Body:
+    """The mesh and its matter.
+
+    Parameters
+    ----------
+    material : (m,) int, index into ``materials``, −1 for none
+    choice : of the element, where that was left open
+    """
+
+    mesh: Mesh
+    faces: Faces
+    materials: list[Material]
+    material: np.ndarray
+    choice: object = None
+
+
+@dataclass
+class Cut:
+    """The mesh in subdomains.
+
+    Parameters
+    ----------
+    bolts : their cuts
+    failed : it could not be cut, and is judged whole
+    """
+
+    partition: Partition
+    numbering: SplitNumbering
+    bolts: list[BoltCut] = field(default_factory=list)
+    failed: bool = False
+
+
+@dataclass
+class Joints:
+    """Where subdomains meet.
+
+    Parameters
+    ----------
+    near : see ``Scene``
+    grounds : those of the interfaces that are with a ground
+    stands : per entry of ``boundary`` that stands on one, the nodes of its ground
+    """
+
+    interfaces: list[Interface]
+    near: list[tuple[int, int]]
+    bolts: list[PlacedBolt]
+    grounds: list[Interface] = field(default_factory=list)
+    stands: dict[int, slice] = field(default_factory=dict)
+
+
+@dataclass
+class Held:
+    """What is prescribed on split nodes.
+
+    Parameters
+    ----------
+    by : (N, 3) int, the entry that prescribes each component, −1 for none
+    fixed : (N, 3) bool, with what parts of other programs hold themselves; values : (steps, N, 3)
+    """
+
+    by: np.ndarray
+    fixed: np.ndarray
+    values: np.ndarray
 
 
 def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs: bool = False) -> Scene:
@@ -64,6 +135,40 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
     >>> [interface.subdomains for interface in scene.interfaces]
     [(0, 1), (1, 2), (2, 3)]
     """
+    problems = Problems()
+    body = _meshed(config, kept, run_programs, problems)
+    boundary = resolve_boundary(body.mesh, body.faces, config.boundary, _times(config, config.boundary), problems)
+    resolved = all(problem.path[0] != "boundary" for problem in problems.found)
+    cut = _divided(config, body, problems)
+    joints = _joined(config, body, cut, boundary, problems)
+    plain = replace(body)
+    if any(entry.ground for entry in boundary) and not cut.failed and not problems.found:
+        _grounded(body, cut, joints, boundary, problems)
+    loads, thermal = _loaded(config, plain, body, cut, boundary, problems)
+    held = _supported(config, body, cut, joints, boundary, problems)
+    _freed(config, body, cut, joints, held, problems)
+    if resolved and (joints.grounds or not any(entry.ground for entry in boundary)):
+        # A selection that failed holds nothing: a second complaint would only distract.
+        _check_held(plain, cut, joints, held, problems)
+    probes = _watched(config, plain, cut, joints, problems)
+    problems.raise_if_any()
+    _remark(config, body.mesh, problems)
+    subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
+    fixed, prescribed = on_mesh(cut.numbering, held.by, held.values)
+    for stand in body.mesh.foreign:
+        fixed[stand.nodes] |= stand.held
+    return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary, fixed,
+                 prescribed, _on_nodes(loads, cut.numbering), steps(config), problems.warnings, joints.near, joints.bolts, thermal, probes=probes,
+                 element=body.choice)
+
+
+def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
+    """What multiplies each entry at every load step."""
+    return [factors(entry, config) for entry in entries]
+
+
+def _meshed(config: Config, kept: Keeper, run_programs: bool, problems: Problems) -> Body:
+    """The mesh, of four- or ten-node tets, and which matter each has."""
     mesh, faces = make_mesh(config.mesh, kept) if config.mesh else make_parts(config.parts, kept, run_programs)
     element, choice = config.codes[0].element, None
     if element == "auto":
@@ -75,158 +180,202 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
         check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
                      "use a coarser mesh, or element: P1")
         mesh, faces = quadratic(mesh, faces)
-    problems, count = Problems(), steps(config)
+    count = steps(config)
     check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
                  "give fewer load steps, or a coarser mesh")
-    materials, cell_material = assign_materials(mesh, config.matter, problems)
-    vectors = [vectors_per_step(entry, config) for entry in config.boundary]
-    times = [factors(entry, config) for entry in config.boundary]
-    boundary = resolve_boundary(mesh, faces, config.boundary, vectors, times, problems)
-    unresolved = any(path[0] == "boundary" for path in (p.path for p in problems.found))
+    return Body(mesh, faces, *assign_materials(mesh, config.matter, problems), choice)
+
+
+def _divided(config: Config, body: Body, problems: Problems) -> Cut:
+    """The subdomains, bolts cut."""
+    mesh, cuts, failed = body.mesh, [], False
     try:
-        partition = make_partition(mesh, faces, config.subdomains)
+        partition = make_partition(mesh, body.faces, config.subdomains)
     except InputError as error:
         problems.found.extend(error.problems)
         # Body forces name volumes: they can be judged on the undivided mesh.
-        partition = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name])
-        whole = True
-    else:
-        whole = False
-    partition, cuts = (partition, []) if whole or not config.bolts else cut_bolts(mesh, faces, partition, config.bolts, problems)
-    numbering = split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes))
-    matter = _matter(mesh, materials, cell_material, boundary)
-    laws = Laws(config.interfaces, [*partition.names, *mesh.volumes], [factors(entry, config) for entry in config.interfaces])
-    interfaces, near = ([], []) if whole else make_interfaces(Search(
-        mesh, faces, partition, numbering, laws, problems, "interfaces" in config.model_fields_set, matter))
-    bolts = join_bolts(cuts, interfaces, config.bolts, [factors(entry, config) for entry in config.bolts], problems)
-    if mesh.foreign and not whole:
+        partition, failed = Partition(np.zeros(len(mesh.cells), dtype=int), [config.name]), True
+    if config.bolts and not failed:
+        partition, cuts = cut_bolts(mesh, body.faces, partition, config.bolts, problems)
+    return Cut(partition, split_numbering(mesh.cells, partition.subdomain, len(mesh.nodes)), cuts, failed)
+
+
+def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry], problems: Problems) -> Joints:
+    """The interfaces; where their sides are fitted to each other the mesh's nodes move, and what acts on faces with them."""
+    mesh, matter = body.mesh, _matter(body, boundary)
+    laws = Laws(config.interfaces, [*cut.partition.names, *mesh.volumes], _times(config, config.interfaces))
+    interfaces, near = ([], []) if cut.failed else make_interfaces(Search(
+        mesh, body.faces, cut.partition, cut.numbering, laws, problems, "interfaces" in config.model_fields_set, matter))
+    bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems)
+    if mesh.foreign and not cut.failed:
         from orchestrator.scene.foreign.met import report_joints, report_units
 
-        report_joints(mesh, interfaces, numbering, problems)
-        report_units(mesh, interfaces, partition.subdomain, matter.young, problems)
-    problems.warnings += loads_on_pairs(mesh, boundary, interfaces, numbering)
+        report_joints(mesh, interfaces, cut.numbering, problems)
+        report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)
+    problems.warnings += loads_on_pairs(mesh, boundary, interfaces, cut.numbering)
     if any(i.surfaces is not None for i in interfaces):
         from orchestrator.scene.interfaces.mortar.fitting import fitted
 
         stays = matter.held.copy()
         for stand in mesh.foreign:
             stays[stand.nodes] = True
-        mesh = fitted(mesh, interfaces, stays)
-    plain, outside, grounds, stands = mesh, faces, [], {}
-    standing = any(entry.stands for entry in config.boundary)
-    if standing and not whole and not problems.found:
-        from orchestrator.scene.conditions.ground import add_grounds  # soles, and SciPy with them
+        body.mesh = fitted(mesh, interfaces, stays)
+        for entry, given, times in zip(boundary, config.boundary, _times(config, config.boundary)):
+            entry.does = acting(body.mesh, entry.triangles, given, times, ("boundary", entry.index), Problems())  # told before
+    return Joints(interfaces, near, bolts)
 
-        mesh, partition, numbering, cell_material, grounds, stands = add_grounds(
-            mesh, faces, partition, cell_material, config.boundary, boundary, vectors, [factors(e, config) for e in config.boundary], problems)
-        interfaces += grounds
-    split = np.zeros((count, len(numbering.nodes), 3))
-    surface_loads(plain, boundary, partition.subdomain, numbering, split)
-    body_loads(plain, config.loads, [vectors_per_step(entry, config) for entry in config.loads],
-               [factors(entry, config) for entry in config.loads],
-               [*(m.density for m in config.matter), *(None for _ in mesh.foreign)], cell_material, numbering,
-               split, problems)
-    times = [factors(entry, config) for entry in config.loads]
-    thermal = eigenstrain(plain, config.loads, times, [*(m.expansion for m in config.matter), *(None for _ in mesh.foreign)], cell_material, problems) \
-        if any(entry.temperature is not None for entry in config.loads) else None
+
+def _matter(body: Body, boundary: list[BoundaryEntry]) -> Matter:
+    """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
+    young = np.array([m.young for m in body.materials] or [1.0])[np.maximum(body.material, 0) if body.materials else 0 * body.material]
+    held = np.zeros(len(body.mesh.nodes), dtype=bool)
+    for entry in boundary:
+        if entry.prescribed and entry.prescribed.fixed.any():
+            held[entry.nodes] = True
+    for stand in body.mesh.foreign:
+        held[stand.nodes] |= stand.held.any(axis=1)
+    return Matter(young, held)
+
+
+def _grounded(body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> None:
+    """Adds a ground behind every entry that stands on one: cells, subdomains, interfaces."""
+    from orchestrator.scene.conditions.ground import add_grounds  # soles, and SciPy with them
+
+    body.mesh, cut.partition, cut.numbering, body.material, joints.grounds, joints.stands = add_grounds(
+        body.mesh, cut.partition, body.material, boundary, problems)
+    joints.interfaces = joints.interfaces + joints.grounds
+
+
+def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[BoundaryEntry],
+            problems: Problems) -> tuple[np.ndarray, np.ndarray | None]:
+    """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated.
+
+    Parameters
+    ----------
+    plain : without grounds, on which nothing acts
+    """
+    mesh, count = plain.mesh, steps(config)
+    loads, thermal = np.zeros((count, len(cut.numbering.nodes), 3)), None
+    for entry in boundary:  # a face loads the subdomain its tet belongs to
+        if entry.forces and len(entry.triangles):
+            entry.forces.add_to(loads, cut.numbering.find(cut.partition.subdomain[entry.cells[:, 0]][:, None], entry.triangles))
+    matter = [*config.matter, *(None for _ in mesh.foreign)]
+    for i, (entry, times) in enumerate(zip(config.loads, _times(config, config.loads))):
+        cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
+        made = entry.kind.made(entry.given, InVolumes(("loads", i), mesh, cells, tet_volumes(mesh.nodes, mesh.cells[cells]), matter,
+                                                      plain.material[cells], np.array(times, dtype=float), problems))
+        if isinstance(made, Strain):
+            thermal = np.zeros((count, len(body.mesh.cells), 4)) if thermal is None else thermal
+            thermal[:, cells] += made.values
+        elif made is not None:
+            made.add_to(loads, cut.numbering.corners[cells])
     if thermal is not None:
-        thermal = np.pad(thermal, ((0, 0), (0, len(mesh.cells) - len(plain.cells)), (0, 0)))
-        thermal_loads(mesh, thermal, materials, cell_material, numbering, split)
-    label = moving_as_one(numbering, interfaces)
-    held_by, split_prescribed = prescribe(mesh, boundary, partition.subdomain, numbering, label, count, problems)
+        from orchestrator.scene.loads.temperature import thermal_loads
+
+        thermal_loads(body.mesh, thermal, body.materials, body.material, cut.numbering.corners, loads)
+    return loads, thermal
+
+
+def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> Held:
+    """What is prescribed, and whether that agrees: at nodes, across interfaces, with what grounds hold."""
+    mesh, numbering, grounds = body.mesh, cut.numbering, joints.grounds
+    label = moving_as_one(numbering, joints.interfaces)
+    by, values = prescribe(mesh, boundary, cut.partition.subdomain, numbering, label, steps(config), problems)
     if not problems.found:
-        of_entries = [(entry, i) for i in grounds for entry, at in stands.items() if numbering.nodes[numbering.offsets[i.subdomains[1]]] in
-                      range(at.start, at.stop)]
-        check_agreement(mesh, boundary, interfaces, of_entries, numbering, label, held_by, split_prescribed, problems)
-        check_sides(mesh, boundary, interfaces[:len(interfaces) - len(grounds)], numbering, held_by, split_prescribed, problems)
-    for entry, nodes in stands.items():  # what a ground carries is the reaction of its entry
-        held_by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
-    fixed, prescribed = on_mesh(numbering, held_by, split_prescribed)
-    split_fixed = held_by >= 0
+        of_entries = [(entry, i) for i in grounds for entry, at in joints.stands.items()
+                      if at.start <= numbering.nodes[numbering.offsets[i.subdomains[1]]] < at.stop]
+        check_agreement(mesh, boundary, joints.interfaces, of_entries, numbering, label, by, values, problems)
+        check_sides(mesh, boundary, joints.interfaces[:len(joints.interfaces) - len(grounds)], numbering, by, values, problems)
+    for entry, nodes in joints.stands.items():  # what a ground carries is the reaction of its entry
+        by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
+    fixed = by >= 0
     for stand in mesh.foreign:  # whose nodes no other body has
+        fixed[(numbering.nodes >= stand.nodes.start) & (numbering.nodes < stand.nodes.stop)] |= stand.held
+    return Held(by, fixed, values)
+
+
+def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
+    """Takes out of the interfaces what is prescribed on both sides."""
+    joints.interfaces = leave_free(body.mesh, joints.interfaces, cut.partition, cut.numbering, held.fixed, config.interfaces, problems)
+    joints.bolts = straighten(body.mesh, joints.interfaces, joints.bolts, problems)
+    if joints.grounds:
+        from orchestrator.scene.conditions.ground import within_free
+
+        within_free(joints.grounds, body.mesh, cut.numbering, held.values, problems)
+
+
+def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
+    """Adds a problem for bodies that can move as rigid ones."""
+    keeps, mesh = [], plain.mesh
+    if joints.grounds:
+        from orchestrator.scene.conditions.ground import held_rows
+
+        keeps = held_rows(joints.grounds, mesh)
+    between = [i for i in joints.interfaces if not any(i is g for g in joints.grounds)]
+    links, hinges = joins(mesh, cut.partition, between)
+    links = links + mesh.one_body
+    fixed = on_mesh(cut.numbering, held.by, held.values[:0])[0][: len(mesh.nodes)]
+    for stand in mesh.foreign:
         fixed[stand.nodes] |= stand.held
-        split_fixed[np.isin(numbering.nodes, np.arange(stand.nodes.start, stand.nodes.stop))] |= stand.held
-    interfaces = leave_free(mesh, interfaces, partition, numbering, split_fixed, config.interfaces, problems)
-    bolts = straighten(mesh, interfaces, bolts, problems)
-    keeps = []
-    if grounds:
-        from orchestrator.scene.conditions.ground import held_rows, within_free
+    check_held(mesh, plain.faces, fixed, problems, np.concatenate(links) if links else None, keeps, hinges)
 
-        within_free(grounds, mesh, numbering, split_prescribed, problems)
-        keeps = held_rows(grounds, mesh)
-    if not unresolved and (grounds or not standing):
-        # A selection that failed holds nothing: a second complaint would only distract.
-        whole, hinges = joins(mesh, partition, [i for i in interfaces if not any(i is g for g in grounds)])
-        links = whole + mesh.one_body
-        check_held(plain, outside, fixed[: len(plain.nodes)], problems, np.concatenate(links) if links else None, keeps, hinges)
-    probes = []
-    if config.output.probes:
-        from orchestrator.scene.conditions.probes import find_probes
 
-        bodies = [partition.body(i) or name for i, name in enumerate(partition.names)]
-        probes = find_probes(plain, outside, partition.subdomain, bodies, interfaces, config.output.probes, problems)
+def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
+    """The probes; and whether what figures are to show is there."""
     if not isinstance(config.output.figures, bool):
         from orchestrator.scene.conditions.drawn import check_figures
 
-        check_figures(mesh.nodes, mesh.volumes, config.output.figures, ("output", "figures"), problems)
-    problems.raise_if_any()
+        check_figures(plain.mesh.nodes, plain.mesh.volumes, config.output.figures, ("output", "figures"), problems)
+    if not config.output.probes:
+        return []
+    from orchestrator.scene.conditions.probes import find_probes
+
+    bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
+    return find_probes(plain.mesh, plain.faces, cut.partition.subdomain, bodies, joints.interfaces, config.output.probes, problems)
+
+
+def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:
+    """Adds warnings of the mesh, of names, of histories without use."""
     problems.warnings += [*mesh.remarks, *look_alike(mesh.volumes, "volume"), *look_alike(mesh.surfaces, "surface")]
     used = {e.history for e in (*config.boundary, *config.loads, *config.interfaces, *config.bolts)}
     used |= {part.foreign.history for part in config.parts or [] if part.foreign is not None}
     problems.warnings += [f"history '{name}' has no use: no entry of boundary, loads, interfaces, bolts or parts names it"
                           for name in config.histories if name not in used]
-    subdomains = _subdomains(partition, numbering, cell_material, held_by, split_fixed, split_prescribed, split)
-    for s in subdomains:
-        s.foreign = bool(len(mesh.foreign)) and bool(mesh.is_foreign(s.cells[:1])[0])
-    grounded = {i.subdomains[1]: i.subdomains[0] for i in grounds}
-    assign_codes(mesh, [s for s in subdomains if s.index not in grounded], config.codes)
-    for e, body in grounded.items():
-        subdomains[e].code = subdomains[body].code
-    for s in subdomains if thermal is not None else ():
-        s.heated = bool(thermal[:, s.cells].any())
-    _contact_areas(mesh, subdomains, interfaces)
-    return Scene(config.name, mesh, partition.subdomain, cell_material, materials, subdomains, interfaces, boundary,
-                 fixed, prescribed, _joined(split, numbering), count, problems.warnings, near, bolts, thermal, probes=probes, element=choice)
 
 
-def _matter(mesh: Mesh, materials: list[Material], cell_material: np.ndarray, boundary: list[BoundaryEntry]) -> Matter:
-    """What chooses slaves; without materials, which are complained of elsewhere, all is alike."""
-    young = np.array([m.young for m in materials] or [1.0])[np.maximum(cell_material, 0) if materials else 0 * cell_material]
-    held = np.zeros(len(mesh.nodes), dtype=bool)
-    for entry in boundary:
-        if entry.fixed.any():
-            held[entry.nodes] = True
-    for stand in mesh.foreign:
-        held[stand.nodes] |= stand.held.any(axis=1)
-    return Matter(young, held)
+@dataclass
+class _Fields:
+    """What every subdomain gets its share of: of cells ``material`` and ``thermal``, of split nodes ``held`` and ``loads``."""
+
+    material: np.ndarray
+    held: Held
+    loads: np.ndarray
+    thermal: np.ndarray | None
 
 
-def _subdomains(partition: Partition, numbering: SplitNumbering, cell_material: np.ndarray, held_by: np.ndarray, fixed: np.ndarray,
-                prescribed: np.ndarray, split: np.ndarray) -> list[Subdomain]:
+def _subdomains(config: Config, mesh: Mesh, cut: Cut, joints: Joints, fields: _Fields) -> list[Subdomain]:
+    """The subdomains with all that is theirs, and the code that solves each."""
+    partition, numbering, held, made = cut.partition, cut.numbering, fields.held, []
     order = np.argsort(partition.subdomain, kind="stable")
     bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
-    made = []
     for i, name in enumerate(partition.names):
-        cells, start, end = order[bounds[i]:bounds[i + 1]], numbering.offsets[i], numbering.offsets[i + 1]
-        nodes = numbering.nodes[start:end]
-        made.append(Subdomain(i, name, cells, nodes, numbering.corners[cells] - start, cell_material[cells],
-                              fixed[start:end], np.ascontiguousarray(prescribed[:, start:end]),
-                              np.ascontiguousarray(split[:, start:end]), held_by[start:end], body=partition.body(i)))
+        cells, own = order[bounds[i]:bounds[i + 1]], slice(numbering.offsets[i], numbering.offsets[i + 1])
+        made.append(Subdomain(
+            i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start, fields.material[cells], held.fixed[own],
+            np.ascontiguousarray(held.values[:, own]), np.ascontiguousarray(fields.loads[:, own]), held.by[own], body=partition.body(i),
+            foreign=bool(mesh.foreign) and bool(mesh.is_foreign(cells[:1])[0]), contact_area=np.zeros(own.stop - own.start),
+            heated=fields.thermal is not None and bool(fields.thermal[:, cells].any())))
+    grounded = {i.subdomains[1]: i.subdomains[0] for i in joints.grounds}
+    assign_codes(mesh, [s for s in made if s.index not in grounded], config.codes)
+    for e, body in grounded.items():
+        made[e].code = made[body].code
+    for i in joints.interfaces:
+        for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes) if not i.law.perfect else ()):
+            made[e].contact_area[nodes] += node_areas(mesh.nodes[made[e].nodes[nodes]], i.triangles_on(side))
     return made
 
 
-def _contact_areas(mesh: Mesh, subdomains: list[Subdomain], interfaces: list[Interface]) -> None:
-    """Enter at every subdomain's nodes the area of its interfaces that are not perfect."""
-    for s in subdomains:
-        s.contact_area = np.zeros(len(s.nodes))
-    for i in interfaces:
-        if not i.law.perfect:
-            for side, (e, nodes) in enumerate(zip(i.subdomains, i.nodes)):
-                s = subdomains[e]
-                s.contact_area[nodes] += node_areas(mesh.nodes[s.nodes[nodes]], i.triangles_on(side))
-
-
-def _joined(split: np.ndarray, numbering: SplitNumbering) -> np.ndarray:
+def _on_nodes(loads: np.ndarray, numbering: SplitNumbering) -> np.ndarray:
     """Loads (steps, n, 3) on the mesh's nodes from those on split nodes (steps, N, 3)."""
     return np.stack([[np.bincount(numbering.nodes, weights=step[:, c], minlength=numbering.total) for c in range(3)]
-                     for step in split]).transpose(0, 2, 1).copy()
+                     for step in loads]).transpose(0, 2, 1).copy()

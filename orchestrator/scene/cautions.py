@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from orchestrator.scene.conditions.affine import nodal
 from orchestrator.scene.mesh.element import LOCKING
-from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.model import Scene
 from orchestrator.wording import some
 
@@ -39,14 +37,10 @@ def unloaded(scene: Scene) -> Iterator[str]:
         yield ("nothing loads the scene: no traction, no pressure, no body force, no displacement other than zero; "
                "nothing will move")
     for entry in scene.boundary:
-        if entry.kind == "displacement" or not (entry.values.any() or (entry.slope is not None and entry.slope.any())):
+        largest = entry.forces.largest if entry.forces else np.zeros(3)
+        acts = largest > FLAT * largest.max()
+        if not acts.any():
             continue
-        if entry.slope is not None:
-            force = nodal(entry, scene.mesh.nodes).reshape(-1, 1, 3)
-        else:
-            area = area_vectors(scene.mesh.nodes, entry.triangles)
-            force = entry.values[:, :1, None] * area if entry.kind == "pressure" else entry.values[:, None]
-        acts = (np.abs(force) > FLAT * np.abs(force).max()).any(axis=(0, 1))
         if scene.fixed[entry.nodes][:, acts].all():
             yield (f"boundary[{entry.index}], a {entry.kind}, acts on faces alone whose displacement is prescribed along "
                    "it: it goes straight into the support and moves nothing")

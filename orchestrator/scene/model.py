@@ -5,18 +5,18 @@ Indices are zero-based. Lengths, forces and moduli are in the user's units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.laws.perfect import Perfect
-from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.loads.base import Forces, Ground, Prescribed
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -166,14 +166,11 @@ class BoundaryEntry:
     Parameters
     ----------
     index : position in the YAML's list
-    kind : "displacement", "traction" or "pressure"
+    kind : its name, for messages
     triangles : (k, 3 or 6) int, global node ids of the selected boundary faces, outward oriented
     cells : (k, 2) int, the tet each face belongs to, and the one behind it, −1 on the outer boundary
     nodes : (p,) int, global ids of all nodes on those faces
-    fixed : (3,) bool, prescribed components (displacement entries; all False for forces)
-    values : (steps, 3) float, displacement or traction per step; pressures in column 0
-    slope, about : (steps, 3, 3) and (3,) float, where it varies: values + slope (x − about); None: it is uniform
-    frame : cylindrical directions that the values are along; None: x, y and z
+    does : what acts there; forces are those of its faces
     """
 
     index: int
@@ -181,16 +178,28 @@ class BoundaryEntry:
     triangles: np.ndarray
     cells: np.ndarray
     nodes: np.ndarray
-    fixed: np.ndarray
-    values: np.ndarray
-    slope: np.ndarray | None = None
-    about: np.ndarray | None = None
-    frame: Cylindrical | None = None
+    does: Forces | Prescribed | Ground
 
     @property
-    def varies(self) -> bool:
-        """Whether it is not the same at all points."""
-        return self.slope is not None or self.frame is not None
+    def forces(self) -> Forces | None:
+        """Its forces, if it loads the faces."""
+        return self.does if isinstance(self.does, Forces) else None
+
+    @property
+    def prescribed(self) -> Prescribed | None:
+        """The displacements that it prescribes, if it does."""
+        return self.does if isinstance(self.does, Prescribed) else None
+
+    @property
+    def ground(self) -> Ground | None:
+        """What is behind the faces, if they stand on something."""
+        return self.does if isinstance(self.does, Ground) else None
+
+    def of(self, faces: np.ndarray) -> BoundaryEntry:
+        """The entry on some of its faces, indices or bool."""
+        triangles = self.triangles[faces]
+        return replace(self, triangles=triangles, cells=self.cells[faces], nodes=np.unique(triangles),
+                       does=self.forces.of(faces) if self.forces else self.does)
 
 
 @dataclass(frozen=True)

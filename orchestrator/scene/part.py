@@ -99,8 +99,8 @@ def _hollow(i: Interface) -> Interface:
                    normals=None, mortar=None, moving=None)
 
 
-def _entry(b: BoundaryEntry, scene: Scene, own: np.ndarray, nodes: np.ndarray) -> BoundaryEntry:
+def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) -> BoundaryEntry:
     """What of a boundary entry is on own subdomains: every face belongs to one."""
-    faces = np.flatnonzero(own[scene.cell_subdomain[b.cells[:, 0]]])
-    triangles = np.searchsorted(nodes, b.triangles[faces])
-    return replace(b, triangles=triangles, cells=np.full((len(faces), 2), -1), nodes=np.unique(triangles))
+    faces = np.flatnonzero(mine[scene.cell_subdomain[b.cells[:, 0]]])
+    own = b.of(faces)
+    return replace(own, triangles=np.searchsorted(nodes, own.triangles), cells=np.full((len(faces), 2), -1), nodes=np.searchsorted(nodes, own.nodes))

@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 from orchestrator.config.rules.combinations import acceleration_fits, belongs_to, exactly_one, following, heeded, magnitudes, one_element, sole_ratio
-from orchestrator.config.rules.conditions import directions, grounds, load_steps, places, prescribed_once, temperatures, what_histories_multiply
+from orchestrator.config.rules.conditions import acting, directions, load_steps, places, what_histories_multiply
 from orchestrator.config.rules.structure import a_mesh, foreign_parts, parts_fit, probes_fit
 from orchestrator.errors import Problem
 
-RULES = [following, magnitudes, exactly_one, belongs_to, places, temperatures, grounds, sole_ratio, load_steps, what_histories_multiply,
-         prescribed_once, acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
+RULES = [following, magnitudes, exactly_one, belongs_to, places, acting, sole_ratio, load_steps, what_histories_multiply,
+         acceleration_fits, heeded, one_element, a_mesh, parts_fit, foreign_parts, directions, probes_fit]
 
 
 def broken_rules(data: Any) -> list[Problem]:

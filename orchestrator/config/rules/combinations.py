@@ -12,6 +12,7 @@ from orchestrator.config.method import RATIO_RANGE
 from orchestrator.config.paths import find, get
 from orchestrator.config.rules.raw import dotted, is_number, law_of, shown
 from orchestrator.errors import KeyPath, Problem
+from orchestrator.registry import IN_VOLUMES, ON_FACES
 
 SMALLEST, HUGEST = 1e-30, 1e30
 
@@ -23,8 +24,8 @@ ONE_OF: dict[KeyPath, tuple[str, ...]] = {
     ("parts", "*", "mesh"): SOURCES,
     ("subdomains",): ("slices", "grid", "metis", "groups"),
     ("method", "tolerance"): ("error", "indicator"),
-    ("boundary", "*"): ("displacement", "symmetry", "motion", "traction", "pressure", "resultant", "foundation", "coupling"),
-    ("loads", "*"): ("body_force", "gravity", "spin", "temperature"),
+    ("boundary", "*"): tuple(ON_FACES),
+    ("loads", "*"): tuple(IN_VOLUMES),
 }
 
 

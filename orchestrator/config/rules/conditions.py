@@ -9,10 +9,11 @@ from orchestrator.config.entry import Entry
 from orchestrator.config.foreign_parts import KINDS
 from orchestrator.config.paths import find, get
 from orchestrator.config.rules.raw import dotted, is_number, is_per_step, is_vectors, law_of, shown
+from orchestrator.config.turning import no_direction
 from orchestrator.errors import KeyPath, Problem
-from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, LAWS
+from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
-ENTRIES = {"boundary": ("displacement", "traction"), "loads": ("body_force",), "interfaces": (), "bolts": ()}
+ACTING = {"boundary": ON_FACES, "loads": IN_VOLUMES}
 
 
 def places(data: Any) -> Iterator[Problem]:
@@ -31,67 +32,34 @@ def places(data: Any) -> Iterator[Problem]:
                           "swap the coordinates that decrease")
 
 
-def grounds(data: Any) -> Iterator[Problem]:
-    """What stands on the ground says how, and a frame has something to turn."""
-    for path, entry in find(data, ("boundary", "*")):
-        if not isinstance(entry, dict):
-            continue
-        bed, coupling = entry.get("foundation"), entry.get("coupling")
-        if isinstance(bed, dict):
-            given = [key for key in ("normal", "tangential", "stiffness") if bed.get(key) is not None]
-            if given not in (["normal"], ["normal", "tangential"], ["stiffness"]):
-                yield Problem((*path, "foundation"), " and ".join(given) or "nothing", "normal, with tangential or without, or stiffness alone",
-                              "write {normal: 1.0e4}, or {stiffness: [0, 0, 1.0e4]}")
-            elif given == ["stiffness"] and is_vectors([bed["stiffness"]]) and not any(bed["stiffness"]):
-                yield Problem((*path, "foundation", "stiffness"), "no stiffness along any direction", "one above 0 at least", "leave the entry out")
-        if isinstance(coupling, dict):
-            for kind, load in (("displacement", "force"), ("rotation", "moment")):
-                both = [k for k, (x, f) in enumerate(zip(coupling.get(kind) or [], coupling.get(load) or [])) if x is not None and f]
-                if both:
-                    yield Problem((*path, "coupling", load), f"component {'xyz'[both[0]]} of {load} and of {kind}", "one of the two: what is "
-                                  "prescribed is not loaded", f"write null for it in {kind}, or 0 in {load}")
-            if not any(x is not None for kind in ("displacement", "rotation") for x in coupling.get(kind) or []) and not any(
-                    f for load in ("force", "moment") for f in coupling.get(load) or []) and coupling.get("kind", "rigid") != "rigid":
-                yield Problem((*path, "coupling"), "nothing prescribed and nothing loaded", "a displacement, rotation, force or moment",
-                              "leave the entry out; kind: rigid alone keeps a surface rigid")
-        if bed is not None and entry.get("history") is not None:
-            yield Problem((*path, "history"), "history beside foundation, whose springs are what they are", "a history of what is prescribed or "
-                          "loaded", "remove the history")
-        turned = entry.get("displacement") is not None or entry.get("traction") is not None or \
-            isinstance(bed, dict) and bed.get("stiffness") is not None
-        if entry.get("frame") is not None and not turned:
-            yield Problem((*path, "frame"), "a frame with nothing to turn", "a frame beside a displacement, a traction, or stiffness of a foundation",
-                          "remove the frame")
-
-
-def temperatures(data: Any) -> Iterator[Problem]:
-    """A temperature that varies comes from a file, or linearly from a point."""
-    for path, field in find(data, ("loads", "*", "temperature")):
-        if not isinstance(field, dict):
-            continue
-        given = [key for key in ("value", "at", "gradient", "file") if field.get(key) is not None]
-        if given != ["file"] and set(given) not in ({"at", "gradient"}, {"value", "at", "gradient"}):
-            yield Problem(path, " and ".join(given) or "nothing", "a file alone, or at and gradient together, with a value or without",
-                          "write a number where it is the same everywhere, {at: [x, y, z], gradient: [a, b, c]} or {file: warm.csv}")
+def acting(data: Any) -> Iterator[Problem]:
+    """What the kinds of loads and supports say of themselves; a frame has something to turn."""
+    for group, kinds in ACTING.items():
+        for name, kind in kinds.items():
+            yield from kind.broken_among([(path, entry[name], entry) for path, entry in find(data, (group, "*"))
+                                          if isinstance(entry, dict) and entry.get(name) is not None])
+        for path, entry in find(data, (group, "*")):
+            given = [name for name in kinds if isinstance(entry, dict) and entry.get(name) is not None]
+            for name in given:
+                yield from kinds[name].broken((*path, name), entry[name], entry)
+            if isinstance(entry, dict) and entry.get("frame") is not None and not any(kinds[name].turned(entry[name]) for name in given):
+                yield Problem((*path, "frame"), "a frame with nothing to turn", "a frame beside a displacement, a traction, or stiffness of a foundation",
+                              "remove the frame")
 
 
 def directions(data: Any) -> Iterator[Problem]:
-    """Axes have a direction, and what is spread over a surface is something."""
-    for where in (("parts", "*", "move", "rotate", "axis"), ("boundary", "*", "motion", "rotate", "axis"), ("loads", "*", "spin", "axis"),
-                  ("bolts", "*", "cut", "plane"), ("boundary", "*", "frame", "axis")):
+    """Axes have a direction."""
+    for where in (("parts", "*", "move", "rotate", "axis"), ("bolts", "*", "cut", "plane"), ("boundary", "*", "frame", "axis")):
         for path, axis in find(data, where):
-            if isinstance(axis, list) and not any(axis):
-                yield Problem(path, shown(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")
-    for path, resultant in find(data, ("boundary", "*", "resultant")):
-        if isinstance(resultant, dict) and not resultant.get("force") and not resultant.get("moment"):
-            yield Problem(path, "neither force nor moment", "one of them, or both", "add force: [0, 0, -1000]")
+            yield from no_direction(path, axis)
 
 
 def load_steps(data: Any) -> Iterator[Problem]:
     """Histories exist, and all entries agree on the number of steps."""
     histories = get(data, "histories") or {}
     counts: list[tuple[KeyPath, int]] = []
-    for group, keys in ENTRIES.items():
+    for group in ("boundary", "loads", "interfaces", "bolts"):
+        keys = [name for name, kind in ACTING.get(group, {}).items() if kind.listed]
         for path, entry in find(data, (group, "*")):
             if not isinstance(entry, dict) or not isinstance(histories, dict):
                 continue
@@ -138,31 +106,3 @@ def what_histories_multiply(data: Any) -> Iterator[Problem]:
                           "a history beside a jump, a gap that is a number, or a force", "remove the history")
         elif isinstance(factors, list) and all(map(is_number, factors)) and (wrong := parameters.wrong_factors(factors)):
             yield Problem((*path, "history"), *wrong)
-
-
-def prescribed_once(data: Any) -> Iterator[Problem]:
-    """A displacement prescribes something, and the same place is not told two different things."""
-    seen: dict[tuple[str, int], tuple[KeyPath, Any]] = {}
-    for path, entry in find(data, ("boundary", "*")):
-        vector = entry.get("displacement") if isinstance(entry, dict) else None
-        rows = vector if is_per_step(vector) else [vector]
-        if not all(isinstance(row, list) and len(row) == 3 for row in rows):
-            continue
-        if all(value is None for row in rows for value in row):
-            yield Problem((*path, "displacement"), "no prescribed component", "at least one number",
-                          "remove the entry, or prescribe a component")
-        for component in range(3):
-            values = [row[component] for row in rows]
-            free = [value is None for value in values]
-            if any(free) and not all(free):
-                yield Problem((*path, "displacement"), f"component {'xyz'[component]} free at some steps only",
-                              "free at all load steps or at none", "give a number, or null, at every step")
-            elif not all(free):
-                # Zero stays zero whatever the history.
-                told = values, entry.get("history") if any(values) else None
-                first, other = seen.setdefault((shown(entry.get("on")), component), (path, told))
-                if other != told:
-                    yield Problem((*path, "displacement"),
-                                  f"component {'xyz'[component]} of this place prescribed again, differently",
-                                  f"one value, as in {dotted(first)}", "remove one of the two, or free it with null")
-                    break

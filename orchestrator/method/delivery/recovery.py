@@ -7,7 +7,6 @@ import numpy as np
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.scene.conditions.affine import wrench
 from orchestrator.scene.model import Scene
 
 
@@ -141,7 +140,7 @@ def reactions(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, about: n
             for axis, lever, sign in ((3 + (c + 1) % 3, (c + 2) % 3, 1), (3 + (c + 2) % 3, (c + 1) % 3, -1)):  # arm × e_c
                 np.add.at(supported[:, :, axis], (slice(None), entry), sign * push * arm[held, lever])
     for entry in scene.boundary:  # every face is on one rank
-        if entry.kind != "displacement":
-            supported[:, entry.index] = wrench(entry, scene.mesh.nodes, about)
+        if entry.forces:
+            supported[:, entry.index] = entry.forces.resultant(scene.mesh.nodes[entry.triangles], about)
     total, = d.space.team.sum(supported)
     return total.swapaxes(0, 1)

@@ -30,7 +30,6 @@ from orchestrator.results.answers.extremes import (
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.conditions.affine import wrench
 from orchestrator.scene.conditions.probes import Point, Surface
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.quadratic import TET_EDGES, TRIANGLE_SHARES
@@ -137,9 +136,8 @@ def _resultant(probe: Surface, scene: Scene, fields: Fields, parts: Sequence[np.
     forces, arm = np.where(others, 0.0, held - loads)[:, here], points[here] - probe.about
     total = np.concatenate([forces.sum(axis=1), np.cross(arm, forces).sum(axis=1)], axis=1)
     for entry, faces in zip(scene.boundary, on):
-        if entry.kind != "displacement" and faces.any():
-            some = replace(entry, triangles=entry.triangles[faces], cells=entry.cells[faces])
-            total += wrench(some, scene.mesh.nodes, probe.about)
+        if entry.forces and faces.any():
+            total += entry.forces.of(faces).resultant(scene.mesh.nodes[entry.triangles[faces]], probe.about)
     return _told(probe, "resultant", "force", RESULTANT, total, at=probe.about)
 
 

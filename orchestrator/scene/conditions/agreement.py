@@ -74,7 +74,7 @@ def check_agreement(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Seque
     moved = rows.value - np.einsum("rc,trc->tr", rows.direction, shift[:, label[rows.node]])
     left = np.abs(residual(rows.direction, moved, of))
     size = np.zeros((len(moved), group.max() + 1))
-    for values in (np.abs(rows.value), np.abs(moved), np.array([reach(entry, mesh) for entry in boundary]).T[:, rows.entry]):
+    for values in (np.abs(rows.value), np.abs(moved), reach(boundary, mesh, len(moved)).T[:, rows.entry]):
         np.maximum.at(size, (slice(None), of), values)
     _contradictions(mesh, rows, of, left > TOLERANCE * size[:, of], left, jumps, numbering, group, label, problems)
 

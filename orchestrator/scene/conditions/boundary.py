@@ -6,14 +6,15 @@ what is prescribed on one of them is so on all; where an interface opens, the ne
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import Problems
-from orchestrator.scene.conditions.affine import KINDS, field_of, normal_of
+from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select
+from orchestrator.scene.loads.base import OnFaces, Prescribed
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.mesh.mesh import Mesh
@@ -24,63 +25,43 @@ from orchestrator.scene.partition.numbering import SplitNumbering
 SAME = 1e-12
 
 
-def resolve_boundary(mesh: Mesh, faces: Faces, entries: list[Any], vectors: list[list[list[float | None]]],
-                     factors: list[list[float]], problems: Problems) -> list[BoundaryEntry]:
-    """Finds the faces of each entry of ``boundary:``.
+def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: Sequence[Sequence[float]], problems: Problems) -> list[BoundaryEntry]:
+    """What each entry of ``boundary:`` does, and to which faces.
 
     Parameters
     ----------
-    vectors : per entry (steps, 3) values, None for free components; pressures in column 0; None for fields
     factors : per entry (steps,) what multiplies it
     """
     resolved = []
-    for i, (entry, rows) in enumerate(zip(entries, vectors)):
-        kind = next(k for k in KINDS if getattr(entry, k, None) is not None)
-        chosen = select(mesh, faces, entry.on, ("boundary", i, "on"), problems)
-        if mesh.foreign and len(chosen):  # what holds and loads them they bring along
-            foreign = mesh.is_foreign(faces.owner[chosen])
-            if foreign.all():
-                name = mesh.volumes[mesh.volume[faces.owner[chosen[0]]]]
-                problems.add(("boundary", i, "on"), f"faces of {name!r}, whose mesh is not this program's", "faces of parts with a mesh",
-                             "put supports and loads in the part's own files")
-            chosen = chosen[~foreign]
-        if kind not in ("displacement", "motion", "symmetry") or entry.stands:
-            inside = chosen[faces.neighbour[chosen] >= 0]
-            if len(inside):
-                where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
-                problems.add(("boundary", i, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the "
-                             f"first at {where}: a {kind} there has no side to act on", "faces of the outer boundary",
-                             "select outer faces; for forces inside the body use loads:")
-        triangles, cells = faces.triangles[chosen], np.c_[faces.owner[chosen], faces.neighbour[chosen]]
-        if entry.stands:
-            resolved.append(BoundaryEntry(i, "displacement", triangles, cells, np.unique(triangles), np.zeros(3, dtype=bool),
-                                          np.zeros((len(factors[i]), 3))))
-            continue
-        frame = Cylindrical.of(entry.frame)
-        if frame is not None and any(x for row in rows for x in row[:2]):  # what is zero is so in any direction
-            frame.check(mesh.nodes, triangles, ("boundary", i, "frame"), problems)
-        if kind == "symmetry":
-            axis = normal_of(mesh.nodes, triangles)
-            if axis is None:
-                problems.add(("boundary", i, "on"), "a plane of symmetry that is curved, or across no axis",
-                             "faces on a plane across x, y or z", "turn the model so that the plane is across an axis (parts "
-                             "have move: {rotate: …}), or select the plane's faces alone")
-            resolved.append(BoundaryEntry(i, "displacement", triangles, cells, np.unique(triangles), np.arange(3) == axis,
-                                          np.zeros((len(factors[i]), 3))))
-            continue
-        if rows is None:
-            acts, values, slope, about = field_of(entry, factors[i], mesh.nodes, triangles)
-            resolved.append(BoundaryEntry(i, acts, triangles, cells, np.unique(triangles),
-                                          np.full(3, acts == "displacement"), values, slope, about))
-            continue
-        given = np.array([[value is not None for value in row] for row in rows])
-        if (given != given[0]).any():
-            problems.add(("boundary", i, kind), "components that are free at some load steps only",
-                         "the same components prescribed at every load step", "replace null by numbers, or numbers by null")
-        values = np.array([[0.0 if value is None else value for value in row] for row in rows], dtype=float)
-        resolved.append(BoundaryEntry(i, kind, triangles, cells, np.unique(triangles),
-                                      given.all(axis=0) & (kind == "displacement"), values, frame=frame))
+    for i, (entry, times) in enumerate(zip(entries, factors)):
+        path = ("boundary", i)
+        chosen = _with_meshes(mesh, faces, select(mesh, faces, entry.on, (*path, "on"), problems), path, problems)
+        triangles = faces.triangles[chosen]
+        does = acting(mesh, triangles, entry, times, path, problems)
+        inside = chosen[faces.neighbour[chosen] >= 0]
+        if len(inside) and not isinstance(does, Prescribed):
+            where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
+            problems.add((*path, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the first at {where}: a {entry.acts} there has no "
+                         "side to act on", "faces of the outer boundary", "select outer faces; for forces inside the body use loads:")
+        resolved.append(BoundaryEntry(i, entry.acts, triangles, np.c_[faces.owner[chosen], faces.neighbour[chosen]], np.unique(triangles), does))
     return resolved
+
+
+def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath, problems: Problems) -> Any:
+    """What an entry of ``boundary:`` does to faces (k, 3 or 6)."""
+    return entry.kind.made(entry.given, OnFaces(path, mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems))
+
+
+def _with_meshes(mesh: Mesh, faces: Faces, chosen: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:
+    """Those of the faces that are not of parts whose mesh is not ours: what holds and loads these they bring along."""
+    if not mesh.foreign or not len(chosen):
+        return chosen
+    foreign = mesh.is_foreign(faces.owner[chosen])
+    if foreign.all():
+        name = mesh.volumes[mesh.volume[faces.owner[chosen[0]]]]
+        problems.add((*path, "on"), f"faces of {name!r}, whose mesh is not this program's", "faces of parts with a mesh",
+                     "put supports and loads in the part's own files")
+    return chosen[~foreign]
 
 
 def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.ndarray:
@@ -120,49 +101,36 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
     count = int(label.max()) + 1
     setter = np.full((count, 3), -1)
     values = np.zeros((steps, count, 3))
-    slack = TOLERANCE * np.array([reach(entry, mesh) for entry in boundary]).reshape(len(boundary), steps)
+    slack = TOLERANCE * reach(boundary, mesh, steps)
+    first = np.zeros(count, dtype=int)
+    first[label] = np.arange(len(label))
     for number, entry in enumerate(boundary):
-        if not entry.fixed.any():
+        if entry.prescribed is None:
             continue
         at = _labels(entry, cell_subdomain, numbering, label)
-        varies = None
-        if entry.varies:  # copies of a node that are one are at one place, but for rounding
-            first = np.zeros(count, dtype=int)
-            first[label] = np.arange(len(label))
-            points = mesh.nodes[numbering.nodes[first[at]]]
-            varies = np.einsum("tij,nj->tni", entry.slope, points - entry.about) if entry.frame is None else \
-                entry.frame.turned(entry.values, points) - entry.values[:, None]
-        for c in np.flatnonzero(entry.fixed):
-            earlier = setter[at, c]
-            there = values[:, at, c]
-            wanted = entry.values[:, c, None]
-            if varies is not None:
-                wanted = wanted + varies[:, :, c]
+        given = entry.prescribed.at(mesh.nodes[numbering.nodes[first[at]]])  # copies that are one are at one place, but for rounding
+        for c in np.flatnonzero(entry.prescribed.fixed):
+            earlier, there, wanted = setter[at, c], values[:, at, c], given[:, :, c]
             differs = np.abs(there - wanted) > SAME * np.maximum(np.abs(there), np.abs(wanted)) + slack[number][:, None] + slack[earlier].T
             clash = (earlier >= 0) & differs.any(axis=0)
             if clash.any():
-                first = int(np.flatnonzero(clash)[0])
-                step = int(np.flatnonzero(differs[:, first])[0])
-                node = numbering.nodes[np.flatnonzero(label == at[first])[0]]
+                one = int(np.flatnonzero(clash)[0])
+                step = int(np.flatnonzero(differs[:, one])[0])
                 problems.add(("boundary", entry.index, "displacement"),
-                             f"boundary[{earlier[first]}] and boundary[{entry.index}] contradict each other on "
-                             f"{clash.sum()} nodes, the first at {format_point(mesh.nodes[node])}: u{'xyz'[c]} = "
-                             f"{there[step, first]:g} and {np.broadcast_to(wanted, there.shape)[step, first]:g} at load "
-                             f"step {step + 1}",
-                             "one value per node and component",
+                             f"boundary[{earlier[one]}] and boundary[{entry.index}] contradict each other on {clash.sum()} nodes, the first at "
+                             f"{format_point(mesh.nodes[numbering.nodes[first[at[one]]]])}: u{'xyz'[c]} = {there[step, one]:g} and "
+                             f"{wanted[step, one]:g} at load step {step + 1}", "one value per node and component",
                              f"put null for u{'xyz'[c]} in one of the two, or select faces that do not meet")
             values[:, at, c] = wanted
             setter[at, c] = entry.index
     return setter[label], values[:, label]
 
 
-def reach(entry: BoundaryEntry, mesh: Mesh) -> np.ndarray:
-    """(steps,) how much what an entry prescribes changes over the mesh: coordinates are rounded, so that it is so at every node."""
-    if entry.frame is not None:
-        return np.abs(entry.values).max(axis=1)
-    if entry.slope is None:
-        return np.zeros(len(entry.values))
-    return np.linalg.norm(entry.slope, axis=(1, 2)) * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+def reach(boundary: list[BoundaryEntry], mesh: Mesh, steps: int) -> np.ndarray:
+    """(entries, steps) how much what each prescribes changes over the mesh: coordinates are rounded, so that it does at every node."""
+    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    return np.array([entry.prescribed.field.change(entry.prescribed.amounts, size) if entry.prescribed else np.zeros(steps)
+                     for entry in boundary]).reshape(len(boundary), steps)
 
 
 def _labels(entry: BoundaryEntry, cell_subdomain: np.ndarray, numbering: SplitNumbering,

@@ -18,7 +18,7 @@ def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[I
     ----------
     interfaces : all there are; only sides with nodes of their own count, shared faces are no outer ones
     """
-    loads = [entry for entry in boundary if entry.kind != "displacement" and len(entry.triangles)]
+    loads = [entry for entry in boundary if entry.forces and len(entry.triangles)]
     if not loads:
         return []
     keys = [np.empty(0, np.int64)]

@@ -35,11 +35,6 @@ class Cylindrical:
         radial = radial / np.where(size > 0, size, 1.0)
         return np.stack([radial, np.cross(self.axis, radial), np.broadcast_to(self.axis, radial.shape)], axis=-2)
 
-    def turned(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """(steps, k, 3) along x, y and z at points (k, 3), of values (steps, 3) along the directions; rounding counts as zero."""
-        result = np.einsum("ti,kij->tkj", values, self.directions(points))
-        return np.where(np.abs(result) > ROUNDING * np.abs(values).max(initial=0.0), result, 0.0)
-
     def check(self, nodes: np.ndarray, triangles: np.ndarray, path: KeyPath, problems: Problems) -> None:
         """Neither nodes nor faces may meet the axis: nothing is radial there.
 

@@ -30,7 +30,7 @@ def check_sides(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Sequence[
     ----------
     held_by, prescribed : (N, 3) and (steps, N, 3), of ``prescribe``
     """
-    slack = TOLERANCE * np.array([reach(entry, mesh) for entry in boundary]).reshape(len(boundary), len(prescribed))
+    slack = TOLERANCE * reach(boundary, mesh, len(prescribed))
     for i in interfaces:
         if i.matching and i.law.given_jump is not None:
             continue
@@ -47,7 +47,7 @@ def check_sides(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Sequence[
         same = i.law.perfect & (by == by[:, :1]).all(axis=1)
         size = np.maximum(np.abs(prescribed[:, one]).max(axis=2), np.abs(prescribed[:, two]).max(axis=(2, 3)))
         allowed = TOLERANCE * size + (slack[by].max(axis=(1, 2)) * (1 + apart / (TOLERANCE * _size(mesh)))[:, None]).T
-        turned = np.array([entry.frame is not None for entry in boundary])[by].any(axis=(1, 2))
+        turned = np.array([bool(entry.prescribed) and entry.prescribed.field.turns for entry in boundary])[by].any(axis=(1, 2))
         normals = node_normals(points, triangles)
         flat = area_vectors(points, triangles)
         flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)

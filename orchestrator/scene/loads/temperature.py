@@ -1,4 +1,4 @@
-"""Thermal strain: what temperatures make of matter that expands, as nodal forces and as strain without stress.
+"""``temperature``: thermal strain of matter that expands, as strain without stress and as nodal forces.
 
 With ε₀ = α ΔT 1, linear on every tet from its corners, σ = C (ε − ε₀) and the forces are
 
@@ -11,22 +11,21 @@ by themselves on every tet.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import Field
 
-from orchestrator.config.boundary import BodyForce
-from orchestrator.errors import KeyPath, Problems
-from orchestrator.scene.conditions.materials import cells_loaded
+from orchestrator.config.base import Name, Part, Vector, either
+from orchestrator.errors import KeyPath, Problem, Problems
 from orchestrator.scene.elasticity import lame
+from orchestrator.scene.loads.base import InVolumes, Kind, Strain
 from orchestrator.scene.mesh.geometry import shape_gradients, tet_volumes
-from orchestrator.scene.mesh.quadratic import quadratic_slopes
-from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import Material
-from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.mesh.quadratic import TET_EDGES, quadratic_slopes
+from orchestrator.scene.mesh.quality import format_point
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where
 # that is more than a share of the shortest edge there: then the row of the next node of a thin part is as near.
@@ -38,36 +37,41 @@ _INNER = (5 - np.sqrt(5)) / 20
 FOUR = np.full((4, 4), _INNER) + (1 - 4 * _INNER) * np.eye(4)
 
 
-def eigenstrain(mesh: Mesh, entries: list[BodyForce], factors: list[list[float]], expansion: list[float | None],
-                cell_material: np.ndarray, problems: Problems) -> np.ndarray | None:
-    """(steps, m, 4) α ΔT at the corners of every tet; None where nothing is heated.
+class TemperatureField(Part):
+    """A temperature that varies: linearly in space, or as a file says node by node."""
 
-    Parameters
-    ----------
-    entries : of ``loads``; factors : per entry (steps,)
-    expansion : per material, None where it has none; cell_material : (m,) int
-    """
-    result = None
-    for i, entry in enumerate(entries):
-        if entry.temperature is None:
-            continue
-        cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
-        stiff = sorted({int(m) for m in cell_material[cells] if m >= 0 and expansion[m] is None})
-        if stiff:
-            problems.add(("loads", i, "temperature"), f"matter without expansion: materials[{stiff[0]}]",
-                         "an expansion of all the matter it acts on", "add expansion: to the material, strain per temperature "
-                         "(steel: 1.2e-5 per kelvin)")
-            continue
-        corners = mesh.cells[cells, :4]
+    value: float = Field(0.0, description="at the point `at`")
+    at: Vector | None = Field(None, description="a point; comes with `gradient`")
+    gradient: Vector | None = Field(None, description="change per length along x, y and z")
+    file: Name | None = Field(None, description=(
+        "text file relative to the YAML file, in place of the others: rows x y z T, a row for every node, or a column of "
+        "temperatures for each load step"))
+
+
+class Temperature(Kind):
+    takes = either(TemperatureField, float, lambda value: isinstance(value, (dict, TemperatureField)),
+                   "a number, or {at: [0, 0, 10], gradient: [0, 0, 2.5]}, or {file: warm.csv}")
+    meaning = "temperature above the one without stress, by the materials' expansion: a number, {value, at, gradient} or {file}"
+    files = ("file",)
+
+    @classmethod
+    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
+        if not isinstance(value, dict):
+            return
+        given = [key for key in TemperatureField.model_fields if value.get(key) is not None]
+        if given != ["file"] and set(given) not in ({"at", "gradient"}, {"value", "at", "gradient"}):
+            yield Problem(path, " and ".join(given) or "nothing", "a file alone, or at and gradient together, with a value or without",
+                          "write a number where it is the same everywhere, {at: [x, y, z], gradient: [a, b, c]} or {file: warm.csv}")
+
+    @classmethod
+    def made(cls, value: Any, where: InVolumes) -> Strain | None:
+        alpha = where.of_matter("expansion", "temperature", "add expansion: to the material, strain per temperature (steel: 1.2e-5 per kelvin)")
+        if alpha is None:
+            return None
+        corners = where.mesh.cells[where.cells, :4]
         nodes = np.unique(corners)
-        warmth = _at_nodes(mesh, nodes, entry.temperature, np.asarray(factors[i], dtype=float), ("loads", i, "temperature"), problems)
-        if warmth is None or not len(cells):
-            continue
-        if result is None:
-            result = np.zeros((len(factors[i]), len(mesh.cells), 4))
-        alpha = np.array([expansion[m] for m in cell_material[cells]], dtype=float)
-        result[:, cells] += alpha[:, None] * warmth[:, np.searchsorted(nodes, corners)]
-    return result
+        warmth = _at_nodes(where.mesh, nodes, value, where.factors, (*where.path, "temperature"), where.problems)
+        return None if warmth is None else Strain(alpha[:, None] * warmth[:, np.searchsorted(nodes, corners)])
 
 
 def _at_nodes(mesh: Mesh, nodes: np.ndarray, given: Any, times: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray | None:
@@ -140,14 +144,13 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
     return times[:, None] * rows[nearest, 3:].T
 
 
-def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: list[Material], cell_material: np.ndarray,
-                  numbering: SplitNumbering, loads: np.ndarray) -> None:
-    """Adds the forces of thermal strain (steps, m, 4) to ``loads`` (steps, N, 3) on split nodes."""
+def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: Sequence[Any], cell_material: np.ndarray, at: np.ndarray, loads: np.ndarray) -> None:
+    """Adds the forces of thermal strain (steps, m, 4) to ``loads`` (steps, N, 3), at the cells' nodes ``at`` (m, 4 or 10)."""
     cells = np.flatnonzero(strain.any(axis=(0, 2)))
     gradients, volume = shape_gradients(mesh.nodes, mesh.cells[cells])
     first, second = np.array([lame(m.young, m.poisson) for m in materials])[cell_material[cells]].T
     stiff = (3 * first + 2 * second) * volume
-    at = numbering.corners[cells]
+    at = at[cells]
     for step, own in enumerate(strain[:, cells]):
         if mesh.cells.shape[1] == 4:
             forces = (stiff * own.mean(axis=1))[:, None, None] * gradients

@@ -1,0 +1,214 @@
+"""What a kind of load or support tells of itself, where it acts, and what comes of it.
+
+Whatever acts is a sum of few fields in space, each times what the load steps multiply it with: Σ_m a_m(t) φ_m(x).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from orchestrator.errors import KeyPath, Problem, Problems
+from orchestrator.scene.conditions.frames import Cylindrical
+from orchestrator.scene.mesh.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Consistent forces on the nodes of elements, Σ_m amounts[t, m] shapes[m].
+
+    Parameters
+    ----------
+    amounts : (steps, m, 3 or 1)
+    shapes : (m, k, p, 1 or 3), of k elements with p nodes: a share for all components, or a force
+    """
+
+    amounts: np.ndarray
+    shapes: np.ndarray
+
+    def of(self, elements: np.ndarray) -> Forces:
+        """Those of some elements alone, indices or bool."""
+        return replace(self, shapes=self.shapes[:, elements])
+
+    def add_to(self, loads: np.ndarray, at: np.ndarray) -> None:
+        """Add them to ``loads`` (steps, N, 3) at the elements' nodes (k, p)."""
+        for m, shape in enumerate(self.shapes):
+            sums = np.stack([np.bincount(at.ravel(), weights=own.ravel(), minlength=loads.shape[1]) for own in np.moveaxis(shape, 2, 0)], axis=1)
+            loads += self.amounts[:, m, None] * sums
+
+    def resultant(self, points: np.ndarray, about: np.ndarray) -> np.ndarray:
+        """(steps, 6) the force, and its moment about a point (3,), from the places (k, p, 3) of the nodes."""
+        force = (self.amounts * self.shapes.sum(axis=(1, 2))).sum(axis=1) + np.zeros(3)
+        first = np.einsum("kpx,mkpc->mxc", points - about, self.shapes)
+        product = (self.amounts[:, :, None] * first).sum(axis=1) + np.zeros((3, 3))  # Σ x F
+        return np.concatenate([force, np.stack([product[:, y, z] - product[:, z, y] for y, z in ((1, 2), (2, 0), (0, 1))], axis=1)], axis=1)
+
+    @property
+    def largest(self) -> np.ndarray:
+        """(3,) how large components get, at any node and load step."""
+        return (np.abs(self.amounts).max(axis=0) * np.abs(self.shapes).max(axis=(1, 2), initial=0.0)).max(axis=0) + np.zeros(3)
+
+
+class Field(ABC):
+    """Displacements in space, m of them, of a size of one."""
+
+    turns: ClassVar[bool] = False  # along directions that differ from node to node
+
+    @abstractmethod
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """(m, n, 3) at points (n, 3)."""
+
+    def change(self, amounts: np.ndarray, size: float) -> np.ndarray:
+        """(steps,) how much Σ amounts (steps, m) field changes over a length at most: coordinates are rounded, so that it does at every node."""
+        return np.zeros(len(amounts))
+
+
+class Uniform(Field):
+    """One along x, y and z each."""
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(np.eye(3)[:, None], (3, len(points), 3))
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Displacements Σ_m amounts[t, m] field_m(x), in components ``fixed`` (3,) bool.
+
+    Parameters
+    ----------
+    amounts : (steps, m)
+    """
+
+    fixed: np.ndarray
+    amounts: np.ndarray
+    field: Field
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """(steps, n, 3) at points (n, 3)."""
+        return np.einsum("tm,mnc->tnc", self.amounts, self.field.at(points))
+
+
+class Ground(ABC):
+    """A rigid ground behind a surface, which does to it what a law says."""
+
+    whole: ClassVar[bool] = False  # the surface moves as one, so that it is of one subdomain
+
+    @abstractmethod
+    def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
+        """The law at every load step, at the nodes (n, 3) of a patch of triangles (k, 3 or 6)."""
+
+
+@dataclass(frozen=True)
+class OnFaces:
+    """Where an entry of ``boundary`` acts, and when.
+
+    Parameters
+    ----------
+    path : of the entry in the YAML
+    nodes : (n, 3), all of the mesh
+    triangles : (k, 3 or 6) int, outward
+    factors : (steps,) what its history multiplies it with
+    frame : directions that its components are along; None: x, y and z
+    """
+
+    path: KeyPath
+    nodes: np.ndarray
+    triangles: np.ndarray
+    factors: np.ndarray
+    frame: Cylindrical | None
+    problems: Problems
+
+    def rows(self, vector: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+        """Of a vector, or one per load step: which components (3,) bool are numbers, and (steps, 3) their values, 0 for others."""
+        several = vector if isinstance(vector[0], list) else [vector]
+        given = np.array([[x is not None for x in row] for row in several])
+        if (given != given[0]).any():
+            self.problems.add(self.path, "components that are free at some load steps only", "the same components prescribed at every load step",
+                              "replace null by numbers, or numbers by null")
+        values = np.array([[0.0 if x is None else x for x in row] for row in several])
+        return given.all(axis=0), values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
+
+    def check_frame(self, values: np.ndarray) -> None:
+        """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any direction."""
+        if self.frame is not None and np.any(values[..., :2]):
+            self.frame.check(self.nodes, self.triangles, (*self.path, "frame"), self.problems)
+
+
+@dataclass(frozen=True)
+class InVolumes:
+    """Where an entry of ``loads`` acts, and when.
+
+    Parameters
+    ----------
+    path : of the entry in the YAML
+    cells : (k,) int; volume : (k,) of each
+    matter : entries of ``materials``, None for parts of other programs; material : (k,) int, index into them
+    factors : (steps,) what its history multiplies it with
+    """
+
+    path: KeyPath
+    mesh: Mesh
+    cells: np.ndarray
+    volume: np.ndarray
+    matter: Sequence[Any]
+    material: np.ndarray
+    factors: np.ndarray
+    problems: Problems
+
+    def of_matter(self, key: str, asked_by: str, cure: str) -> np.ndarray | None:
+        """(k,) a property of the cells' matter; None, with a problem, where some matter has none."""
+        values = [getattr(one, key, None) for one in self.matter]
+        without = sorted({int(m) for m in self.material if m >= 0 and values[m] is None})
+        if without:
+            self.problems.add((*self.path, asked_by), f"matter without {key}: materials[{without[0]}]", f"a {key} of all the matter it acts on", cure)
+            return None
+        return np.array([values[m] for m in self.material], dtype=float)
+
+
+@dataclass(frozen=True)
+class Strain:
+    """Strain without stress, the same in all directions: (steps, k, 4) at the corners of cells."""
+
+    values: np.ndarray
+
+
+class Kind:
+    """A kind of entry, of ``boundary`` or of ``loads``; its name is its key there.
+
+    Attributes
+    ----------
+    takes : type of what stands under the key
+    meaning : what that is, in words
+    listed : whether vectors may be listed there, one per load step
+    files : keys of a mapping there that name files
+    """
+
+    takes: ClassVar[Any]
+    meaning: ClassVar[str]
+    listed: ClassVar[bool] = False
+    files: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
+        """Rules that concern several keys: of the raw value at a path, and the entry that it is in."""
+        return iter(())
+
+    @classmethod
+    def broken_among(cls, entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:
+        """Rules that concern several entries of the kind: the path of each, its raw value, and itself."""
+        return iter(())
+
+    @classmethod
+    def turned(cls, value: Any) -> bool:
+        """Whether a frame beside a raw value has something to turn."""
+        return False
+
+    @classmethod
+    def made(cls, value: Any, where: Any) -> Any:
+        """What comes of a value: ``Forces``, ``Prescribed`` or a ``Ground`` on faces; ``Forces``, ``Strain`` or None (with a
+        problem) in volumes."""
+        raise NotImplementedError

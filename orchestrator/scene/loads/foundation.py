@@ -1,0 +1,84 @@
+"""``foundation``: springs to a rigid ground, along the normal and across it, or along three directions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from orchestrator.config.base import Part, Positive
+from orchestrator.errors import KeyPath, Problem
+from orchestrator.registry import GROUND
+from orchestrator.scene.conditions.frames import Cylindrical
+from orchestrator.scene.loads.base import Ground, Kind, OnFaces
+from orchestrator.scene.mesh.patch import node_normals
+
+
+class Foundation(Part):
+    """Springs to a rigid ground: along the normal and across it, or along three directions."""
+
+    normal: Positive | None = Field(None, description="stiffness along the surface's normal, force per area and per length")
+    tangential: float | None = Field(None, ge=0, description="stiffness across it, beside normal; none: 0")
+    stiffness: Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)] | None = Field(None, description=(
+        "in place of the others: stiffness along x, y and z, or along the directions of a frame"))
+
+
+@dataclass(frozen=True)
+class Springs(Ground):
+    """Springs, or directions that are held.
+
+    Parameters
+    ----------
+    stiffness : (3,) per area, infinite where held, 0 where free
+    given : (steps, 3) displacements along the directions
+    frame : of the directions; None: x, y and z
+    upright : the normal and two directions across it instead
+    """
+
+    stiffness: np.ndarray
+    given: np.ndarray
+    frame: Cylindrical | None
+    upright: bool = False
+
+    def laws(self, points: np.ndarray, triangles: np.ndarray) -> list[Any]:
+        normal, count = node_normals(points, triangles), len(points)
+        directions = np.broadcast_to(np.eye(3), (count, 3, 3)) if self.frame is None else self.frame.directions(points)
+        if self.upright:
+            across = np.cross(normal, np.eye(3)[np.abs(normal).argmin(axis=1)])
+            across /= np.linalg.norm(across, axis=1, keepdims=True)
+            directions = np.stack([normal, across, np.cross(normal, across)], axis=1)
+        return [GROUND["support"](np.ascontiguousarray(directions.transpose(1, 2, 0)), np.repeat(self.stiffness[:, None], count, axis=1),
+                                  np.repeat(row[:, None], count, axis=1), normal.T) for row in self.given]
+
+
+class Bedding(Kind):
+    takes = Foundation
+    meaning = "springs to the ground: {normal, tangential}, or {stiffness: [x, y, z]}"
+
+    @classmethod
+    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
+        if entry.get("history") is not None:
+            yield Problem((*path[:-1], "history"), "history beside foundation, whose springs are what they are", "a history of what is prescribed or "
+                          "loaded", "remove the history")
+        if not isinstance(value, dict):
+            return
+        given = [key for key in Foundation.model_fields if value.get(key) is not None]
+        if given not in (["normal"], ["normal", "tangential"], ["stiffness"]):
+            yield Problem(path, " and ".join(given) or "nothing", "normal, with tangential or without, or stiffness alone",
+                          "write {normal: 1.0e4}, or {stiffness: [0, 0, 1.0e4]}")
+        elif isinstance(stiffness := value.get("stiffness"), list) and not any(stiffness):
+            yield Problem((*path, "stiffness"), "no stiffness along any direction", "one above 0 at least", "leave the entry out")
+
+    @classmethod
+    def turned(cls, value: Any) -> bool:
+        return isinstance(value, dict) and value.get("stiffness") is not None
+
+    @classmethod
+    def made(cls, value: Foundation, where: OnFaces) -> Springs:
+        across = value.tangential or 0.0
+        stiffness = np.array(value.stiffness or [value.normal, across, across])
+        where.check_frame(np.ones(3))
+        return Springs(stiffness, np.zeros((len(where.factors), 3)), where.frame, value.stiffness is None)
