@@ -114,6 +114,7 @@ ON_FACES = Registry({
     "traction": "orchestrator.scene.loads.traction:Traction",
     "pressure": "orchestrator.scene.loads.pressure:Pressure",
     "resultant": "orchestrator.scene.loads.resultant:Spread",
+    "hydrostatic": "orchestrator.scene.loads.hydrostatic:Liquid",
     "foundation": "orchestrator.scene.loads.foundation:Bedding",
     "coupling": "orchestrator.scene.loads.coupling:Remote",
 })

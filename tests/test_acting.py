@@ -56,6 +56,25 @@ def test_a_body_in_a_liquid_is_lifted_by_what_it_displaces(element):
 
 
 @pytest.mark.parametrize("element", ELEMENTS)
+def test_a_liquid_presses_below_its_level_alone(element):
+    gate = {"on": "xmax", "hydrostatic": {"level": 1.3, "weight": 3.0}, "history": "twice"}  # the level runs through faces
+    force, moment = acting(problem([HELD, gate], element=element, histories={"twice": [1.0, 2.0]}))
+    thrust = np.array([-3.0 * 1.3**2 / 2, 0, 0])
+    assert np.allclose(force, np.outer([1, 2], thrust), rtol=0, atol=1e-12)
+    assert np.allclose(moment, np.outer([1, 2], np.cross([4.0, 0.5, 1.3 / 3], thrust)), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_body_half_in_a_liquid_is_lifted_by_what_it_displaces(element):
+    up = np.array([1.0, 0.0, 2.0])  # below x + 2 z = 3 lies a prism of area 3 · 1.5 / 2, of which the centre is known
+    level = 3.0 / np.linalg.norm(up)
+    force, moment = acting(problem([{**HELD, "displacement": [0, 0, 0]}, {"on": "*", "hydrostatic": {"level": level, "weight": 5.0, "up": up.tolist()}}],
+                                   element=element))
+    lift = 5.0 * 2.25 * up / np.linalg.norm(up)
+    assert np.allclose(force, [lift], atol=1e-12) and np.allclose(moment, [np.cross([1.0, 0.5, 0.5], lift)], atol=1e-12)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
 def test_weight_and_rotation_pull_at_the_mass(element):
     mass, centre = 7.85e-9 * 8, np.array([2.0, 0.5, 1.0])
     force, moment = acting(problem([HELD], [{"gravity": [0, 0, -9810.0]}], element))
@@ -120,6 +139,9 @@ def test_motions_that_contradict_a_support_are_told():
 WRONG = {
     "no density": (problem([HELD], [{"gravity": [0, 0, -9.81]}], materials=[{"young": 1.0, "poisson": 0.3}]),
                    ("loads", 0, "gravity"), "materials[0]"),
+    "dry": (problem([HELD, {"on": "xmax", "hydrostatic": {"level": -1, "weight": 1.0}}]), ("boundary", 1, "hydrostatic"), "above the level"),
+    "no way up": (problem([HELD, {"on": "xmax", "hydrostatic": {"level": 1, "weight": 1.0, "up": [0, 0, 0]}}]),
+                  ("boundary", 1, "hydrostatic", "up"), "a direction"),
     "two kinds of load": (problem([HELD], [{"gravity": [0, 0, -9.81], "body_force": [0, 0, 1.0]}]), ("loads", 0, "body_force"),
                           "together"),
     "nothing": (problem([HELD, {"on": "xmax", "resultant": {"about": [0, 0, 0]}}]), ("boundary", 1, "resultant"), "neither"),

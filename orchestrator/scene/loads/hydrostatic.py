@@ -1,0 +1,83 @@
+"""``hydrostatic``: the pressure γ (level − x·up) of a liquid on what is below its level, and none above.
+
+It is linear in space where a face is wet, so that the forces are exact on faces that the level runs through, too: of the piece at the
+corner that lies alone on its side, wet or dry, they are integrals of polynomials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from orchestrator.config.base import Part, Positive
+from orchestrator.config.paths import get
+from orchestrator.config.turning import Axis, no_direction, unit
+from orchestrator.errors import KeyPath, Problem
+from orchestrator.scene.loads.base import Forces, Kind, OnFaces
+from orchestrator.scene.loads.pressure import against_normal
+from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, TRIANGLE_MOMENTS
+
+
+class Hydrostatic(Part):
+    """A liquid at rest that stands at a level."""
+
+    level: float = Field(description="coordinate of the liquid's surface along `up`, from the origin")
+    weight: Positive = Field(description="force per volume of the liquid, its density times gravity (water in N and mm: 9.81e-6)")
+    up: Axis = Field("z", description="x, y, z, or a direction [x, y, z]: against gravity")
+
+
+class Liquid(Kind):
+    takes = Hydrostatic
+    meaning = "a liquid's pressure on faces below its level, none above: {level, weight, up}"
+
+    @classmethod
+    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
+        yield from no_direction((*path, "up"), get(value, "up"))
+
+    @classmethod
+    def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:
+        depth = value.level - where.nodes[where.triangles[:, :3]] @ np.array(unit(value.up))
+        if len(depth) and not (depth > 0).any():
+            where.problems.add((*where.path, "hydrostatic"), f"faces that are all above the level, by {-depth.max():.6g} at least",
+                               "a level above some of the faces", "raise level, or turn up to look against gravity")
+        return against_normal(value.weight * wet_moments(depth, where.triangles.shape[1]), where)
+
+
+def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
+    """(k, nodes) integrals of the shape functions of triangles times max(depth, 0), over their areas.
+
+    Parameters
+    ----------
+    depth : (k, 3) at the corners, linear between
+    nodes : 3 or 6 per triangle
+    """
+    wet = depth > 0
+    count = wet.sum(axis=1)
+    result = np.where(count[:, None] >= 2, depth @ TRIANGLE_MOMENTS[nodes].T, 0.0)
+    cut = np.flatnonzero((count == 1) | (count == 2))
+    alone = (wet[cut] == (count[cut] == 1)[:, None]).argmax(axis=1)
+    order = (alone[:, None] + np.arange(3)) % 3  # of the corners, from the one that is alone on its side of the level
+    d = np.take_along_axis(depth[cut], order, axis=1)
+    reach = d[:, :1] / (d[:, :1] - d[:, 1:])  # share of the two edges from it, up to the level
+    within, weights = _rule()
+    along = within[None, :, 1:] * reach[:, None]
+    at = np.zeros((len(cut), len(within), 3))
+    np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2), axis=2)
+    piece = np.einsum("q,kqa,q,k->ka", weights, _shapes(at, nodes), within[:, 0], d[:, 0] * reach.prod(axis=1))
+    result[cut] += np.where(count[cut] == 1, 1.0, -1.0)[:, None] * piece
+    return result
+
+
+def _rule() -> tuple[np.ndarray, np.ndarray]:
+    """Points (9, 3) of a triangle, in barycentric coordinates, and weights of sum 1, exact for cubics: Gauss's, collapsed in a corner."""
+    x, w = np.polynomial.legendre.leggauss(3)
+    a, b = (one.ravel() for one in np.meshgrid((1 + x) / 2, (1 + x) / 2, indexing="ij"))
+    return np.stack([1 - a, a * (1 - b), a * b], axis=1), np.outer(w, w).ravel() / 2 * a
+
+
+def _shapes(at: np.ndarray, nodes: int) -> np.ndarray:
+    """(…, 3 or 6) shape functions of a triangle at barycentric coordinates (…, 3)."""
+    return at if nodes == 3 else np.concatenate([at * (2 * at - 1), 4 * at[..., TRIANGLE_EDGES].prod(axis=-1)], axis=-1)
