@@ -17,12 +17,12 @@ from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
 from orchestrator.scene.foreign.forgotten import forgotten
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
-from orchestrator.scene.mesh.inp_cards import Row, cards, cards_of_a_model, node_table, numbers
+from orchestrator.scene.mesh.inp_cards import Model, Row, cards, cards_of_a_model, numbers, outer
 from orchestrator.scene.mesh.splitting import FACES
 from orchestrator.scene.mesh.straightened import CORNERS, EDGES
 
 # meshio's names, by number of nodes
-SHAPES = {4: "tetra", 10: "tetra10", 6: "wedge", 15: "wedge15", 8: "hexahedron", 20: "hexahedron20"}
+SHAPES = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
 # Faces of elements by their number of nodes, corners first, then middles of edges; anticlockwise seen from outside.
 _TET = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
 _CORNERS = {size: FACES.get(CORNERS.get(shape, (shape,))[0], _TET) for size, shape in SHAPES.items()}
@@ -71,7 +71,16 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
                   any(table.shape[1] in (6, 8) for table in flat), face, remarks, *deck.moduli())
 
 
-class Deck:
+def _solid(kind: str, row: Row) -> tuple[str, int] | None:
+    if not kind.startswith("C3D"):
+        return None
+    digits = int("".join(c for c in kind[3:] if c.isdigit()) or 0)
+    if digits not in SHAPES:
+        row.fail(f"solid elements of type {kind[:12]}", "C3D4, C3D6, C3D8, C3D10, C3D15 or C3D20")
+    return SHAPES[digits], digits
+
+
+class Deck(Model):
     """What of a deck is read.
 
     Parameters
@@ -88,40 +97,20 @@ class Deck:
             self.cards = cards_of_a_model(file)
         except InputError as error:
             raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
-        tables = [node_table(options, rows) for card, options, rows in self.cards if card == "NODE"]
-        if not tables:
+        super().__init__(self.cards, _solid)
+        if not len(self.nodes):
             raise InputError(Problem(path, f"{file}: no nodes", "*NODE with number, x, y, z",
                                      "name the file that has the nodes, or that includes it"))
-        table = np.vstack(tables)
-        ids = table[:, 0].astype(int)
-        last = np.unique(ids[::-1], return_index=True)  # CalculiX takes the last
-        self.ids, self.points = last[0], table[::-1][last[1], 1:]
-        self.sets = self._sets("NSET")
-
-    def _sets(self, kind: str) -> dict[str, np.ndarray]:
-        """Members of all node sets, names in capitals."""
-        found: dict[str, list[np.ndarray]] = {}
-        for card, options, rows in self.cards:
-            if card == "NODE" and "NSET" in options:
-                found.setdefault(options["NSET"].upper(), []).append(node_table(options, rows)[:, 0].astype(int))
-            elif card == kind:
-                own = found.setdefault(options.get(kind, "").upper(), [])
-                for row in rows:
-                    words = [word for word in row.words if word]
-                    if "GENERATE" in options:
-                        first, end, *step = (row.integer(word) for word in words)
-                        own.append(np.arange(first, end + 1, *step))
-                        continue
-                    for word in words:
-                        own.append(np.concatenate(found[word.upper()]) if word.upper() in found else np.array([row.integer(word)]))
-        return {name: np.unique(np.concatenate(parts)) for name, parts in found.items() if parts}
+        ids = self.nodes[::-1, 0].astype(int)
+        self.ids, last = np.unique(ids, return_index=True)  # CalculiX takes the last
+        self.points = self.nodes[::-1][last, 1:]
 
     def nodes_of(self, name: str, path: KeyPath) -> np.ndarray:
         """Numbers of a node set's nodes, ascending."""
-        if name.upper() not in self.sets:
-            raise InputError(Problem(path, f"{self.file}: no node set {name}", "a set of *NSET: " + (", ".join(self.sets) or "there is none"),
+        if (members := self.named("NSET", name)) is None:
+            raise InputError(Problem(path, f"{self.file}: no node set {name}", "a set of *NSET: " + (", ".join(self.sets["NSET"]) or "there is none"),
                                      f"add *NSET, NSET={name} with the nodes of the joint"))
-        return self.sets[name.upper()]
+        return members
 
     def places(self, ids: np.ndarray) -> np.ndarray:
         """(n, 3) where nodes are."""
@@ -139,38 +128,17 @@ class Deck:
     def outer_faces(self) -> list[np.ndarray]:
         """Tables (f, 3, 4, 6 or 8) of the outer faces of solid elements, by number of nodes."""
         found: dict[int, list[np.ndarray]] = {}
-        for table in self._elements():
-            for corners in _CORNERS[table.shape[1]]:
-                middles = _EDGES.get(table.shape[1])
+        for table in self.blocks.values():
+            size = table.shape[1] - 1
+            for corners in _CORNERS[size]:
+                middles = _EDGES.get(size)
                 own = corners + [middles[tuple(sorted(e))] for e in zip(corners, corners[1:] + corners[:1])] if middles else corners
-                found.setdefault(len(own), []).append(table[:, own])
-        result = []
-        for size, tables in sorted(found.items()):
-            every = np.concatenate(tables)
-            _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True, return_counts=True)
-            result.append(every[np.sort(first[count == 1])])
-        return result
+                found.setdefault(len(own), []).append(table[:, 1:][:, own])
+        return [outer(np.concatenate(tables)) for _, tables in sorted(found.items())]
 
-    def _elements(self) -> Iterator[np.ndarray]:
-        """Tables (m, 4, 6, 8, 10, 15 or 20) of solid elements' nodes."""
-        for card, options, rows in self.cards:
-            kind = options.get("TYPE", "").upper()
-            if card != "ELEMENT" or not kind.startswith("C3D"):
-                continue
-            digits = "".join(c for c in kind[3:] if c.isdigit())
-            if int(digits or 0) not in _CORNERS:
-                rows[0].fail(f"solid elements of type {kind[:12]}", "C3D4, C3D6, C3D8, C3D10, C3D15 or C3D20")
-            table, size = numbers(rows), int(digits) + 1
-            if len(table) % size:
-                rows[0].fail(f"{len(table)} numbers for elements of type {kind}", f"a number and {digits} nodes for each")
-            yield table.reshape(-1, size)[:, 1:].astype(int)
-
-    def blocks(self) -> list[tuple[str, np.ndarray]]:
+    def solids(self) -> list[tuple[str, np.ndarray]]:
         """Solid elements by meshio's names, nodes as places in ``ids``; nodes of both programs come in the same order."""
-        found: dict[int, list[np.ndarray]] = {}
-        for table in self._elements():
-            found.setdefault(table.shape[1], []).append(np.searchsorted(self.ids, table))
-        return [(SHAPES[size], np.concatenate(tables)) for size, tables in sorted(found.items())]
+        return [(shape, np.searchsorted(self.ids, self.blocks[shape][:, 1:])) for shape in SHAPES.values() if shape in self.blocks]
 
     def supports(self, ids: np.ndarray, points: np.ndarray, loads: list[Path]) -> tuple[np.ndarray, np.ndarray]:
         """(n, 3) bool, components of joint nodes that are held, and the rigid motions (6, r) that all supports leave.
@@ -196,7 +164,8 @@ class Deck:
         for card, _, rows in given:
             for row in rows if card == "BOUNDARY" else ():
                 words = row.words
-                nodes = self.sets[words[0].upper()] if words[0].upper() in self.sets else np.array([row.integer(words[0])])
+                nodes = self.named("NSET", words[0])
+                nodes = np.array([row.integer(words[0])]) if nodes is None else nodes
                 first = row.integer(words[1])
                 last = row.integer(words[2]) if len(words) > 2 and words[2] else first
                 yield row, np.flatnonzero(np.isin(self.ids, nodes)), [c - 1 for c in range(max(first, 1), min(last, 3) + 1)]

@@ -1,11 +1,14 @@
-"""The cards of CalculiX's and Abaqus's .inp files: keyword, options, lines; files included are read too.
+"""CalculiX's and Abaqus's .inp files: cards, files included, and the nodes, elements and sets that they give.
+
+Read here, not by a library: meshio 5.3 takes no nodes that an *INCLUDE gives before the elements, no *SURFACE and no exponent
+D, and tells no line. Beside meshes, decks that are parts are read, which have more cards than a mesh.
 
 Messages tell file and line and never what stands there: an *INCLUDE may name any file of the machine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -78,6 +81,67 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     if len(bad):
         rows[bad[0]].fail(f"'{rows[bad[0]].words[0]}' as the number of a node", "a whole number from 1")
     return table
+
+
+class Model:
+    """Nodes, elements and sets of a file.
+
+    Parameters
+    ----------
+    cards : of the file
+    shape : type of an element, and the line that has it → a name for its shape and its number of nodes; None: passed over
+
+    Attributes
+    ----------
+    nodes : (n, 4) float, numbers and coordinates; of equal numbers CalculiX takes the last
+    blocks : shape → (m, 1 + nodes) int, numbers of elements and of their nodes
+    sets : "NSET" or "ELSET" → name → members, ascending; names as they are written first, capitals do not count
+    """
+
+    def __init__(self, cards: list[tuple[str, dict[str, str], list[Row]]], shape: Callable[[str, Row], tuple[str, int] | None]):
+        nodes, blocks, self._parts = [np.empty((0, 4))], {}, {"NSET": {}, "ELSET": {}}
+        for card, options, rows in cards:
+            if card == "NODE":
+                nodes.append(node_table(options, rows))
+                self._put("NSET", options, [nodes[-1][:, 0].astype(int)])
+            elif card == "ELEMENT" and (known := shape(options.get("TYPE", "").upper(), rows[0])):
+                kind, count = known
+                table = numbers(rows).astype(int)
+                if len(table) % (count + 1):
+                    rows[0].fail(f"{len(table)} numbers for elements of {count} nodes", f"a number and {count} nodes for each")
+                blocks.setdefault(kind, []).append(table.reshape(-1, count + 1))
+                self._put("ELSET", options, [blocks[kind][-1][:, 0]])
+            elif card in self._parts:
+                self._put(card, {card: "", **options}, self._members(card, options, rows))
+        self.nodes, self.blocks = np.vstack(nodes), {kind: np.vstack(tables) for kind, tables in blocks.items()}
+        self.sets = {kind: {name: np.unique(np.concatenate(parts)) for name, parts in sets.items()} for kind, sets in self._parts.items()}
+
+    def named(self, kind: str, name: str) -> np.ndarray | None:
+        """Members of the set of a name; None where there is none."""
+        return next((members for own, members in self.sets[kind].items() if own.upper() == name.upper()), None)
+
+    def _put(self, kind: str, options: dict[str, str], members: list[np.ndarray]) -> None:
+        if kind in options:
+            sets = self._parts[kind]
+            sets.setdefault(next((own for own in sets if own.upper() == options[kind].upper()), options[kind]), []).extend(members)
+
+    def _members(self, kind: str, options: dict[str, str], rows: list[Row]) -> list[np.ndarray]:
+        found: list[np.ndarray] = [np.empty(0, dtype=int)]
+        names = {name.upper(): parts for name, parts in self._parts[kind].items()}
+        for row in rows:
+            if "GENERATE" in options:
+                first, last, *step = row.integers()
+                found.append(np.arange(first, last + 1, *step))
+                continue
+            for word in filter(None, row.words):
+                found += names.get(word.upper()) or [np.array([row.integer(word)])]
+        return found
+
+
+def outer(faces: np.ndarray) -> np.ndarray:
+    """Those of faces (f, n) of elements that only one has."""
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[np.sort(first[count == 1])]
 
 
 class Inclusion:

@@ -107,7 +107,7 @@ class DeckCode(ForeignCode):
                               for t in range(steps)])
             for t, factor in enumerate(self.settings.factors if own else ()):
                 found[t] += factor * own[t if len(own) > 1 else 0]
-            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.blocks()
+            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.solids()
         left, size = np.abs(found[:, joints.ids - 1] - u)[:, ~joints.held].max(), np.abs(found[:, ids - 1]).max()
         if not left <= LINEAR * size:
             raise BlackBoxError(f"its last run moves the joints otherwise than the result, by {left / size:.1e} of the largest "
@@ -123,7 +123,7 @@ class DeckCode(ForeignCode):
         asked = [force[t].ravel() + k * u[t].ravel() for t in range(steps)]
         found = np.stack([self._replayed(k, asked[: t + 1]) for t in range(steps)])
         with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
-            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.blocks()
+            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.solids()
         forces = np.zeros((steps, len(ids), 3))
         forces[:, np.searchsorted(ids, joints.ids)] = force
         return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)
