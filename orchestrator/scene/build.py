@@ -262,7 +262,7 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
     matter = [*config.matter, *(None for _ in mesh.foreign)]
     for i, (entry, times) in enumerate(zip(config.loads, _times(config, config.loads))):
         cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
-        made = entry.kind.made(entry.given, InVolumes(("loads", i), mesh, cells, tet_volumes(mesh.nodes, mesh.cells[cells]), matter,
+        made = entry.kind.made(entry.given, InVolumes(("loads", i, entry.acts), mesh, cells, tet_volumes(mesh.nodes, mesh.cells[cells]), matter,
                                                       plain.material[cells], np.array(times, dtype=float), problems))
         if isinstance(made, Strain):
             thermal = np.zeros((count, len(body.mesh.cells), 4)) if thermal is None else thermal

@@ -49,7 +49,7 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
 
 def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath, problems: Problems) -> Any:
     """What an entry of ``boundary:`` does to faces (k, 3 or 6)."""
-    return entry.kind.made(entry.given, OnFaces(path, mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems))
+    return entry.kind.made(entry.given, OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems))
 
 
 def _with_meshes(mesh: Mesh, faces: Faces, chosen: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:

@@ -108,7 +108,7 @@ class OnFaces:
 
     Parameters
     ----------
-    path : of the entry in the YAML
+    path : of what the entry says, in the YAML
     nodes : (n, 3), all of the mesh
     triangles : (k, 3 or 6) int, outward
     factors : (steps,) what its history multiplies it with
@@ -135,7 +135,7 @@ class OnFaces:
     def check_frame(self, values: np.ndarray) -> None:
         """Adds a problem where nothing is radial and values (…, 3) are: zero is so in any direction."""
         if self.frame is not None and np.any(values[..., :2]):
-            self.frame.check(self.nodes, self.triangles, (*self.path, "frame"), self.problems)
+            self.frame.check(self.nodes, self.triangles, (*self.path[:-1], "frame"), self.problems)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class InVolumes:
 
     Parameters
     ----------
-    path : of the entry in the YAML
+    path : of what the entry says, in the YAML
     cells : (k,) int; volume : (k,) of each
     matter : entries of ``materials``, None for parts of other programs; material : (k,) int, index into them
     factors : (steps,) what its history multiplies it with
@@ -159,12 +159,12 @@ class InVolumes:
     factors: np.ndarray
     problems: Problems
 
-    def of_matter(self, key: str, asked_by: str, cure: str) -> np.ndarray | None:
+    def of_matter(self, key: str, cure: str) -> np.ndarray | None:
         """(k,) a property of the cells' matter; None, with a problem, where some matter has none."""
         values = [getattr(one, key, None) for one in self.matter]
         without = sorted({int(m) for m in self.material if m >= 0 and values[m] is None})
         if without:
-            self.problems.add((*self.path, asked_by), f"matter without {key}: materials[{without[0]}]", f"a {key} of all the matter it acts on", cure)
+            self.problems.add(self.path, f"matter without {key}: materials[{without[0]}]", f"a {key} of all the matter it acts on", cure)
             return None
         return np.array([values[m] for m in self.material], dtype=float)
 

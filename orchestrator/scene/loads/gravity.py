@@ -19,5 +19,5 @@ class Gravity(Kind):
 
     @classmethod
     def made(cls, value: Any, where: InVolumes) -> Forces | None:
-        density = where.of_matter("density", "gravity", DENSITY)
+        density = where.of_matter("density", DENSITY)
         return None if density is None else uniform(np.outer(where.factors, value), where.volume * density, where)

@@ -35,7 +35,7 @@ class Centrifugal(Kind):
 
     @classmethod
     def made(cls, value: Spin, where: InVolumes) -> Forces | None:
-        density = where.of_matter("density", "spin", DENSITY)
+        density = where.of_matter("density", DENSITY)
         if density is None:
             return None
         axis, mesh = np.array(unit(value.axis)), where.mesh

@@ -65,12 +65,12 @@ class Temperature(Kind):
 
     @classmethod
     def made(cls, value: Any, where: InVolumes) -> Strain | None:
-        alpha = where.of_matter("expansion", "temperature", "add expansion: to the material, strain per temperature (steel: 1.2e-5 per kelvin)")
+        alpha = where.of_matter("expansion", "add expansion: to the material, strain per temperature (steel: 1.2e-5 per kelvin)")
         if alpha is None:
             return None
         corners = where.mesh.cells[where.cells, :4]
         nodes = np.unique(corners)
-        warmth = _at_nodes(where.mesh, nodes, value, where.factors, (*where.path, "temperature"), where.problems)
+        warmth = _at_nodes(where.mesh, nodes, value, where.factors, where.path, where.problems)
         return None if warmth is None else Strain(alpha[:, None] * warmth[:, np.searchsorted(nodes, corners)])
 
 
