@@ -22,7 +22,7 @@ from orchestrator.config.load import settings_from
 from orchestrator.errors import BLACKBOX_FAILED, CONVERGED, InputError
 from orchestrator.registry import CODES
 from orchestrator.scene.foreign.joints import Joints
-from orchestrator.scene.foreign.program_run import JOINT, ProgramRuns
+from orchestrator.scene.foreign.program import JOINT, ProgramRuns
 from orchestrator.scene.foreign.tables import checked_nodes
 
 Checks = Iterable[tuple[str, str, str]]  # check, figure, what is wrong: empty when it passed

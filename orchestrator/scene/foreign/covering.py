@@ -1,6 +1,8 @@
-"""Whether a joint's faces are one surface, and whether some of them seem to be missing.
+"""Whether a joint's faces are one surface, and whether some of them, or nodes of its set, seem to be missing.
 
-No file says which faces there should be: what contradicts itself is refused, what is merely odd is told.
+No file says which faces there should be: what contradicts itself is refused, what is merely odd is told. Where a joint ends, the faces
+beyond have other nodes outside too; where a node was forgotten, all faces round it, as far as the surface goes on smoothly, have all
+corners in the set but this one.
 """
 
 from __future__ import annotations
@@ -8,18 +10,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.sparse as sp
 
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import size_of
-from orchestrator.scene.foreign.flat import UNEVEN, between_nodes
+from orchestrator.scene.foreign.flat import PLANE, UNEVEN, between_nodes
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.quality import format_point
 
 # Cosine between the normals of two faces beside each other below which they lie on each other: edges sharper than 18° are none.
 FOLDED = -0.95
-# Points and normals that are one plane's, in units of the joint's extent; planes with less than this share of its area are passed over.
-PLANE, LARGE = 1e-6, 0.1
+# Planes with less than this share of a joint's area are passed over.
+LARGE = 0.1
 # Share of a plane's faces up to which area between nodes that none of them covers is odd: what is larger is meant.
 ODD = 0.2
 INSIDE = (np.ones((3, 3)) + 2 * np.eye(3)) / 5  # points of a triangle where it is asked whether a face covers it
@@ -118,3 +121,67 @@ def _holes(triangles: np.ndarray) -> list[np.ndarray]:
     loops = [np.flatnonzero(loop == own) for own in np.unique(loop[border[:, 0]])]
     longest = {own: max((len(other) for other in loops if piece[other[0]] == own), default=0) for own in np.unique(piece[border[:, 0]]).tolist()}
     return [own for own in loops if len(own) < longest[int(piece[own[0]])]]
+
+
+SMOOTH = 0.5  # cosine between normals of faces, up to which edges are none: those of a bore of six facets count as smooth
+NAMED = 6  # nodes
+
+
+def forgotten(faces: list[np.ndarray], own: np.ndarray, ids: np.ndarray, points: np.ndarray, name: str) -> list[str]:
+    """A sentence on nodes that seem to be forgotten, or none.
+
+    Parameters
+    ----------
+    faces : tables (f, 3, 4, 6 or 8), numbers of nodes of all outer faces, corners first
+    own : numbers of the set's nodes
+    ids : (n,) ascending, points : (n, 3), all nodes
+    name : of the joint
+    """
+    count = [4 if table.shape[1] in (4, 8) else 3 for table in faces]
+    corners = np.concatenate([table[:, np.arange(4) % c] for table, c in zip(faces, count)])  # a triangle's first corner comes twice
+    quad = np.repeat([c == 4 for c in count], [len(table) for table in faces])
+    inside = np.isin(corners, own)
+    out = (~inside).sum(axis=1) - (~quad & ~inside[:, 0])
+    whole = np.concatenate([np.isin(table, own).all(axis=1) for table in faces])
+    x = points[np.searchsorted(ids, corners)]
+    normal = np.cross(x[:, 2] - x[:, 0], np.where(quad[:, None], x[:, 3], x[:, 2]) - x[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    beside = _smooth(corners, quad, normal, np.flatnonzero(~whole & (out <= 1)), np.flatnonzero(whole), 2)
+    lacks = np.unique(beside[0])
+    single = lacks[out[lacks] == 1]
+    missing = corners[single, (~inside[single]).argmax(axis=1)]
+    around, others = _smooth(np.where(inside, -1, corners), quad, normal, single, np.flatnonzero(out > 0), 1)
+    keep = ~np.isin(single, around[out[others] > 1])  # no face beyond the joint's end
+    # where nodes in the middle of edges are missing too, that may be a corner left out on purpose, unless faces are all round it
+    alone = np.concatenate([(~np.isin(table, own)).sum(axis=1) for table in faces])[single] == 1
+    keep &= alone | (_count(missing, missing) == _count(np.concatenate([table[:, :c].ravel() for table, c in zip(faces, count)]), missing))
+    nodes, faces_told = [missing[keep]], int(keep.sum())
+    for table, at in zip(faces, np.split(np.arange(len(corners)), np.cumsum([len(table) for table in faces])[:-1])):
+        of_edges = table[np.isin(at, lacks[out[lacks] == 0])]
+        nodes.append(of_edges[~np.isin(of_edges, own)])
+        faces_told += len(of_edges)
+    lost = np.unique(np.concatenate(nodes)).tolist()
+    if not lost:
+        return []
+    named = ", ".join(map(str, lost[:NAMED])) + (" …" if len(lost) > NAMED else "")
+    return [f"{name}: faces beside its own, {faces_told} of them, have all other nodes in its set, but not {named}: are these forgotten?"]
+
+
+def _count(among: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """How often each of the nodes is among others."""
+    ordered = np.sort(among)
+    return np.searchsorted(ordered, nodes, "right") - np.searchsorted(ordered, nodes)
+
+
+def _smooth(corners: np.ndarray, quad: np.ndarray, normal: np.ndarray, first: np.ndarray, second: np.ndarray,
+            least: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of faces, of the first and the second, that share so many corners (-1: none) at least and no edge is between."""
+    place = np.unique(corners, return_inverse=True)[1].reshape(corners.shape)
+    valid = corners >= 0
+    valid[:, 3] &= quad
+    row, column = np.nonzero(valid)
+    table = sp.csr_array((np.ones(len(row)), (row, place[row, column])), shape=(len(corners), int(place.max(initial=0)) + 1))
+    shared = (table[first] @ table[second].T).tocoo()
+    a, b = first[shared.row], second[shared.col]
+    good = (shared.data >= least) & (np.einsum("ij,ij->i", normal[a], normal[b]) > SMOOTH)
+    return a[good], b[good]

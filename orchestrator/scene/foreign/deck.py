@@ -15,7 +15,7 @@ import numpy as np
 from orchestrator.config.foreign_parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
-from orchestrator.scene.foreign.forgotten import forgotten
+from orchestrator.scene.foreign.covering import forgotten
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Model, Row, cards, cards_of_a_model, numbers, outer
 from orchestrator.scene.mesh.splitting import FACES

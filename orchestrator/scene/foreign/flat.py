@@ -9,7 +9,7 @@ from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.quality import format_point
 
-# Nodes this near one plane, in units of the joint's extent, are on it.
+# Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6
 # Triangles between nodes on a plane that are thinner than this share of their longest edge squared lie along its border.
 THIN = 1e-6

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.foreign_parts import MatrixPart
+from orchestrator.config.foreign_parts import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.covering import check_surface, missing_faces
 from orchestrator.scene.foreign.flat import of_plane
@@ -15,26 +15,45 @@ from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
 
 def joints(part: MatrixPart, path: KeyPath, name: str) -> Joints:
     """The nodes that faces are on, in the order of the matrix; of a flat joint without faces all nodes."""
-    (ids, points), remarks = nodes(part.nodes, (*path, "nodes")), []
+    ids, points = nodes(part.nodes, (*path, "nodes"))
+    return between(part, ids, points, ["joint"] * len(ids), path, name)
+
+
+def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray, labels: list[str], path: KeyPath, name: str) -> Joints:
+    """Joints of a part's nodes (n,) at points (n, 3), with the joint's name of each: between the faces of its table, or of a flat one
+    between all nodes. A matrix has nodes that are on no joint.
+
+    Raises
+    ------
+    InputError : no faces, faces of nodes of two joints, faces that are no surface
+    """
+    names = list(dict.fromkeys(labels))
+    own, remarks = np.array([names.index(label) for label in labels]), []
     if part.facets is not None:
         faces = faces_of(part.facets, ids, (*path, "facets"))
-    elif part.outward is not None:
+    elif part.outward is not None and len(names) == 1:
         faces, remarks = of_plane(points, np.array(part.outward), (*path, "outward"), name)
     else:
-        raise InputError(Problem(path, "neither facets nor outward", "the faces that it meets others on",
-                                 "add facets: a file with the ids of each face's nodes; or, where all nodes lie on one plane, "
-                                 "outward: [0, 0, 1], its normal out of the part"))
-    used = np.unique(np.concatenate([table.ravel() for table in faces]))
+        raise InputError(Problem(path, "neither facets nor outward" if len(names) == 1 else f"{len(names)} joints without facets",
+                                 "the faces that it meets others on", "add facets: a file with the ids of each face's nodes; or, of one flat "
+                                 "joint, outward: [0, 0, 1], its normal out of the part"))
+    kept = np.unique(np.concatenate([table.ravel() for table in faces])) if isinstance(part, MatrixPart) else np.arange(len(ids))
     place = np.zeros(len(ids), dtype=int)
-    place[used] = np.arange(len(used))
-    triangles, _, face = cut_in_triangles([place[table] for table in faces], points[used], path, f"'{name}'")
+    place[kept] = np.arange(len(kept))
+    triangles, owner, face = cut_in_triangles([place[table] for table in faces], points[kept], path, f"'{name}'")
     if part.facets is not None:
-        check_surface(ids[used], points[used], triangles, (*path, "facets"), name)
-        remarks = missing_faces(points[used], triangles, np.delete(points, used, axis=0), name)
+        check_surface(ids[kept], points[kept], triangles, (*path, "facets"), name)
+        remarks = missing_faces(points[kept], triangles, np.delete(points, kept[np.unique(triangles)], axis=0), name)
+    of_face = [own[table] for table in faces]
+    mixed = next((ids[table[i, 0]] for table, labels in zip(faces, of_face)
+                  for i in np.flatnonzero((labels != labels[:, :1]).any(axis=1))), None)
+    if mixed is not None:
+        raise InputError(Problem((*path, "facets"), f"a face at node {mixed} of '{name}' between nodes of two joints",
+                                 "faces whose nodes are of one joint", "name the joints of the nodes accordingly"))
+    joint = np.concatenate([labels[:, 0] for labels in of_face])[owner]
     left = np.zeros((6, 0)) if part.held is True else np.eye(6)
-    return Joints(ids[used], points[used], triangles, np.zeros(len(triangles), dtype=int), ["joint"],
-                  np.zeros((len(used), 3), dtype=bool), left, any(table.shape[1] in (6, 8) for table in faces),
-                  np.zeros_like(face) if part.facets is None else face, remarks)
+    return Joints(ids[kept], points[kept], triangles, joint, names, np.zeros((len(kept), 3), dtype=bool), left,
+                  any(table.shape[1] in (6, 8) for table in faces), np.zeros_like(face) if part.facets is None else face, remarks)
 
 
 def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
-from orchestrator.scene.foreign.asked import check_asked
+from orchestrator.scene.foreign.read import check_asked
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.placing import joined, placed
 from orchestrator.scene.mesh.quality import checked
@@ -87,7 +87,7 @@ def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make(), run_pro
 
 def _standing_in(parts: list[tuple[int, OnePart]], meshes: list[Mesh]) -> list[Mesh]:
     """What stands for parts whose mesh is not ours, with the place of each in the YAML; ``meshes`` are ours."""
-    from orchestrator.scene.foreign.fitting import fitted, outer_surfaces
+    from orchestrator.scene.foreign.standin import fitted, outer_surfaces
     from orchestrator.scene.foreign.read import read_joints
     from orchestrator.scene.foreign.standin import stand_in
 

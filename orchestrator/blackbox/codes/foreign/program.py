@@ -20,7 +20,7 @@ import numpy as np
 from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
 from orchestrator.scene.foreign.joints import Joints
-from orchestrator.scene.foreign.program_run import ProgramRuns
+from orchestrator.scene.foreign.program import ProgramRuns
 from orchestrator.scene.foreign.read import read_joints
 
 # Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
