@@ -36,7 +36,7 @@ from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.spent import Spent
 from orchestrator.results.summary.workload import Workload
 from orchestrator.savings import Savings
-from orchestrator.scene.aside import set_aside
+from orchestrator.scene.part import set_aside
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles

@@ -7,7 +7,7 @@ from orchestrator.config import Config
 from orchestrator.config.parts import Rotate
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.mortar import segments
-from orchestrator.scene.mesh.placing import turned
+from orchestrator.scene.mesh.sources import turned
 from orchestrator.scene.model import Scene
 
 YOUNG, POISSON = 200e3, 0.3

@@ -68,8 +68,8 @@ def test_a_liquid_presses_below_its_level_alone(element):
 def test_a_body_half_in_a_liquid_is_lifted_by_what_it_displaces(element):
     up = np.array([1.0, 0.0, 2.0])  # below x + 2 z = 3 lies a prism of area 3 · 1.5 / 2, of which the centre is known
     level = 3.0 / np.linalg.norm(up)
-    force, moment = acting(problem([{**HELD, "displacement": [0, 0, 0]}, {"on": "*", "hydrostatic": {"level": level, "weight": 5.0, "up": up.tolist()}}],
-                                   element=element))
+    liquid = {"on": "*", "hydrostatic": {"level": level, "weight": 5.0, "up": up.tolist()}}
+    force, moment = acting(problem([HELD, liquid], element=element))
     lift = 5.0 * 2.25 * up / np.linalg.norm(up)
     assert np.allclose(force, [lift], atol=1e-12) and np.allclose(moment, [np.cross([1.0, 0.5, 0.5], lift)], atol=1e-12)
 

@@ -25,7 +25,8 @@ MORE = [("two blocks", 0.1), ("eight cubes", 0.1), ("ten grains", 0.0), ("ten gr
 def reactions(one_piece, t, step):
     """Force on every boundary entry of a displacement."""
     nodal = one_piece.reactions(t, step.parts, step.force)
-    return np.array([nodal[entry.nodes].sum(axis=0) * (entry.prescribed.fixed if entry.prescribed else False) for entry in one_piece.scene.boundary])
+    return np.array([nodal[entry.nodes].sum(axis=0) * (entry.prescribed.fixed if entry.prescribed else False)
+                     for entry in one_piece.scene.boundary])
 
 
 def distance(scene, one, two, loose=False):

@@ -23,8 +23,7 @@ from orchestrator.scene.interfaces.skins import Skin
 from orchestrator.scene.mesh.cad import _arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.placing import joined, moved
-from orchestrator.scene.mesh.sources import make_mesh
+from orchestrator.scene.mesh.sources import joined, make_mesh, moved
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.scene.mesh.mesh import Mesh
 

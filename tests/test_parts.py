@@ -14,8 +14,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.placing import moved
-from orchestrator.scene.mesh.sources import make_mesh
+from orchestrator.scene.mesh.sources import make_mesh, moved
 
 SLAB = {"box": {"size": [1, 1, 0.5], "cells": [4, 4, 2]}}
 STEEL, SOFT = {"young": 200e3, "poisson": 0.3}, {"young": 1e3, "poisson": 0.2}

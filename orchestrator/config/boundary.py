@@ -38,6 +38,11 @@ def _keys(kinds: Mapping[str, Any]) -> dict[str, Any]:
     return {name: (kind.takes | None, Field(None, description=kind.meaning)) for name, kind in kinds.items()}
 
 
+def _listed(kinds: Mapping[str, Any]) -> str:
+    *first, last = kinds
+    return f"{', '.join(first)} and {last}"
+
+
 class Acting(Part):
     """An entry of ``boundary`` or ``loads``: under the key of one kind it says what acts."""
 
@@ -68,7 +73,7 @@ class InVolumes(Acting):
 
 
 BoundaryCondition = create_model(
-    "BoundaryCondition", __base__=OnFaces, __module__=__name__, __doc__=f"Exactly one of {', '.join(list(ON_FACES)[:-1])} and {list(ON_FACES)[-1]}, on a place.",
+    "BoundaryCondition", __base__=OnFaces, __module__=__name__, __doc__=f"Exactly one of {_listed(ON_FACES)}, on a place.",
     on=(Where, Field(description="a surface group (shell wildcards allowed), a plane or a box")), **_keys(ON_FACES),
     frame=(Frame | None, Field(None, description=(
         "of a displacement, a traction or a foundation's stiffness: its components are radial, tangential and axial, {axis, at}"))),
@@ -76,9 +81,10 @@ BoundaryCondition = create_model(
 
 BodyForce = create_model(
     "BodyForce", __base__=InVolumes, __module__=__name__,
-    __doc__=f"Exactly one of {', '.join(list(IN_VOLUMES)[:-1])} and {list(IN_VOLUMES)[-1]}, on the volumes it names; several add up.",
-    on=(Names, Field(["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")), **_keys(IN_VOLUMES),
-    history=(Name | None, Field(None, description="name of the factors per load step, of the force or the temperature; none: the same at every step")))
+    __doc__=f"Exactly one of {_listed(IN_VOLUMES)}, on the volumes it names; several add up.",
+    on=(Names, Field(["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")),
+    **_keys(IN_VOLUMES), history=(Name | None, Field(None, description=(
+        "name of the factors per load step, of the force or the temperature; none: the same at every step"))))
 
 
 Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping]

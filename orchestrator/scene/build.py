@@ -12,9 +12,8 @@ from orchestrator.config import Config, factors, steps
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.agreement import check_agreement
 from orchestrator.scene.conditions.boundary import acting, moving_as_one, on_mesh, prescribe, resolve_boundary
-from orchestrator.scene.conditions.codes import assign_codes
-from orchestrator.scene.conditions.covered import loads_on_pairs
-from orchestrator.scene.conditions.materials import assign_materials, cells_loaded
+from orchestrator.scene.conditions.assigned import assign_codes, assign_materials, cells_loaded
+from orchestrator.scene.cautions import loads_on_pairs
 from orchestrator.scene.conditions.rigid import check_held
 from orchestrator.scene.conditions.sides import check_sides
 from orchestrator.scene.interfaces.axial import join_bolts, straighten
@@ -157,9 +156,9 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
     fixed, prescribed = on_mesh(cut.numbering, held.by, held.values)
     for stand in body.mesh.foreign:
         fixed[stand.nodes] |= stand.held
-    return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary, fixed,
-                 prescribed, _on_nodes(loads, cut.numbering), steps(config), problems.warnings, joints.near, joints.bolts, thermal, probes=probes,
-                 element=body.choice)
+    return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
+                 fixed, prescribed, _on_nodes(loads, cut.numbering), steps(config), problems.warnings, joints.near, joints.bolts, thermal,
+                 probes=probes, element=body.choice)
 
 
 def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
@@ -262,8 +261,9 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
     matter = [*config.matter, *(None for _ in mesh.foreign)]
     for i, (entry, times) in enumerate(zip(config.loads, _times(config, config.loads))):
         cells = cells_loaded(mesh, entry.on, ("loads", i, "on"), problems)
-        made = entry.kind.made(entry.given, InVolumes(("loads", i, entry.acts), mesh, cells, tet_volumes(mesh.nodes, mesh.cells[cells]), matter,
-                                                      plain.material[cells], np.array(times, dtype=float), problems))
+        where = InVolumes(("loads", i, entry.acts), mesh, cells, tet_volumes(mesh.nodes, mesh.cells[cells]), matter,
+                          plain.material[cells], np.array(times, dtype=float), problems)
+        made = entry.kind.made(entry.given, where)
         if isinstance(made, Strain):
             thermal = np.zeros((count, len(body.mesh.cells), 4)) if thermal is None else thermal
             thermal[:, cells] += made.values
@@ -323,7 +323,7 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
     """The probes; and whether what figures are to show is there."""
     if not isinstance(config.output.figures, bool):
-        from orchestrator.scene.conditions.drawn import check_figures
+        from orchestrator.scene.conditions.assigned import check_figures
 
         check_figures(plain.mesh.nodes, plain.mesh.volumes, config.output.figures, ("output", "figures"), problems)
     if not config.output.probes:

@@ -7,7 +7,10 @@ laws ask for no more of it. What concerns the whole scene and is a number per bo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import pickle
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -103,4 +106,28 @@ def _entry(b: BoundaryEntry, scene: Scene, mine: np.ndarray, nodes: np.ndarray) 
     """What of a boundary entry is on own subdomains: every face belongs to one."""
     faces = np.flatnonzero(mine[scene.cell_subdomain[b.cells[:, 0]]])
     own = b.of(faces)
-    return replace(own, triangles=np.searchsorted(nodes, own.triangles), cells=np.full((len(faces), 2), -1), nodes=np.searchsorted(nodes, own.nodes))
+    return replace(own, triangles=np.searchsorted(nodes, own.triangles), cells=np.full((len(faces), 2), -1),
+                   nodes=np.searchsorted(nodes, own.nodes))
+
+
+@contextmanager
+def set_aside(scene: Scene | None, wanted: bool = True) -> Iterator[None]:
+    """While the block runs the scene is empty, for all who hold it; then it is what it was.
+
+    Where the disk has no room it stays as it is.
+    """
+    with tempfile.TemporaryFile() as file:
+        aside = False
+        if wanted and scene is not None:
+            with suppress(OSError):
+                pickle.dump(vars(scene), file, pickle.HIGHEST_PROTOCOL)
+                file.flush()
+                aside = True
+        if aside:
+            vars(scene).clear()
+        try:
+            yield
+        finally:
+            if aside:
+                file.seek(0)
+                vars(scene).update(pickle.load(file))

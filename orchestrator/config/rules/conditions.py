@@ -43,8 +43,8 @@ def acting(data: Any) -> Iterator[Problem]:
             for name in given:
                 yield from kinds[name].broken((*path, name), entry[name], entry)
             if isinstance(entry, dict) and entry.get("frame") is not None and not any(kinds[name].turned(entry[name]) for name in given):
-                yield Problem((*path, "frame"), "a frame with nothing to turn", "a frame beside a displacement, a traction, or stiffness of a foundation",
-                              "remove the frame")
+                yield Problem((*path, "frame"), "a frame with nothing to turn",
+                              "a frame beside a displacement, a traction, or stiffness of a foundation", "remove the frame")
 
 
 def directions(data: Any) -> Iterator[Problem]:

@@ -34,7 +34,7 @@ from orchestrator.results.summary.workload import (
     stage_rows,
     worker_rows,
 )
-from orchestrator.scene.conditions.drawn import check_figures
+from orchestrator.scene.conditions.assigned import check_figures
 
 # quantity, its formula, what it tells
 _QUANTITIES = [

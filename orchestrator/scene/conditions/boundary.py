@@ -25,7 +25,8 @@ from orchestrator.scene.partition.numbering import SplitNumbering
 SAME = 1e-12
 
 
-def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: Sequence[Sequence[float]], problems: Problems) -> list[BoundaryEntry]:
+def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: Sequence[Sequence[float]],
+                     problems: Problems) -> list[BoundaryEntry]:
     """What each entry of ``boundary:`` does, and to which faces.
 
     Parameters
@@ -41,15 +42,17 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
         inside = chosen[faces.neighbour[chosen] >= 0]
         if len(inside) and not isinstance(does, Prescribed):
             where = format_point(mesh.nodes[faces.triangles[inside[0]]].mean(axis=0))
-            problems.add((*path, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the first at {where}: a {entry.acts} there has no "
-                         "side to act on", "faces of the outer boundary", "select outer faces; for forces inside the body use loads:")
-        resolved.append(BoundaryEntry(i, entry.acts, triangles, np.c_[faces.owner[chosen], faces.neighbour[chosen]], np.unique(triangles), does))
+            problems.add((*path, "on"), f"{len(inside)} of {len(chosen)} faces lie inside the mesh, the first at {where}: a {entry.acts} "
+                         "there has no side to act on", "faces of the outer boundary", "select outer faces; for forces inside the body use loads:")
+        cells = np.c_[faces.owner[chosen], faces.neighbour[chosen]]
+        resolved.append(BoundaryEntry(i, entry.acts, triangles, cells, np.unique(triangles), does))
     return resolved
 
 
 def acting(mesh: Mesh, triangles: np.ndarray, entry: Any, factors: Sequence[float], path: KeyPath, problems: Problems) -> Any:
     """What an entry of ``boundary:`` does to faces (k, 3 or 6)."""
-    return entry.kind.made(entry.given, OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems))
+    where = OnFaces((*path, entry.acts), mesh.nodes, triangles, np.array(factors, dtype=float), Cylindrical.of(entry.frame), problems)
+    return entry.kind.made(entry.given, where)
 
 
 def _with_meshes(mesh: Mesh, faces: Faces, chosen: np.ndarray, path: KeyPath, problems: Problems) -> np.ndarray:

@@ -82,7 +82,7 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = No
         rows[:, 3:] += kept[:, 3:] / size
         length = np.linalg.norm(rows, axis=1, keepdims=True)
         held = np.vstack([held, rows / np.where(length > 0, length, 1.0)])
-    return _null_space(held)
+    return null_space(held)
 
 
 def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
@@ -165,13 +165,13 @@ def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Seq
                 for i, sign in zip(pair, (1.0, -1.0)):
                     moved = motions_about(hinge.points, nodes[i].mean(axis=0), size_of(nodes[i])).reshape(-1, 6)
                     rows[-1][:, columns[i]] = sign * moved @ left[i]
-        free = _null_space(np.concatenate(rows))
+        free = null_space(np.concatenate(rows))
         for i in chosen:
             own, values, _ = np.linalg.svd(left[i] @ free[columns[i]], full_matrices=False)
             left[i] = own[:, values > np.sqrt(HELD)]
 
 
-def _null_space(rows: np.ndarray) -> np.ndarray:
+def null_space(rows: np.ndarray) -> np.ndarray:
     """(m, r) orthonormal, what rows (n, m) of entries of order one send to zero."""
     # The triangular factor has the singular values of the tall matrix.
     _, values, turned = np.linalg.svd(np.linalg.qr(rows, mode="r") if len(rows) > rows.shape[1] else rows, full_matrices=True)

@@ -18,8 +18,7 @@ from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_
 from orchestrator.scene.foreign.covering import forgotten
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Model, Row, cards, cards_of_a_model, numbers, outer
-from orchestrator.scene.mesh.splitting import FACES
-from orchestrator.scene.mesh.straightened import CORNERS, EDGES
+from orchestrator.scene.mesh.splitting import CORNERS, EDGES, FACES
 
 # meshio's names, by number of nodes
 SHAPES = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}

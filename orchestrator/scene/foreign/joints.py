@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.conditions.rigid import left_over, motions_about, size_of
+from orchestrator.scene.conditions.rigid import motions_about, null_space, size_of
 from orchestrator.scene.mesh.geometry import area_vectors
 
 # Triangles between the nodes of a face by their number, corners first, then those in the middle of the edges. Between
@@ -70,12 +70,7 @@ def supports_left(points: np.ndarray, nodes: np.ndarray, fixed: np.ndarray) -> n
     ----------
     nodes : (s, 3) where the supports are; fixed : (s, 3) bool, what they prescribe
     """
-    if not fixed.any():
-        return np.eye(6)
-    there = motions_about(nodes, points.mean(axis=0), size_of(points)).reshape(-1, 6)[fixed.ravel()]
-    _, values, rows = np.linalg.svd(there, full_matrices=True)
-    values = np.r_[values, np.zeros(6 - len(values))]
-    return rows[values <= 1e-8 * max(values.max(), 1.0)].T
+    return null_space(motions_about(nodes, points.mean(axis=0), size_of(points)).reshape(-1, 6)[fixed.ravel()])
 
 
 def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyPath,

@@ -15,7 +15,7 @@ from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.mending import mend
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
-from orchestrator.scene.mesh.tets import dihedral_angles, dihedral_range, roundness
+from orchestrator.scene.mesh.quality import dihedral_angles, dihedral_range, roundness
 from orchestrator.scene.mesh.mesh import Mesh
 
 PATH = ("mesh", "polycrystal")

@@ -37,7 +37,8 @@ class Forces:
     def add_to(self, loads: np.ndarray, at: np.ndarray) -> None:
         """Add them to ``loads`` (steps, N, 3) at the elements' nodes (k, p)."""
         for m, shape in enumerate(self.shapes):
-            sums = np.stack([np.bincount(at.ravel(), weights=own.ravel(), minlength=loads.shape[1]) for own in np.moveaxis(shape, 2, 0)], axis=1)
+            sums = np.stack([np.bincount(at.ravel(), weights=one.ravel(), minlength=loads.shape[1]) for one in np.moveaxis(shape, 2, 0)],
+                            axis=1)
             loads += self.amounts[:, m, None] * sums
 
     def resultant(self, points: np.ndarray, about: np.ndarray) -> np.ndarray:
@@ -63,7 +64,7 @@ class Field(ABC):
         """(m, n, 3) at points (n, 3)."""
 
     def change(self, amounts: np.ndarray, size: float) -> np.ndarray:
-        """(steps,) how much Σ amounts (steps, m) field changes over a length at most: coordinates are rounded, so that it does at every node."""
+        """(steps,) how much Σ amounts (steps, m) field changes over a length at most: so does its rounding at every node."""
         return np.zeros(len(amounts))
 
 
@@ -127,8 +128,8 @@ class OnFaces:
         several = vector if isinstance(vector[0], list) else [vector]
         given = np.array([[x is not None for x in row] for row in several])
         if (given != given[0]).any():
-            self.problems.add(self.path, "components that are free at some load steps only", "the same components prescribed at every load step",
-                              "replace null by numbers, or numbers by null")
+            self.problems.add(self.path, "components that are free at some load steps only",
+                              "the same components prescribed at every load step", "replace null by numbers, or numbers by null")
         values = np.array([[0.0 if x is None else x for x in row] for row in several])
         return given.all(axis=0), values if isinstance(vector[0], list) else np.outer(self.factors, values[0])
 

@@ -57,14 +57,15 @@ class Remote(Kind):
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
         if not isinstance(value, dict):
             return
-        pairs = [(held, load, value.get(held) or [], value.get(load) or []) for held, load in (("displacement", "force"), ("rotation", "moment"))]
+        pairs = [(held, load, value.get(held) or [], value.get(load) or [])
+                 for held, load in (("displacement", "force"), ("rotation", "moment"))]
         if not all(isinstance(given, list) for pair in pairs for given in pair[2:]):
             return
         for held, load, motions, forces in pairs:
             both = [k for k, (x, f) in enumerate(zip(motions, forces)) if x is not None and f]
             if both:
-                yield Problem((*path, load), f"component {'xyz'[both[0]]} of {load} and of {held}", "one of the two: what is prescribed is not loaded",
-                              f"write null for it in {held}, or 0 in {load}")
+                yield Problem((*path, load), f"component {'xyz'[both[0]]} of {load} and of {held}",
+                              "one of the two: what is prescribed is not loaded", f"write null for it in {held}, or 0 in {load}")
         if value.get("kind", "rigid") != "rigid" and not any(x is not None for pair in pairs for x in pair[2]) and \
                 not any(f for pair in pairs for f in pair[3]):
             yield Problem(path, "nothing prescribed and nothing loaded", "a displacement, rotation, force or moment",

@@ -61,8 +61,8 @@ class Bedding(Kind):
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
         if entry.get("history") is not None:
-            yield Problem((*path[:-1], "history"), "history beside foundation, whose springs are what they are", "a history of what is prescribed or "
-                          "loaded", "remove the history")
+            yield Problem((*path[:-1], "history"), "history beside foundation, whose springs are what they are",
+                          "a history of what is prescribed or loaded", "remove the history")
         if not isinstance(value, dict):
             return
         given = [key for key in Foundation.model_fields if value.get(key) is not None]

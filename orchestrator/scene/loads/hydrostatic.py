@@ -65,7 +65,8 @@ def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
     within, weights = _rule()
     along = within[None, :, 1:] * reach[:, None]
     at = np.zeros((len(cut), len(within), 3))
-    np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2), axis=2)
+    there = np.concatenate([1 - along.sum(axis=2, keepdims=True), along], axis=2)
+    np.put_along_axis(at, np.repeat(order[:, None], len(within), axis=1), there, axis=2)
     piece = np.einsum("q,kqa,q,k->ka", weights, _shapes(at, nodes), within[:, 0], d[:, 0] * reach.prod(axis=1))
     result[cut] += np.where(count[cut] == 1, 1.0, -1.0)[:, None] * piece
     return result

@@ -21,6 +21,7 @@ class Symmetry(Kind):
         vectors = np.abs(area_vectors(where.nodes, where.triangles))
         axis = int(vectors.sum(axis=0).argmax())
         if not (np.delete(vectors, axis, axis=1) <= STRAIGHT * vectors[:, axis, None]).all():
-            where.problems.add((*where.path[:-1], "on"), "a plane of symmetry that is curved, or across no axis", "faces on a plane across x, y or z",
-                               "turn the model so that the plane is across an axis (parts have move: {rotate: …}), or select the plane's faces alone")
+            where.problems.add((*where.path[:-1], "on"), "a plane of symmetry that is curved, or across no axis",
+                               "faces on a plane across x, y or z", "turn the model so that the plane is across an axis (parts have "
+                               "move: {rotate: …}), or select the plane's faces alone")
         return Prescribed(np.arange(3) == axis, np.zeros((len(where.factors), 3)), Uniform())

@@ -144,7 +144,8 @@ def _of_file(path: Path, points: np.ndarray, reach: np.ndarray, size: float, tim
     return times[:, None] * rows[nearest, 3:].T
 
 
-def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: Sequence[Any], cell_material: np.ndarray, at: np.ndarray, loads: np.ndarray) -> None:
+def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: Sequence[Any], cell_material: np.ndarray, at: np.ndarray,
+                  loads: np.ndarray) -> None:
     """Adds the forces of thermal strain (steps, m, 4) to ``loads`` (steps, N, 3), at the cells' nodes ``at`` (m, 4 or 10)."""
     cells = np.flatnonzero(strain.any(axis=(0, 2)))
     gradients, volume = shape_gradients(mesh.nodes, mesh.cells[cells])

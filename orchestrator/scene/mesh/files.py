@@ -19,8 +19,7 @@ from orchestrator.scene.mesh.gmsh_files import not_saved, once, physical, read_b
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.recognised import check_content
 from orchestrator.scene.mesh.size import check_memory
-from orchestrator.scene.mesh.splitting import in_tets
-from orchestrator.scene.mesh.straightened import straightened
+from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 from orchestrator.scene.mesh.mesh import Mesh
 

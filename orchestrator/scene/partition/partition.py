@@ -88,7 +88,7 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     above = getattr(subdomains, "split_above", None)
     if above is None:
         return partition
-    from orchestrator.scene.partition.splitting import split  # by METIS, as above
+    from orchestrator.scene.partition.metis import split  # by METIS, as above
 
     return Partition(*split(mesh, faces, partition.names, above))
 
