@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.config import Config, factors, steps
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.agreement import check_agreement
-from orchestrator.scene.conditions.boundary import acting, moving_as_one, on_mesh, prescribe, resolve_boundary
+from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, prescribe, resolve_boundary
 from orchestrator.scene.conditions.assigned import assign_codes, assign_materials, cells_loaded
 from orchestrator.scene.cautions import loads_on_pairs
 from orchestrator.scene.conditions.rigid import check_held
@@ -94,21 +94,6 @@ class Joints:
     stands: dict[int, slice] = field(default_factory=dict)
 
 
-@dataclass
-class Held:
-    """What is prescribed on split nodes.
-
-    Parameters
-    ----------
-    by : (N, 3) int, the entry that prescribes each component, −1 for none
-    fixed : (N, 3) bool, with what parts of other programs hold themselves; values : (steps, N, 3)
-    """
-
-    by: np.ndarray
-    fixed: np.ndarray
-    values: np.ndarray
-
-
 def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs: bool = False) -> Scene:
     """Everything the method needs to know of the problem.
 
@@ -153,9 +138,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
     problems.raise_if_any()
     _remark(config, body.mesh, problems)
     subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
-    fixed, prescribed = on_mesh(cut.numbering, held.by, held.values)
-    for stand in body.mesh.foreign:
-        fixed[stand.nodes] |= stand.held
+    fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
                  fixed, prescribed, _on_nodes(loads, cut.numbering), steps(config), problems.warnings, joints.near, joints.bolts, thermal,
                  probes=probes, element=body.choice)
@@ -278,20 +261,17 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
 
 def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: list[BoundaryEntry], problems: Problems) -> Held:
     """What is prescribed, and whether that agrees: at nodes, across interfaces, with what grounds hold."""
-    mesh, numbering, grounds = body.mesh, cut.numbering, joints.grounds
+    numbering, grounds = cut.numbering, joints.grounds
     label = moving_as_one(numbering, joints.interfaces)
-    by, values = prescribe(mesh, boundary, cut.partition.subdomain, numbering, label, steps(config), problems)
+    held = prescribe(body.mesh, boundary, cut.partition.subdomain, numbering, label, steps(config), problems)
     if not problems.found:
         of_entries = [(entry, i) for i in grounds for entry, at in joints.stands.items()
                       if at.start <= numbering.nodes[numbering.offsets[i.subdomains[1]]] < at.stop]
-        check_agreement(mesh, boundary, joints.interfaces, of_entries, numbering, label, by, values, problems)
-        check_sides(mesh, boundary, joints.interfaces[:len(joints.interfaces) - len(grounds)], numbering, by, values, problems)
+        check_agreement(held, joints.interfaces, of_entries, problems)
+        check_sides(held, joints.interfaces[:len(joints.interfaces) - len(grounds)], problems)
     for entry, nodes in joints.stands.items():  # what a ground carries is the reaction of its entry
-        by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
-    fixed = by >= 0
-    for stand in mesh.foreign:  # whose nodes no other body has
-        fixed[(numbering.nodes >= stand.nodes.start) & (numbering.nodes < stand.nodes.stop)] |= stand.held
-    return Held(by, fixed, values)
+        held.by[(numbering.nodes >= nodes.start) & (numbering.nodes < nodes.stop)] = entry
+    return held
 
 
 def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
@@ -301,7 +281,7 @@ def _freed(config: Config, body: Body, cut: Cut, joints: Joints, held: Held, pro
     if joints.grounds:
         from orchestrator.scene.conditions.ground import within_free
 
-        within_free(joints.grounds, body.mesh, cut.numbering, held.values, problems)
+        within_free(joints.grounds, held, problems)
 
 
 def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Problems) -> None:
@@ -314,10 +294,7 @@ def _check_held(plain: Body, cut: Cut, joints: Joints, held: Held, problems: Pro
     between = [i for i in joints.interfaces if not any(i is g for g in joints.grounds)]
     links, hinges = joins(mesh, cut.partition, between)
     links = links + mesh.one_body
-    fixed = on_mesh(cut.numbering, held.by, held.values[:0])[0][: len(mesh.nodes)]
-    for stand in mesh.foreign:
-        fixed[stand.nodes] |= stand.held
-    check_held(mesh, plain.faces, fixed, problems, np.concatenate(links) if links else None, keeps, hinges)
+    check_held(mesh, plain.faces, held.on_mesh()[0][: len(mesh.nodes)], problems, np.concatenate(links) if links else None, keeps, hinges)
 
 
 def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Problems) -> list:
@@ -328,10 +305,10 @@ def _watched(config: Config, plain: Body, cut: Cut, joints: Joints, problems: Pr
         check_figures(plain.mesh.nodes, plain.mesh.volumes, config.output.figures, ("output", "figures"), problems)
     if not config.output.probes:
         return []
-    from orchestrator.scene.conditions.probes import find_probes
+    from orchestrator.scene.conditions.probes import Finder
 
     bodies = [cut.partition.body(i) or name for i, name in enumerate(cut.partition.names)]
-    return find_probes(plain.mesh, plain.faces, cut.partition.subdomain, bodies, joints.interfaces, config.output.probes, problems)
+    return Finder(plain.mesh, plain.faces, cut.partition.subdomain, bodies, joints.interfaces, problems).find(config.output.probes)
 
 
 def _remark(config: Config, mesh: Mesh, problems: Problems) -> None:
@@ -356,12 +333,13 @@ class _Fields:
 def _subdomains(config: Config, mesh: Mesh, cut: Cut, joints: Joints, fields: _Fields) -> list[Subdomain]:
     """The subdomains with all that is theirs, and the code that solves each."""
     partition, numbering, held, made = cut.partition, cut.numbering, fields.held, []
+    fixed = held.fixed
     order = np.argsort(partition.subdomain, kind="stable")
     bounds = np.searchsorted(partition.subdomain[order], np.arange(len(partition.names) + 1))
     for i, name in enumerate(partition.names):
         cells, own = order[bounds[i]:bounds[i + 1]], slice(numbering.offsets[i], numbering.offsets[i + 1])
         made.append(Subdomain(
-            i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start, fields.material[cells], held.fixed[own],
+            i, name, cells, numbering.nodes[own], numbering.corners[cells] - own.start, fields.material[cells], fixed[own],
             np.ascontiguousarray(held.values[:, own]), np.ascontiguousarray(fields.loads[:, own]), held.by[own], body=partition.body(i),
             foreign=bool(mesh.foreign) and bool(mesh.is_foreign(cells[:1])[0]), contact_area=np.zeros(own.stop - own.start),
             heated=fields.thermal is not None and bool(fields.thermal[:, cells].any())))

@@ -1,8 +1,8 @@
 """Whether what is prescribed agrees: at every node, across jumps, round closed circuits of them, and on both sides of an interface.
 
 What holds displacements whatever the forces are equations e·u = g at nodes: components that entries prescribe, directions of
-frames that are held, surfaces that a point moves as a whole. Where an interface prescribes the jump, both sides' equations speak of one unknown, but
-for the jump. They agree if one displacement meets them all: by least squares, directions that depend on each other counted once.
+frames that are held, surfaces that a point moves as a whole. Where an interface prescribes the jump, both sides' equations speak of one
+unknown, but for the jump. They agree if one displacement meets them all: by least squares, dependent directions counted once.
 """
 
 from __future__ import annotations
@@ -13,13 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.conditions.boundary import reach
+from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.model import Interface
 from orchestrator.wording import some
 
 DEPENDENT = 1e-6  # singular value, over the largest, of directions that count as dependent: coordinates in files have six digits
@@ -48,35 +46,49 @@ class Told:
         return Told(self.node[chosen], self.direction[chosen], self.value[:, chosen], self.entry[chosen])
 
 
-def check_agreement(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Sequence[Interface], grounds: Sequence[tuple[int, Interface]],
-                    numbering: SplitNumbering, label: np.ndarray, held_by: np.ndarray, prescribed: np.ndarray, problems: Problems) -> None:
+@dataclass
+class Circuits:
+    """Labels that prescribed jumps make one.
+
+    Parameters
+    ----------
+    jumps : the interfaces
+    group : (labels,) int; shift : (T, labels, 3), displacement less that of the group's first label
+    """
+
+    jumps: list[Interface]
+    group: np.ndarray
+    shift: np.ndarray
+
+
+def check_agreement(held: Held, interfaces: Sequence[Interface], grounds: Sequence[tuple[int, Interface]], problems: Problems) -> None:
     """Adds a problem for entries that contradict each other, and for jumps that do not add up.
 
     Parameters
     ----------
     interfaces : all there are; grounds : an entry of ``boundary`` each, and the interface with its ground
-    label : (N,) int, equal where split nodes are one; held_by, prescribed : of ``prescribe``
     """
     jumps = [i for i in interfaces if i.matching and not i.law.perfect and i.law.given_jump is not None]
     if not jumps and not grounds:
         return
-    group, shift = _across(mesh, jumps, numbering, label, len(prescribed), problems)
-    told = [_components(held_by, prescribed, c) for c in range(3)] + [_directions(entry, i, numbering, len(prescribed)) for entry, i in grounds]
+    circuits, label = _across(held, jumps, problems), held.label
+    group = circuits.group
+    told = [_components(held, c) for c in range(3)] + [_directions(held, entry, i) for entry, i in grounds]
     rows = Told.joined(told)
     of = group[label[rows.node]]
     special = np.zeros(group.max() + 1, dtype=bool)
     special[of[sum(len(one.node) for one in told[:3]):]] = True
-    special[group[np.concatenate([np.zeros(0, dtype=int), *(label[_sides(i, numbering)[0]] for i in jumps)])]] = True
+    special[group[np.concatenate([np.zeros(0, dtype=int), *(label[held.sides(i)[0]] for i in jumps)])]] = True
     chosen = special[of]
     rows, of = rows.some(chosen), of[chosen]
     if not len(rows.node):
         return
-    moved = rows.value - np.einsum("rc,trc->tr", rows.direction, shift[:, label[rows.node]])
+    moved = rows.value - np.einsum("rc,trc->tr", rows.direction, circuits.shift[:, label[rows.node]])
     left = np.abs(residual(rows.direction, moved, of))
     size = np.zeros((len(moved), group.max() + 1))
-    for values in (np.abs(rows.value), np.abs(moved), reach(boundary, mesh, len(moved)).T[:, rows.entry]):
+    for values in (np.abs(rows.value), np.abs(moved), held.changes().T[:, rows.entry]):
         np.maximum.at(size, (slice(None), of), values)
-    _contradictions(mesh, rows, of, left > TOLERANCE * size[:, of], left, jumps, numbering, group, label, problems)
+    _contradictions(held, circuits, rows, of, left > TOLERANCE * size[:, of], left, problems)
 
 
 def residual(direction: np.ndarray, value: np.ndarray, group: np.ndarray) -> np.ndarray:
@@ -99,39 +111,28 @@ def residual(direction: np.ndarray, value: np.ndarray, group: np.ndarray) -> np.
     return result
 
 
-def _components(held_by: np.ndarray, prescribed: np.ndarray, component: int) -> Told:
-    node = np.flatnonzero(held_by[:, component] >= 0)
-    return Told(node, np.tile(np.eye(3)[component], (len(node), 1)), prescribed[:, node, component], held_by[node, component])
+def _components(held: Held, component: int) -> Told:
+    node = np.flatnonzero(held.by[:, component] >= 0)
+    return Told(node, np.tile(np.eye(3)[component], (len(node), 1)), held.values[:, node, component], held.by[node, component])
 
 
-def _directions(entry: int, ground: Interface, numbering: SplitNumbering, steps: int) -> Told:
+def _directions(held: Held, entry: int, ground: Interface) -> Told:
     """What a ground holds, whatever the forces."""
-    node = _sides(ground, numbering)[0]
-    laws = ground.law_at_steps or [ground.law] * steps
-    direction, held = laws[0].holds
-    which, at = np.nonzero(held)
+    laws = ground.law_at_steps or [ground.law] * len(held.values)
+    direction, holds = laws[0].holds
+    which, at = np.nonzero(holds)
     value = np.stack([law.held_at for law in laws])[:, which, at]
-    return Told(node[at], direction[which, :, at], value, np.full(len(at), entry))
+    return Told(held.sides(ground)[0][at], direction[which, :, at], value, np.full(len(at), entry))
 
 
-def _sides(interface: Interface, numbering: SplitNumbering) -> tuple[np.ndarray, np.ndarray]:
-    """Split nodes of either side."""
-    return tuple(numbering.offsets[e] + own for e, own in zip(interface.subdomains, interface.nodes))
-
-
-def _across(mesh: Mesh, jumps: Sequence[Interface], numbering: SplitNumbering, label: np.ndarray, steps: int,
-            problems: Problems) -> tuple[np.ndarray, np.ndarray]:
-    """Labels that prescribed jumps make one, and how far apart they are.
-
-    Returns
-    -------
-    group : (labels,) int; shift : (T, labels, 3), displacement less that of the group's first label
-    """
+def _across(held: Held, jumps: list[Interface], problems: Problems) -> Circuits:
+    """What the jumps make one; adds a problem where they do not add up round a circuit."""
+    label, steps = held.label, len(held.values)
     count = int(label.max()) + 1
     shift = np.zeros((steps, count, 3))
     if not jumps:
-        return np.arange(count), shift
-    one, two = (label[np.concatenate(side)] for side in zip(*(_sides(i, numbering) for i in jumps)))
+        return Circuits(jumps, np.arange(count), shift)
+    one, two = (label[np.concatenate(side)] for side in zip(*map(held.sides, jumps)))
     whose = np.repeat(np.arange(len(jumps)), [len(i.global_nodes) for i in jumps])
     apart = np.stack([[law.given_jump for law in i.law_at_steps or [i.law] * steps] for i in jumps])[whose].swapaxes(0, 1)  # (T, edges, 3)
     group = components(one, two, count)[1]
@@ -147,7 +148,7 @@ def _across(mesh: Mesh, jumps: Sequence[Interface], numbering: SplitNumbering, l
     if off.any():
         step, edge = np.unravel_index(int(left.argmax()), left.shape)
         first, bodies = jumps[whose[edge]], np.unique(whose[group[one] == group[one[edge]]])
-        where = mesh.nodes[first.global_nodes[edge - np.searchsorted(whose, whose[edge])]]
+        where = held.mesh.nodes[first.global_nodes[edge - np.searchsorted(whose, whose[edge])]]
         entries = sorted({jumps[k].entry for k in bodies})
         problems.add(("interfaces", first.entry), f"jumps that do not add up round a closed circuit of parts, at {format_point(where)} and "
                      f"{off.any(axis=0).sum()} pairs of nodes: {' and '.join(f'interfaces[{e}]' for e in entries)}, between "
@@ -155,11 +156,11 @@ def _across(mesh: Mesh, jumps: Sequence[Interface], numbering: SplitNumbering, l
                      "jumps that sum up to zero round every edge at which parts meet; bonds count as none",
                      "let the jump go on to the surface of the assembly: impose it beyond that edge, too; or let parts open there, by law: "
                      "contact or elastic")
-    return group, shift
+    return Circuits(jumps, group, shift)
 
 
-def _contradictions(mesh: Mesh, rows: Told, of: np.ndarray, wrong: np.ndarray, left: np.ndarray, jumps: Sequence[Interface],
-                    numbering: SplitNumbering, group: np.ndarray, label: np.ndarray, problems: Problems) -> None:
+def _contradictions(held: Held, circuits: Circuits, rows: Told, of: np.ndarray, wrong: np.ndarray, left: np.ndarray,
+                    problems: Problems) -> None:
     """Adds a problem for each set of entries that contradict each other.
 
     Parameters
@@ -172,12 +173,14 @@ def _contradictions(mesh: Mesh, rows: Told, of: np.ndarray, wrong: np.ndarray, l
         found.setdefault(tuple(np.unique(rows.entry[of == one]).tolist()), []).append(int(one))
     for entries, groups in found.items():
         own = np.flatnonzero(of == groups[0])
+        where = held.mesh.nodes[held.numbering.nodes[rows.node[own[0]]]]
         step = int(left[:, own].max(axis=1).argmax())
         said = [f"boundary[{rows.entry[r]}] prescribes {rows.value[step, r]:.6g} along {format_point(rows.direction[r])}" for r in own]
-        between = sorted({f"interfaces[{i.entry}]" for i in jumps if (group[label[_sides(i, numbering)[0]]] == groups[0]).any()})
+        between = sorted({f"interfaces[{i.entry}]" for i in circuits.jumps
+                          if (circuits.group[held.label[held.sides(i)[0]]] == groups[0]).any()})
         problems.add(("boundary", entries[-1]), f"{' and '.join(f'boundary[{e}]' for e in entries)}"
                      + (f", with the jump of {' and '.join(between)}," if between else "")
-                     + f" contradict each other on {len(groups)} nodes, the first at {format_point(mesh.nodes[numbering.nodes[rows.node[own[0]]]])}: "
+                     + f" contradict each other on {len(groups)} nodes, the first at {format_point(where)}: "
                      f"{', '.join(dict.fromkeys(said))}, at load step {step + 1}", "directions and values that one displacement meets",
                      "free one of the directions there with null, select faces that do not meet"
                      + (", or prescribe what differs by the jump" if between else ""))

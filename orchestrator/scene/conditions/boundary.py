@@ -7,6 +7,7 @@ what is prescribed on one of them is so on all; where an interface opens, the ne
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -87,24 +88,68 @@ def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.
     return components(one[apart], two[apart], numbering.total)[1][numbering.nodes]
 
 
+@dataclass
+class Held:
+    """What is prescribed on split nodes.
+
+    Parameters
+    ----------
+    label : (N,) int, of ``moving_as_one``
+    by : (N, 3) int, the last entry that prescribes each component, −1 for none
+    values : (steps, N, 3) float, zero where nothing is
+    """
+
+    mesh: Mesh
+    boundary: list[BoundaryEntry]
+    numbering: SplitNumbering
+    label: np.ndarray
+    by: np.ndarray
+    values: np.ndarray
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """(N, 3) bool, with what parts of other programs hold themselves: no other body has their nodes."""
+        fixed, nodes = self.by >= 0, self.numbering.nodes
+        for stand in self.mesh.foreign:
+            fixed[(nodes >= stand.nodes.start) & (nodes < stand.nodes.stop)] |= stand.held
+        return fixed
+
+    def sides(self, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
+        """Split nodes of either side."""
+        return tuple(self.numbering.offsets[e] + own for e, own in zip(interface.subdomains, interface.nodes))
+
+    def changes(self) -> np.ndarray:
+        """(entries, steps) how much what each entry prescribes changes over the mesh, at most."""
+        return np.array([entry.prescribed.field.change(entry.prescribed.amounts, self.mesh.diagonal) if entry.prescribed
+                         else np.zeros(len(self.values)) for entry in self.boundary]).reshape(len(self.boundary), len(self.values))
+
+    def on_mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """``fixed`` (n, 3) and ``prescribed`` (steps, n, 3) on the nodes of the mesh."""
+        fixed = np.zeros((self.numbering.total, 3), dtype=bool)
+        values = np.zeros((len(self.values), self.numbering.total, 3))
+        for c in range(3):
+            own = np.flatnonzero(self.by[:, c] >= 0)
+            fixed[self.numbering.nodes[own], c] = True
+            values[:, self.numbering.nodes[own], c] = self.values[:, own, c]
+        for stand in self.mesh.foreign:
+            fixed[stand.nodes] |= stand.held
+        return fixed, values
+
+
 def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndarray, numbering: SplitNumbering,
-              label: np.ndarray, steps: int, problems: Problems) -> tuple[np.ndarray, np.ndarray]:
+              label: np.ndarray, steps: int, problems: Problems) -> Held:
     """What displacement entries prescribe on split nodes; a later entry that agrees repeats an earlier one.
 
     Parameters
     ----------
     cell_subdomain : (m,) int
     label : (N,) int, of ``moving_as_one``
-
-    Returns
-    -------
-    held_by : (N, 3) int, the last entry that prescribes each component, −1 for none
-    prescribed : (steps, N, 3) float, zero where nothing is
     """
     count = int(label.max()) + 1
     setter = np.full((count, 3), -1)
     values = np.zeros((steps, count, 3))
-    slack = TOLERANCE * reach(boundary, mesh, steps)
+    held = Held(mesh, boundary, numbering, label, np.full((len(label), 3), -1), np.zeros((steps, len(label), 3)))
+    slack = TOLERANCE * held.changes()
     first = np.zeros(count, dtype=int)
     first[label] = np.arange(len(label))
     for number, entry in enumerate(boundary):
@@ -126,14 +171,8 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
                              f"put null for u{'xyz'[c]} in one of the two, or select faces that do not meet")
             values[:, at, c] = wanted
             setter[at, c] = entry.index
-    return setter[label], values[:, label]
-
-
-def reach(boundary: list[BoundaryEntry], mesh: Mesh, steps: int) -> np.ndarray:
-    """(entries, steps) how much what each prescribes changes over the mesh: coordinates are rounded, so that it does at every node."""
-    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
-    return np.array([entry.prescribed.field.change(entry.prescribed.amounts, size) if entry.prescribed else np.zeros(steps)
-                     for entry in boundary]).reshape(len(boundary), steps)
+    held.by, held.values = setter[label], values[:, label]
+    return held
 
 
 def _labels(entry: BoundaryEntry, cell_subdomain: np.ndarray, numbering: SplitNumbering,
@@ -144,14 +183,3 @@ def _labels(entry: BoundaryEntry, cell_subdomain: np.ndarray, numbering: SplitNu
         there = cells >= 0
         found.append(numbering.find(cell_subdomain[cells[there], None], entry.triangles[there]).ravel())
     return np.unique(label[np.concatenate(found)])
-
-
-def on_mesh(numbering: SplitNumbering, held_by: np.ndarray, prescribed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``fixed`` (n, 3) and ``prescribed`` (steps, n, 3) on the nodes of the mesh."""
-    fixed = np.zeros((numbering.total, 3), dtype=bool)
-    values = np.zeros((len(prescribed), numbering.total, 3))
-    for c in range(3):
-        own = np.flatnonzero(held_by[:, c] >= 0)
-        fixed[numbering.nodes[own], c] = True
-        values[:, numbering.nodes[own], c] = prescribed[:, own, c]
-    return fixed, values

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.errors import Problems
+from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
 from orchestrator.scene.mesh.patch import local_size
@@ -25,7 +26,8 @@ from orchestrator.scene.partition.partition import Partition
 THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
 
 
-def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, boundary: list[BoundaryEntry], problems: Problems) -> tuple[Mesh, Partition, SplitNumbering, np.ndarray, list[Interface], dict[int, slice]]:
+def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, boundary: list[BoundaryEntry], problems: Problems,
+                ) -> tuple[Mesh, Partition, SplitNumbering, np.ndarray, list[Interface], dict[int, slice]]:
     """The scene with a ground behind every entry that stands on one.
 
     Parameters
@@ -43,15 +45,13 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
     layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]
     names, bodies, volumes = list(partition.names), [partition.body(e) for e in range(len(partition.names))], list(mesh.volumes)
     nodes: dict[int, slice] = {}
-    corner: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # per entry: the body's nodes, triangles among them
     for i in standing:
-        at, local = np.unique(boundary[i].triangles, return_inverse=True)
-        local = local.reshape(boundary[i].triangles.shape)
+        at, local = _local(boundary[i])
         points, count, first = mesh.nodes[at], len(local), sum(map(len, layers))
         layer = prisms(Facets(points, local, np.ones(count), np.zeros(count), THICKNESS * local_size(points, local)), +1)
         layers.append(np.vstack([points, layer.points]))
         cells.append(layer.cells + first)
-        nodes[i], corner[i] = slice(first, first + len(layers[-1])), (at, local)
+        nodes[i] = slice(first, first + len(layers[-1]))
         name = f"ground of boundary[{i}]"
         volume.append(np.full(len(layer.cells), len(volumes)))
         subdomain.append(np.full(len(layer.cells), len(names)))
@@ -62,19 +62,25 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
     cut = Partition(np.concatenate(subdomain), names, bodies)
     numbering = split_numbering(whole.cells, cut.subdomain, len(whole.nodes))
     behind = faces_of(whole.cells[:, :4], len(whole.nodes))
-    interfaces = [made for i in standing for made in _interfaces(
-        whole, cut, numbering, behind, nodes[i].start, *corner[i], boundary[i], problems)]
+    interfaces = [made for i in standing for made in _interfaces(whole, cut, numbering, behind, nodes[i].start, boundary[i], problems)]
     return whole, cut, numbering, np.concatenate(material), interfaces, nodes
 
 
-def _interfaces(mesh: Mesh, partition: Partition, numbering: SplitNumbering, faces: Faces, first: int, at: np.ndarray,
-                local: np.ndarray, entry: BoundaryEntry, problems: Problems) -> list[Interface]:
+def _local(entry: BoundaryEntry) -> tuple[np.ndarray, np.ndarray]:
+    """(p,) int, the nodes of an entry's faces, ascending, and these (k, 3 or 6) as indices of them."""
+    at, local = np.unique(entry.triangles, return_inverse=True)
+    return at, local.reshape(entry.triangles.shape)
+
+
+def _interfaces(mesh: Mesh, partition: Partition, numbering: SplitNumbering, faces: Faces, first: int, entry: BoundaryEntry,
+                problems: Problems) -> list[Interface]:
     """Between each body on a surface and its ground, patch by patch.
 
     Parameters
     ----------
-    first : first node of the ground; at : (p,) the surface's nodes; local : (k, 3 or 6) its triangles among them
+    first : first node of the ground
     """
+    at, local = _local(entry)
     owner = partition.subdomain[entry.cells[:, 0]]
     ground = int(partition.subdomain[faces.owner[faces.find(local[:1, :3] + first)[0]]])
     group = np.unique(np.c_[owner, edge_patches(local[:, :3])[1]], axis=0, return_inverse=True)[1].ravel() \
@@ -89,8 +95,8 @@ def _interfaces(mesh: Mesh, partition: Partition, numbering: SplitNumbering, fac
                                np.searchsorted(mine, local[chosen]), cells, np.ones((len(mine), 3), dtype=bool)))
     if entry.ground.whole and len(found) > 1:
         problems.add(("boundary", entry.index, "on"), f"a {entry.kind} of a surface that {len(found)} subdomains share",
-                     "a surface of one subdomain, that moves as one", "leave its body whole: write subdomains: groups, without split_above or "
-                     "with a larger one")
+                     "a surface of one subdomain, that moves as one",
+                     "leave its body whole: write subdomains: groups, without split_above or with a larger one")
         return []
     for interface in found:
         laws = entry.ground.laws(mesh.nodes[interface.global_nodes], interface.triangles)
@@ -104,21 +110,20 @@ def _govern(interface: Interface, laws: list) -> None:
     interface.law_at_steps = laws if len({tuple(np.ravel(law.given)) for law in laws}) > 1 else []
 
 
-def within_free(interfaces: Sequence[Interface], mesh: Mesh, numbering: SplitNumbering, prescribed: np.ndarray, problems: Problems) -> None:
+def within_free(interfaces: Sequence[Interface], held: Held, problems: Problems) -> None:
     """Take components that boundary conditions prescribe out of what the laws of grounds ask for, which must let them.
 
     Parameters
     ----------
     interfaces : those of grounds, with what is ``free``
-    prescribed : (steps, N, 3) on split nodes
     """
     for i in interfaces:
-        moved = np.where(i.free, 0.0, prescribed[:, numbering.offsets[i.subdomains[0]] + i.nodes[0]])
-        laws = [law.within(i.free, held) for law, held in zip(i.law_at_steps or [i.law] * len(moved), moved)]
+        moved = np.where(i.free, 0.0, held.values[:, held.sides(i)[0]])
+        laws = [law.within(i.free, there) for law, there in zip(i.law_at_steps or [i.law] * len(moved), moved)]
         if laws[0] is not None:
             _govern(i, laws)
             continue
-        where = format_point(mesh.nodes[i.global_nodes[np.flatnonzero(~i.free.all(axis=1))[0]]])
+        where = format_point(held.mesh.nodes[i.global_nodes[np.flatnonzero(~i.free.all(axis=1))[0]]])
         problems.add(("boundary",), f"{i.name}: a node of a coupled surface is prescribed by another entry, at {where}",
                      "surfaces that are coupled and nothing else", "prescribe it by the coupling's displacement and rotation, or select "
                      "surfaces that do not meet")

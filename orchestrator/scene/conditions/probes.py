@@ -60,77 +60,116 @@ class Surface:
     within: np.ndarray
 
 
-def find_probes(mesh: Mesh, faces: Faces, subdomain: np.ndarray, bodies: Sequence[str], interfaces: Sequence[Interface],
-                asked: Sequence[Any], problems: Problems) -> list[Point | Surface]:
-    """The probes of the configuration on the mesh.
+@dataclass(frozen=True)
+class Finder:
+    """Finds probes on a mesh.
 
     Parameters
     ----------
     subdomain : (m,) int, of each tet; bodies : name of each subdomain's body
-    asked : ``output.probes``
     """
-    found = []
-    for i, one in enumerate(asked):
-        path, name = ("output", "probes", i), one.name or f"probe_{i + 1}"
-        cells = _cells_of(mesh, subdomain, bodies, one.part, (*path, "part"), problems)
-        if cells is None:
-            continue
-        if isinstance(one, PointProbe):
-            point = _point(mesh, subdomain, bodies, interfaces, one, name, cells, path, problems)
-        else:
-            point = _surface(mesh, faces, one, name, cells, path, problems)
-        found += [point] if point else []
-    return found
 
+    mesh: Mesh
+    faces: Faces
+    subdomain: np.ndarray
+    bodies: Sequence[str]
+    interfaces: Sequence[Interface]
+    problems: Problems
 
-def _cells_of(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], part: str | None, path: KeyPath,
-              problems: Problems) -> np.ndarray | None:
-    """(m,) bool, the tets of a part; all where none is named; None, with a problem, where there is none of that name."""
-    if part is None:
-        return np.ones(len(mesh.cells), dtype=bool)
-    known = list(dict.fromkeys([*mesh.volumes, *bodies]))
-    meant = matching(part, known)
-    volumes, own = np.isin(mesh.volumes, meant)[mesh.volume], np.isin(bodies, meant)[subdomain]
-    if not (volumes | own).any():
-        problems.add(path, f"no volume and no body is called {part!r}", "a name of one, shell wildcards allowed",
-                     suggestion(part, known, "volume"))
-        return None
-    return volumes if volumes.any() else own
+    def find(self, asked: Sequence[Any]) -> list[Point | Surface]:
+        """The probes that ``output.probes`` asks for."""
+        found = []
+        for i, one in enumerate(asked):
+            path, name = ("output", "probes", i), one.name or f"probe_{i + 1}"
+            cells = self._cells_of(one.part, (*path, "part"))
+            if cells is None:
+                continue
+            made = (self._point if isinstance(one, PointProbe) else self._surface)(one, name, cells, path)
+            found += [made] if made else []
+        return found
 
-
-def _point(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], interfaces: Sequence[Interface], asked: PointProbe,
-           name: str, allowed: np.ndarray, path: KeyPath, problems: Problems) -> Point | None:
-    at = np.array(asked.at, dtype=float)
-    cells = np.flatnonzero(allowed)
-    corners = mesh.nodes[mesh.cells[cells, :4]]
-    size = np.ptp(corners, axis=1).max(axis=1)
-    near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
-    cells, corners, size = cells[near], corners[near], size[near]
-    weights = _barycentric(corners, at)
-    inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
-    if inside.any():
-        cells, weights = cells[inside], weights[inside]
-        names = _apart(mesh, subdomain, bodies, interfaces, cells)
-        if len(names) > 1:
-            problems.add((*path, "at"), f"{format_point(at)} is where {some(names)} meet: each has values of its own there",
-                         "one part", f"add part: {names[0]}")
+    def _cells_of(self, part: str | None, path: KeyPath) -> np.ndarray | None:
+        """(m,) bool, the tets of a part; all where none is named; None, with a problem, where there is none of that name."""
+        if part is None:
+            return np.ones(len(self.mesh.cells), dtype=bool)
+        known = list(dict.fromkeys([*self.mesh.volumes, *self.bodies]))
+        meant = matching(part, known)
+        volumes, own = np.isin(self.mesh.volumes, meant)[self.mesh.volume], np.isin(self.bodies, meant)[self.subdomain]
+        if not (volumes | own).any():
+            self.problems.add(path, f"no volume and no body is called {part!r}", "a name of one, shell wildcards allowed",
+                              suggestion(part, known, "volume"))
             return None
-        return Point(name, asked.quantity, at, int(cells[0]), weights[0])
-    if len(cells):
-        clamped = np.maximum(weights, 0.0)
-        clamped /= clamped.sum(axis=1, keepdims=True)
-        distance = np.linalg.norm(np.einsum("kax,ka->kx", corners, clamped) - at, axis=1)
-        best = int(np.argmin(distance))
-        if distance[best] <= BESIDE * size[best]:
-            return Point(name, asked.quantity, clamped[best] @ corners[best], int(cells[best]), clamped[best])
-    nodes = np.unique(mesh.cells[allowed, :4])
-    distance = np.linalg.norm(mesh.nodes[nodes] - at, axis=1)
-    nearest = mesh.nodes[nodes[np.argmin(distance)]]
-    whose = "the body" if asked.part is None else f"{asked.part!r}"
-    problems.add((*path, "at"), f"{format_point(at)} is outside {whose}; the nearest node is {distance.min():.6g} away, at "
-                 f"{format_point(nearest)}", "a point inside or on the surface",
-                 f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
-    return None
+        return volumes if volumes.any() else own
+
+    def _point(self, asked: PointProbe, name: str, allowed: np.ndarray, path: KeyPath) -> Point | None:
+        at = np.array(asked.at, dtype=float)
+        cells = np.flatnonzero(allowed)
+        corners = self.mesh.nodes[self.mesh.cells[cells, :4]]
+        size = np.ptp(corners, axis=1).max(axis=1)
+        near = (np.maximum(corners.min(axis=1) - at, at - corners.max(axis=1)).max(axis=1) <= BESIDE * size)
+        cells, corners, size = cells[near], corners[near], size[near]
+        weights = _barycentric(corners, at)
+        inside = weights.min(axis=1, initial=np.inf) >= -INSIDE
+        if inside.any():
+            cells, weights = cells[inside], weights[inside]
+            names = self._apart(cells)
+            if len(names) > 1:
+                self.problems.add((*path, "at"), f"{format_point(at)} is where {some(names)} meet: each has values of its own there",
+                             "one part", f"add part: {names[0]}")
+                return None
+            return Point(name, asked.quantity, at, int(cells[0]), weights[0])
+        if len(cells):
+            clamped = np.maximum(weights, 0.0)
+            clamped /= clamped.sum(axis=1, keepdims=True)
+            distance = np.linalg.norm(np.einsum("kax,ka->kx", corners, clamped) - at, axis=1)
+            best = int(np.argmin(distance))
+            if distance[best] <= BESIDE * size[best]:
+                return Point(name, asked.quantity, clamped[best] @ corners[best], int(cells[best]), clamped[best])
+        nodes = np.unique(self.mesh.cells[allowed, :4])
+        distance = np.linalg.norm(self.mesh.nodes[nodes] - at, axis=1)
+        nearest = self.mesh.nodes[nodes[np.argmin(distance)]]
+        whose = "the body" if asked.part is None else f"{asked.part!r}"
+        self.problems.add((*path, "at"), f"{format_point(at)} is outside {whose}; the nearest node is {distance.min():.6g} away, at "
+                     f"{format_point(nearest)}", "a point inside or on the surface",
+                     f"take {format_point(nearest)}, or a point between nodes; if the unit of length differs, set scale: under mesh:")
+        return None
+
+    def _apart(self, cells: np.ndarray) -> list[str]:
+        """Names of what has tets of its own among these: volumes, and bodies that interfaces of one volume may part."""
+        volumes = np.unique(self.mesh.volume[cells])
+        if len(volumes) > 1:
+            return [self.mesh.volumes[v] for v in volumes]
+        theirs = np.unique(self.subdomain[cells])
+        bonds = np.array([i.subdomains for i in self.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
+        held = components(*bonds.T, len(self.bodies))[1][theirs]
+        first = theirs[np.unique(held, return_index=True)[1]]
+        return list(dict.fromkeys(self.bodies[e] for e in first))
+
+    def _surface(self, asked: Any, name: str, allowed: np.ndarray, path: KeyPath) -> Surface | None:
+        chosen = select(self.mesh, self.faces, asked.on, (*path, "on"), self.problems)
+        if not len(chosen):
+            return None
+        triangles, owner, other = self.faces.triangles[chosen], self.faces.owner[chosen], self.faces.neighbour[chosen]
+        first, second = allowed[owner], (other >= 0) & allowed[other]
+        if not (first | second).any():
+            self.problems.add((*path, "part"), f"{asked.part!r} has none of these faces", "a part that has", "name another part, or leave it out")
+            return None
+        between = first & second & (self.mesh.volume[owner] != self.mesh.volume[other])
+        if between.any():
+            k = int(np.flatnonzero(between)[0])
+            names = [self.mesh.volumes[self.mesh.volume[c]] for c in (owner[k], other[k])]
+            self.problems.add((*path, "on"), f"faces between {some(names)}: each has values of its own there", "one part",
+                         f"add part: {names[0]}")
+            return None
+        cells = np.where(first, owner, other)
+        kept = first | second
+        area = np.where(first, 1.0, -1.0)[:, None] * area_vectors(self.mesh.nodes, triangles)
+        triangles, cells, area = triangles[kept], cells[kept], area[kept]
+        each = np.linalg.norm(area, axis=1)
+        centre = each @ self.mesh.nodes[triangles[:, :3]].mean(axis=1) / each.sum()
+        about = centre if asked.about is None else np.array(asked.about, dtype=float)
+        within = np.unique(self.mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
+        return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within)
 
 
 def _barycentric(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -140,44 +179,3 @@ def _barycentric(corners: np.ndarray, at: np.ndarray) -> np.ndarray:
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     rest = np.linalg.solve(edges, (at - corners[:, 0])[:, :, None])[:, :, 0]
     return np.column_stack([1 - rest.sum(axis=1), rest])
-
-
-def _apart(mesh: Mesh, subdomain: np.ndarray, bodies: Sequence[str], interfaces: Sequence[Interface],
-           cells: np.ndarray) -> list[str]:
-    """Names of what has tets of its own among these: volumes, and bodies that interfaces of one volume may part."""
-    volumes = np.unique(mesh.volume[cells])
-    if len(volumes) > 1:
-        return [mesh.volumes[v] for v in volumes]
-    theirs = np.unique(subdomain[cells])
-    bonds = np.array([i.subdomains for i in interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
-    held = components(*bonds.T, len(bodies))[1][theirs]
-    first = theirs[np.unique(held, return_index=True)[1]]
-    return list(dict.fromkeys(bodies[e] for e in first))
-
-
-def _surface(mesh: Mesh, faces: Faces, asked: Any, name: str, allowed: np.ndarray, path: KeyPath,
-             problems: Problems) -> Surface | None:
-    chosen = select(mesh, faces, asked.on, (*path, "on"), problems)
-    if not len(chosen):
-        return None
-    triangles, owner, other = faces.triangles[chosen], faces.owner[chosen], faces.neighbour[chosen]
-    first, second = allowed[owner], (other >= 0) & allowed[other]
-    if not (first | second).any():
-        problems.add((*path, "part"), f"{asked.part!r} has none of these faces", "a part that has", "name another part, or leave it out")
-        return None
-    between = first & second & (mesh.volume[owner] != mesh.volume[other])
-    if between.any():
-        k = int(np.flatnonzero(between)[0])
-        names = [mesh.volumes[mesh.volume[c]] for c in (owner[k], other[k])]
-        problems.add((*path, "on"), f"faces between {some(names)}: each has values of its own there", "one part",
-                     f"add part: {names[0]}")
-        return None
-    cells = np.where(first, owner, other)
-    kept = first | second
-    area = np.where(first, 1.0, -1.0)[:, None] * area_vectors(mesh.nodes, triangles)
-    triangles, cells, area = triangles[kept], cells[kept], area[kept]
-    each = np.linalg.norm(area, axis=1)
-    centre = each @ mesh.nodes[triangles[:, :3]].mean(axis=1) / each.sum()
-    about = centre if asked.about is None else np.array(asked.about, dtype=float)
-    within = np.unique(mesh.volume[cells]) if asked.part is not None else np.empty(0, int)
-    return Surface(name, asked.quantity, asked.of or "displacement", triangles, cells, area, about, within)

@@ -195,7 +195,7 @@ def _touching(mesh: Mesh, own: list[np.ndarray]) -> list[int]:
 
     nodes = np.concatenate(own)
     body = np.repeat(np.arange(len(own)), [len(o) for o in own])
-    reach = TOUCHING * float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    reach = TOUCHING * mesh.diagonal
     near = cKDTree(mesh.nodes[nodes]).query_pairs(reach, output_type="ndarray")
     near = near[(body[near[:, 0]] != body[near[:, 1]]) & (nodes[near[:, 0]] != nodes[near[:, 1]])]
     return np.bincount(body[np.unique(near)], minlength=len(own)).tolist()

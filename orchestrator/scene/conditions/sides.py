@@ -7,34 +7,28 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.errors import Problems
-from orchestrator.scene.conditions.boundary import reach
+from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
 from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.model import BoundaryEntry, Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.model import Interface
 
 CURVED = 0.2  # of a jump, what may point into a curved side: normals at nodes are means of facets
 TURNED = 0.01  # of what a frame prescribes, what may differ between nodes and the facets between them
 
 
-def check_sides(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Sequence[Interface], numbering: SplitNumbering, held_by: np.ndarray,
-                prescribed: np.ndarray, problems: Problems) -> None:
+def check_sides(held: Held, interfaces: Sequence[Interface], problems: Problems) -> None:
     """Adds a problem for each interface whose sides are prescribed to do what its law forbids whatever the force.
 
     Bonds and jumps of paired nodes are judged by ``check_agreement``.
-
-    Parameters
-    ----------
-    held_by, prescribed : (N, 3) and (steps, N, 3), of ``prescribe``
     """
-    slack = TOLERANCE * reach(boundary, mesh, len(prescribed))
+    mesh, held_by, prescribed = held.mesh, held.by, held.values
+    slack = TOLERANCE * held.changes()
     for i in interfaces:
         if i.matching and i.law.given_jump is not None:
             continue
-        own = [numbering.offsets[e] + nodes for e, nodes in zip(i.subdomains, i.nodes)]
+        own = held.sides(i)
         if not all((held_by[side] >= 0).any() for side in own):
             continue
         points, triangles = (mesh.nodes[i.global_nodes], i.triangles) if i.matching else (i.surfaces.points[0], i.surfaces.triangles[0])
@@ -46,15 +40,17 @@ def check_sides(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Sequence[
         by = np.concatenate([held_by[one][:, None], held_by[two]], axis=1)  # (pairs, 1 + k, 3)
         same = i.law.perfect & (by == by[:, :1]).all(axis=1)
         size = np.maximum(np.abs(prescribed[:, one]).max(axis=2), np.abs(prescribed[:, two]).max(axis=(2, 3)))
-        allowed = TOLERANCE * size + (slack[by].max(axis=(1, 2)) * (1 + apart / (TOLERANCE * _size(mesh)))[:, None]).T
-        turned = np.array([bool(entry.prescribed) and entry.prescribed.field.turns for entry in boundary])[by].any(axis=(1, 2))
+        allowed = TOLERANCE * size + (slack[by].max(axis=(1, 2)) * (1 + apart / (TOLERANCE * (mesh.diagonal or 1.0)))[:, None]).T
+        turned = np.array([bool(entry.prescribed) and entry.prescribed.field.turns for entry in held.boundary])[by].any(axis=(1, 2))
         normals = node_normals(points, triangles)
         flat = area_vectors(points, triangles)
         flat = flat / np.linalg.norm(flat, axis=1, keepdims=True)
         curved = (flat @ flat[0]).min() < 1 - TOLERANCE
         laws = i.law_at_steps or [i.law] * len(jump)
         wrong = np.stack([law.forbids(d, known & ~same, normals[place], place) for law, d in zip(laws, jump)])
-        share = np.where(turned, TURNED, 0.0) * size + (CURVED * np.linalg.norm(jump, axis=2) if curved and i.law.given_jump is None else 0.0)
+        share = np.where(turned, TURNED, 0.0) * size
+        if curved and i.law.given_jump is None:
+            share = share + CURVED * np.linalg.norm(jump, axis=2)
         if not (bad := wrong > allowed + share).any():
             continue
         step, worst = np.unravel_index(int(np.where(bad, wrong, 0.0).argmax()), wrong.shape)
@@ -64,10 +60,6 @@ def check_sides(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: Sequence[
                      f"{format_point(jump[step, worst])} against the first at load step {step + 1}, which law: {i.law.name} forbids, by "
                      f"{wrong[step, worst]:.3g}", "displacements on both sides that the interface between them lets happen",
                      "prescribe the same on both, free a component of one with null, or select faces that end before the other part")
-
-
-def _size(mesh: Mesh) -> float:
-    return float(np.linalg.norm(np.ptp(mesh.nodes, axis=0))) or 1.0
 
 
 def _opposite(interface: Interface) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

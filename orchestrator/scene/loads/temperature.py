@@ -81,7 +81,7 @@ def _at_nodes(mesh: Mesh, nodes: np.ndarray, given: Any, times: np.ndarray, path
     points = mesh.nodes[nodes]
     if given.file is None:
         return np.outer(times, given.value + (points - np.array(given.at, dtype=float)) @ np.array(given.gradient, dtype=float))
-    size = float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    size = mesh.diagonal
     reach = np.minimum(SAME_PLACE * size, OF_EDGE * _shortest_edges(mesh)[nodes])
     return _of_file(Path(given.file), points, reach, size, times, (*path, "file"), problems)
 

@@ -75,6 +75,11 @@ class Mesh:
         return known[self.volume[cells]]
 
     @property
+    def diagonal(self) -> float:
+        """Of the box around all nodes, a length."""
+        return float(np.linalg.norm(np.ptp(self.nodes, axis=0)))
+
+    @property
     def one_body(self) -> list[np.ndarray]:
         """(k, 2) int each, cells that belong together though they share no face: of a part whose mesh is not ours."""
         found = [np.flatnonzero(self.volume == stand.volume) for stand in self.foreign]

@@ -84,7 +84,7 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
 
 def _oriented(mesh: Mesh, problems: Problems) -> Mesh:
     volumes = tet_volumes(mesh.nodes, mesh.cells)
-    flat = np.abs(volumes) <= FLAT * np.linalg.norm(np.ptp(mesh.nodes, axis=0)) ** 3  # no edge is longer than that
+    flat = np.abs(volumes) <= FLAT * mesh.diagonal ** 3  # no edge is longer than that
     thin = np.flatnonzero(flat)
     corners = mesh.nodes[mesh.cells[thin]]
     longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1)
