@@ -79,12 +79,6 @@ def test_scale_multiplies_coordinates():
     assert tet_volumes(mesh.nodes, mesh.cells).sum() == pytest.approx(1000)
 
 
-def test_no_source_and_two_sources():
-    assert one_problem(make_mesh, SimpleNamespace()).path == ("mesh",)
-    two = one_problem(make_mesh, SimpleNamespace(file="a", step="b"))
-    assert "2 mesh sources: file, step" in two.found
-
-
 # --- faces ------------------------------------------------------------------------------------------------
 
 

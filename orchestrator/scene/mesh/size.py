@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import resource
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+
+import psutil
 
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.mesh.faces import MAX_NODES
@@ -64,18 +65,14 @@ def check_memory(needed: float, path: KeyPath, found: str, cure: str) -> None:
 
 def memory_left() -> float:
     """Bytes that this process can still take: free on the machine, in its group of processes, below its own limit."""
-    left = [float("inf")]
-    with suppress(OSError, ValueError, StopIteration):
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        left.append(1024.0 * int(next(line.split()[1] for line in lines if line.startswith("MemAvailable"))))
+    left = [float(psutil.virtual_memory().available)]
     for most, used in (("memory.max", "memory.current"),
                        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes")):  # of containers
         with suppress(OSError, ValueError):
             left.append(float((_GROUPS / most).read_text()) - float((_GROUPS / used).read_text()))
     soft = resource.getrlimit(resource.RLIMIT_AS)[0]
     if soft != resource.RLIM_INFINITY:
-        with suppress(OSError, ValueError):
-            left.append(soft - int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE"))
+        left.append(float(soft - psutil.Process().memory_info().vms))
     return max(min(left), 0.0)
 
 

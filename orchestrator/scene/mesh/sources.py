@@ -188,9 +188,6 @@ def _in_part(index: int, part: OnePart, path: KeyPath) -> KeyPath:
 
 
 def _made(mesh: Any) -> Mesh:
-    given = [key for key in SOURCES if getattr(mesh, key, None) is not None]
-    if len(given) != 1:
-        raise InputError(Problem(("mesh",), f"{len(given)} mesh sources" + (f": {', '.join(given)}" if given else ""),
-                                 "exactly one of " + ", ".join(SOURCES), "keep one"))
-    source = getattr(import_module(f"orchestrator.scene.{SOURCES[given[0]]}"), given[0])
+    key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
+    source = getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)
     return source(mesh)

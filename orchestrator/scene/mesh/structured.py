@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.size import check_size, coarser
 from orchestrator.scene.mesh.mesh import Mesh
 
@@ -15,9 +14,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 def beam(mesh: Any) -> Mesh:
     """A box of bricks about h wide, from ``mesh.beam`` with ``size`` (3 lengths) and ``h`` (a length)."""
     size, h = np.asarray(mesh.beam.size, dtype=float), float(mesh.beam.h)
-    if size.shape != (3,) or np.any(size <= 0) or h <= 0:
-        raise InputError(Problem(("mesh", "beam"), f"size {mesh.beam.size}, h {mesh.beam.h}",
-                                 "three positive lengths and a positive h"))
     # Python's rounding would send 2.5 cells to 2.
     counts = np.maximum(np.floor(size / h + 0.5), 1)
     check_size(np.prod(counts + 1), ("mesh", "beam", "h"), f"h = {h:g}", coarser(h))
@@ -28,9 +24,6 @@ def beam(mesh: Any) -> Mesh:
 def box(mesh: Any) -> Mesh:
     """A box of given bricks, from ``mesh.box`` with ``size`` (3 lengths) and ``cells`` (3 counts)."""
     size, counts = np.asarray(mesh.box.size, dtype=float), np.asarray(mesh.box.cells)
-    if size.shape != (3,) or np.any(size <= 0) or counts.shape != (3,) or np.any(counts < 1):
-        raise InputError(Problem(("mesh", "box"), f"size {mesh.box.size}, cells {mesh.box.cells}",
-                                 "three positive lengths and three counts of at least 1"))
     check_size(np.prod(counts + 1.0), ("mesh", "box", "cells"), f"cells: {list(map(int, mesh.box.cells))}",
                lambda factor: f"take fewer cells, each {factor:.2g} times as large")
     return bricks(size, counts, "box")

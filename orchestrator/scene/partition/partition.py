@@ -74,14 +74,7 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     ------
     InputError : counts out of range, empty or disconnected subdomains
     """
-    if subdomains == "groups":
-        kind, entry = "groups", True
-    else:
-        given = [(key, getattr(subdomains, key, None)) for key in METHODS]
-        given = [(key, value) for key, value in given if value is not None]
-        if len(given) != 1:
-            raise InputError(Problem(PATH, f"{len(given)} ways to cut", "exactly one of " + ", ".join(METHODS)))
-        kind, entry = given[0]
+    kind, entry = next((key, given) for key in METHODS if (given := getattr(subdomains, key, None)) is not None)
     partition = METHODS[kind](mesh, faces, entry)
     _check_empty(partition)
     _check_connected(mesh, faces, partition, kind)
