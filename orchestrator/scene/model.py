@@ -140,10 +140,6 @@ class Interface:
         """(k, 2) int, global cells behind each of these facets, in E1 and in E2."""
         return self.mortar.cells if side and self.mortar else self.cells
 
-    def free_on(self, side: int) -> np.ndarray:
-        """(n, 3) bool, components of the nodes of side 0 (the first) or 1 that are unknowns of the interface."""
-        return self.mortar.free if side and self.mortar else self.free
-
 
 @dataclass(frozen=True)
 class Material:

@@ -18,13 +18,12 @@ from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_
 from orchestrator.scene.foreign.covering import forgotten
 from orchestrator.scene.foreign.joints import Joints, cut_in_triangles, supports_left
 from orchestrator.scene.mesh.inp_cards import Model, Row, cards, cards_of_a_model, numbers, outer
-from orchestrator.scene.mesh.splitting import CORNERS, EDGES, FACES
+from orchestrator.scene.mesh.inp import SOLIDS, solid_nodes
+from orchestrator.scene.mesh.splitting import CORNERS, EDGES, SIDES
 
-# meshio's names, by number of nodes
-SHAPES = {4: "tetra", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
-# Faces of elements by their number of nodes, corners first, then middles of edges; anticlockwise seen from outside.
-_TET = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
-_CORNERS = {size: FACES.get(CORNERS.get(shape, (shape,))[0], _TET) for size, shape in SHAPES.items()}
+SHAPES = {count: shape for count, shape in SOLIDS.items() if shape != "pyramid"}  # CalculiX has none
+# Faces of elements by their number of nodes, corners first; anticlockwise seen from outside.
+_CORNERS = {size: SIDES[CORNERS.get(shape, (shape,))[0]] for size, shape in SHAPES.items()}
 # Of elements with such nodes, which one is in the middle of two corners.
 _EDGES = {size: {tuple(sorted(ends)): CORNERS[shape][1] + i for i, ends in enumerate(EDGES[shape].tolist())}
           for size, shape in SHAPES.items() if shape in EDGES}
@@ -73,10 +72,9 @@ def _joints(part: DeckPart, path: KeyPath, name: str) -> Joints:
 def _solid(kind: str, row: Row) -> tuple[str, int] | None:
     if not kind.startswith("C3D"):
         return None
-    digits = int("".join(c for c in kind[3:] if c.isdigit()) or 0)
-    if digits not in SHAPES:
+    if (count := solid_nodes(kind)) not in SHAPES:
         row.fail(f"solid elements of type {kind[:12]}", "C3D4, C3D6, C3D8, C3D10, C3D15 or C3D20")
-    return SHAPES[digits], digits
+    return SHAPES[count], count
 
 
 class Deck(Model):

@@ -13,16 +13,12 @@ import meshio
 import numpy as np
 
 from orchestrator.scene.mesh.inp_cards import Model, Row, cards_of_a_model, outer, problem
+from orchestrator.scene.mesh.splitting import SIDES
 
-# type of element → meshio's word, nodes
-_SHAPES = {4: ("tetra", 4), 10: ("tetra10", 10), 5: ("pyramid", 5), 6: ("wedge", 6), 15: ("wedge15", 15), 8: ("hexahedron", 8), 20: ("hexahedron20", 20)}
+# meshio's words of solid elements, by number of nodes
+SOLIDS = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 15: "wedge15", 20: "hexahedron20"}
 _FLAT = {"3": ("triangle", 3), "6": ("triangle6", 6), "4": ("quad", 4), "8": ("quad8", 8), "9": ("quad9", 9)}
 _LINES = {"B31": ("line", 2), "T3D2": ("line", 2), "B32": ("line3", 3), "T3D3": ("line3", 3)}
-# S1, S2, … of each shape
-_FACES = {"tetra": [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]],
-          "hexahedron": [[0, 1, 2, 3], [4, 7, 6, 5], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6, 7, 3], [3, 7, 4, 0]],
-          "wedge": [[0, 1, 2], [3, 5, 4], [0, 3, 4, 1], [1, 4, 5, 2], [2, 5, 3, 0]],
-          "pyramid": [[0, 1, 2, 3], [0, 4, 1], [1, 4, 2], [2, 4, 3], [3, 4, 0]]}
 _OF_SHELLS = re.compile("SPOS|SNEG|(E|EDGE|END|ENDS)[1-4]?|N")  # names of faces that solids have not
 _NONE = np.empty(0, dtype=int)
 _NO_NODE = -1  # fourth node of a triangle
@@ -98,14 +94,14 @@ class _Mesh(Model):
 
     def _faces(self, blocks: dict[str, np.ndarray], numbers: dict[str, np.ndarray], place: np.ndarray) -> dict[str, np.ndarray]:
         """Corners (f, 4) of the faces of each surface and node set, of triangles with _NO_NODE as the fourth."""
-        solids = [(kind, shape) for kind in blocks for shape in _FACES if kind.rstrip("0123456789") == shape]
+        solids = [(kind, shape) for kind in blocks for shape in SIDES if kind.rstrip("0123456789") == shape]
         if not solids:
             return {}
         table, ids = np.full((sum(len(blocks[k]) for k, _ in solids), 6, 4), _NO_NODE), np.concatenate([numbers[k] for k, _ in solids])
         there, start = np.zeros(table.shape[:2], dtype=bool), 0
         for kind, shape in solids:
             rows = slice(start, start := start + len(blocks[kind]))
-            for side, corners in enumerate(_FACES[shape]):
+            for side, corners in enumerate(SIDES[shape]):
                 table[rows, side, : len(corners)] = blocks[kind][:, corners]
                 there[rows, side] = True
         order = np.argsort(ids)
@@ -138,12 +134,16 @@ class _Mesh(Model):
 
 
 def _shape(kind: str, row: Row) -> tuple[str, int]:
-    digits = "".join(c for c in kind[3:] if c.isdigit()) if kind.startswith("C3D") else ""
-    if digits and int(digits) in _SHAPES:
-        return _SHAPES[int(digits)]
+    if (count := solid_nodes(kind)) in SOLIDS:
+        return SOLIDS[count], count
     if kind in _LINES:
         return _LINES[kind]
     for head in ("STRI", "CPS", "CPE", "CAX", "M3D", "S"):
         if kind.startswith(head) and kind[len(head):len(head) + 1] in _FLAT:
             return _FLAT[kind[len(head)]]
     row.fail(f"elements of type {kind[:12] or '(none)'}", "C3D4, C3D10 or others of 5, 6, 8, 15 or 20 nodes, and shells or beams that are passed over")
+
+
+def solid_nodes(kind: str) -> int:
+    """How many nodes elements of a type have by its name, C3D8R or the like; 0: they are no solids."""
+    return int("".join(c for c in kind[3:] if c.isdigit()) or 0) if kind.startswith("C3D") else 0

@@ -65,6 +65,8 @@ FACES = {
     "wedge": [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]],
     "pyramid": [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]],
 }
+# Those of tets too, in the order in which CalculiX and Abaqus call them S1, S2, …
+SIDES = {"tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], **FACES}
 WORDS = {"hexahedron": "hexahedra", "wedge": "prisms", "pyramid": "pyramids"}
 # Of the whole mesh's extent: places closer than that are one in the order of the nodes.
 NEAR = 1e-9
