@@ -94,7 +94,7 @@ class Deck(Model):
             self.cards = cards_of_a_model(file)
         except InputError as error:
             raise InputError([Problem(path, p.found, p.expected, "mend the deck") for p in error.problems]) from error
-        super().__init__(self.cards, _solid)
+        super().__init__(self.cards, _solid, ["NSET"])
         if not len(self.nodes):
             raise InputError(Problem(path, f"{file}: no nodes", "*NODE with number, x, y, z",
                                      "name the file that has the nodes, or that includes it"))

@@ -68,6 +68,8 @@ class Temperature(Kind):
         alpha = where.of_matter("expansion", "add expansion: to the material, strain per temperature (steel: 1.2e-5 per kelvin)")
         if alpha is None:
             return None
+        if not len(where.cells):  # with a problem
+            return None
         corners = where.mesh.cells[where.cells, :4]
         nodes = np.unique(corners)
         warmth = _at_nodes(where.mesh, nodes, value, where.factors, where.path, where.problems)

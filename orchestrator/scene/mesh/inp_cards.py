@@ -8,7 +8,7 @@ Messages tell file and line and never what stands there: an *INCLUDE may name an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -90,16 +90,18 @@ class Model:
     ----------
     cards : of the file
     shape : type of an element, and the line that has it → a name for its shape and its number of nodes; None: passed over
+    sets : kinds of sets that are read
 
     Attributes
     ----------
     nodes : (n, 4) float, numbers and coordinates; of equal numbers CalculiX takes the last
     blocks : shape → (m, 1 + nodes) int, numbers of elements and of their nodes
-    sets : "NSET" or "ELSET" → name → members, ascending; names as they are written first, capitals do not count
+    sets : kind → name → members, ascending; names as they are written first, capitals do not count
     """
 
-    def __init__(self, cards: list[tuple[str, dict[str, str], list[Row]]], shape: Callable[[str, Row], tuple[str, int] | None]):
-        nodes, blocks, self._parts = [np.empty((0, 4))], {}, {"NSET": {}, "ELSET": {}}
+    def __init__(self, cards: list[tuple[str, dict[str, str], list[Row]]], shape: Callable[[str, Row], tuple[str, int] | None],
+                 sets: Sequence[str] = ("NSET", "ELSET")):
+        nodes, blocks, self._parts = [np.empty((0, 4))], {}, {kind: {} for kind in sets}
         for card, options, rows in cards:
             if card == "NODE":
                 nodes.append(node_table(options, rows))
@@ -121,7 +123,7 @@ class Model:
         return next((members for own, members in self.sets[kind].items() if own.upper() == name.upper()), None)
 
     def _put(self, kind: str, options: dict[str, str], members: list[np.ndarray]) -> None:
-        if kind in options:
+        if kind in options and kind in self._parts:
             sets = self._parts[kind]
             sets.setdefault(next((own for own in sets if own.upper() == options[kind].upper()), options[kind]), []).extend(members)
 
