@@ -9,7 +9,7 @@ from pydantic import Field, create_model
 
 from orchestrator.config.base import ByName, Name, Names, Part, Vector, either
 from orchestrator.config.entry import Entry
-from orchestrator.config.turning import Axis
+from orchestrator.config.turning import Axis, unit
 from orchestrator.registry import IN_VOLUMES, LAWS, ON_FACES
 
 
@@ -31,6 +31,11 @@ class Frame(Part):
 
     axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
     at: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
+
+    @property
+    def direction(self) -> list[float]:
+        """Of the axis, of length one."""
+        return unit(self.axis)
 
 
 def _keys(kinds: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config.turning import unit
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.mesh.quality import format_point
 
@@ -25,7 +24,7 @@ class Cylindrical:
     @classmethod
     def of(cls, frame: Any) -> Cylindrical | None:
         """Of the YAML's entry; None without one."""
-        return None if frame is None else cls(np.array(unit(frame.axis)), np.array(frame.at, dtype=float))
+        return None if frame is None else cls(np.array(frame.direction), np.array(frame.at, dtype=float))
 
     def directions(self, points: np.ndarray) -> np.ndarray:
         """(…, 3, 3) radial, tangential and axial directions at points (…, 3), as rows; nothing radial on the axis."""
