@@ -138,7 +138,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
                 raise located(error, loaded) from error
         print(visible("\n".join(lines)))
         if html is not None:
-            from orchestrator.results.sealed import write_sealed
+            from orchestrator.results.figures.interactive import write_sealed
 
             write_sealed(html, model_html(mesh))
         return CONVERGED

@@ -27,7 +27,7 @@ from orchestrator.results.solution import Solution
 from orchestrator.results.subscribers.checkpoint import begun
 from orchestrator.results.subscribers.progress import Progress
 from orchestrator.results.summary.short_form import print_summary
-from orchestrator.results.unexpected import unexpected
+from orchestrator.results.subscribers.remains import unexpected
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve
 from orchestrator.timing import Stopwatch

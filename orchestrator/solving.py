@@ -27,7 +27,7 @@ from orchestrator.method.part import Part
 from orchestrator.method.start import Start, numbers_of
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.results.fields.estimated import estimated
+from orchestrator.results.fields.piece import estimated
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.solution import Solution, fields_of

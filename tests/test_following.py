@@ -7,7 +7,7 @@ from mortar_case import POISSON, YOUNG
 
 from orchestrator.config import Config, config_from
 from orchestrator.errors import InputError
-from orchestrator.results.answers.work import work as work_of
+from orchestrator.results.answers.interfaces import work as work_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.resume import load_checkpoint
 from orchestrator.results.subscribers.checkpoint import Checkpoint

@@ -12,7 +12,7 @@ from orchestrator.errors import InputError
 from orchestrator.scene import stress as recovery
 from orchestrator.scene import stress_loops
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.results.fields.estimated import estimated
+from orchestrator.results.fields.piece import estimated
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.scene.stress import principal

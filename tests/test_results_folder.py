@@ -15,7 +15,7 @@ from orchestrator.results.fingerprint import fingerprint
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
-from orchestrator.results.sealed import write_sealed
+from orchestrator.results.figures.interactive import write_sealed
 from orchestrator.results.subscribers.checkpoint import begun
 from orchestrator.results.subscribers.history import HistoryWriter, read_history, write_history
 from orchestrator.results.summary.summary import write_summary

@@ -14,6 +14,7 @@ from orchestrator.config.mesh import Material, Mesh, Subdomains
 from orchestrator.config.method import Method
 from orchestrator.config.output import Output
 from orchestrator.config.parts import OnePart, elements_of
+from orchestrator.config.vectors import listed
 from orchestrator.registry import FOREIGN
 
 
@@ -87,11 +88,25 @@ class Config(Part):
                                       factors=tuple(self.factors_of(part.foreign.history)),
                                       young=matter[0].young if matter else None)
 
+    @property
+    def steps(self) -> int:
+        """Number of load steps: the length of the histories in use and of the per-step lists; else 1."""
+        for entry in (*self.boundary, *self.loads, *self.interfaces, *self.bolts):
+            if entry.history is not None:
+                return len(self.histories[entry.history])
+            if (vectors := listed(entry)) is not None:
+                return len(vectors)
+        for part in self.parts or []:
+            if part.foreign is not None and part.foreign.history is not None:
+                return len(self.histories[part.foreign.history])
+            files = getattr(part.foreign, "loads", None)
+            if isinstance(files, list) and len(files) > 1:
+                return len(files)
+        return 1
+
     def factors_of(self, history: str | None) -> list[float]:
         """What multiplies something at every load step."""
-        from orchestrator.config.steps import steps  # which needs this model
-
-        return [1.0] * steps(self) if history is None else list(self.histories[history])
+        return [1.0] * self.steps if history is None else list(self.histories[history])
 
     def complete(self) -> dict[str, Any]:
         """The configuration as plain data, defaults filled in; ``config_from`` takes it back."""

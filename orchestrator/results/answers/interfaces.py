@@ -11,7 +11,6 @@ import numpy as np
 
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.resultants import Resultants
-from orchestrator.results.answers.work import work
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.model import Scene
 
@@ -72,3 +71,23 @@ class InterfaceTable:
             writer.writerows([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
                              for step, row in enumerate(numbers[:, k].tolist()))
         return folder.write(NAME, text.getvalue())
+
+
+def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, I) W and D of the interfaces that are not perfect.
+
+    Parameters
+    ----------
+    rubs : (I,) bool, whether what acts along the interface is friction
+    """
+    i = interfaces
+    push, opening = i.pressure * i.areas, i.gap - i.initial_gap
+    drag = i.friction_traction * i.areas[:, :, None]
+    before = [np.concatenate([np.zeros_like(x[:1]), x[:-1]]) for x in (push, opening, drag, i.slip)]
+    there = i.areas > 0
+    there[1:] &= there[:-1]
+    moved, slid = np.where(there, opening - before[1], 0.0), i.slip - before[3]
+    taken = -0.5 * (push + before[0]) * moved + 0.5 * np.einsum("tni,tni->tn", drag + before[2], slid)
+    lost = np.einsum("tni,tni->tn", drag, slid)
+    each = [np.add.reduceat(x, i.offsets[:-1], axis=1).cumsum(axis=0) for x in (taken, lost)]
+    return each[0], each[1] * rubs

@@ -16,6 +16,7 @@ import numpy as np
 from orchestrator.scene import stress as recovery
 from orchestrator.scene import stress_loops
 from orchestrator.parallel.borders import Meeting
+from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES
@@ -23,7 +24,6 @@ from orchestrator.scene.partition.numbering import SplitNumbering, split_numberi
 
 if TYPE_CHECKING:
     from orchestrator.method.delivery.interface_fields import InterfaceFields
-    from orchestrator.results.fields.nodal import Nodal
     from orchestrator.scene.model import Scene
 
 
@@ -96,24 +96,14 @@ class Fields:
         """Stresses at the nodes, made once."""
         known = vars(self)
         if "_nodal" not in known:  # cached_property locks others out meanwhile, and of a piece others have to take part
-            from orchestrator.results.fields.nodal import Nodal
-
             known["_nodal"] = Nodal(self)
         return known["_nodal"]
 
-    def on_mesh_of(self, other: Fields) -> Fields:
-        """These fields, with all that has been found of the mesh for others on the same one."""
-        known, theirs = vars(self), vars(other)
-        known |= {name: theirs[name] for name in ("numbering", "material", "volumes", "_geometry") if name in theirs}
-        if "_nodal" in theirs:
-            known["_nodal"] = other.nodal.of(self)
-        return self
-
     def with_error(self, cells: np.ndarray | None) -> Fields:
-        """The same with an estimate of the discretisation error (steps, m); stresses stay those that have been found."""
-        result = replace(self, discretisation_error=cells).on_mesh_of(self)
-        if "_nodal" in vars(self):
-            vars(result)["_nodal"] = self.nodal
+        """The same with an estimate of the discretisation error (steps, m), and with all that has been found of them."""
+        result = replace(self, discretisation_error=cells)
+        found = ("numbering", "material", "volumes", "_geometry", "_nodal")
+        vars(result).update({name: vars(self)[name] for name in found if name in vars(self)})
         return result
 
     @property

@@ -13,14 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.results import OwnFields
-from orchestrator.scene.stress import principal, von_mises
+from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.interface_files import write_interfaces
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.fields.npz import write_npz
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.stress import principal, von_mises
 
 PVD_NAME = "fields/fields.pvd"
 
@@ -124,3 +124,29 @@ def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
     if drawn.discretisation_error is not None:
         cells["discretisation_error"] = drawn.discretisation_error[step]
     return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": ordered[at]}, cells
+
+PVD_NAME = "fields/interfaces.pvd"
+
+
+def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields,
+                     displacement: Sequence[np.ndarray]) -> None:
+    """Writes the triangles of all interfaces with gap, slip, pressure, friction traction and status.
+
+    Parameters
+    ----------
+    nodes : (n, 3) of the mesh
+    displacement : of side 1 and side 2, (steps, N, 3) each
+
+    Raises
+    ------
+    InputError : disk full or folder not writable
+    """
+    names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
+    for step, name in enumerate(names):
+        write_vtu(folder, f"fields/{name}", nodes[interfaces.nodes], interfaces.triangles,
+                  {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
+                   "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": interfaces.pressure[step],
+                   "friction_traction": interfaces.friction_traction[step],
+                   "status": interfaces.status[step].astype(np.int32)},
+                  {"interface": interfaces.owner.astype(np.int32)})
+    write_pvd(folder, PVD_NAME, names)

@@ -8,9 +8,8 @@ inside a part leave no trace. In between, and in the middle of edges, it is line
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from orchestrator.scene.stress import principal, von_mises
 from orchestrator.parallel.borders import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
 
-if TYPE_CHECKING:
-    from orchestrator.results.fields.fields import Fields
-
 NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)
 KEPT = 4  # load steps whose stresses are kept once formed, from extremes to files: three times a step's displacements each
 
@@ -29,7 +25,7 @@ KEPT = 4  # load steps whose stresses are kept once formed, from extremes to fil
 class Nodal:
     """Nodal stresses of a solution; K nodes, counted once for each stress that they have.
 
-    Of a rank's piece of a solution each rank makes one, and all ask together.
+    Of a rank's piece of a solution each rank makes one, and all ask together. Made of ``Fields``, which keep it.
 
     Attributes
     ----------
@@ -39,7 +35,7 @@ class Nodal:
     part : (K,) int, index into ``Fields.parts``
     """
 
-    def __init__(self, fields: Fields):
+    def __init__(self, fields: Any):
         self.fields = fields.opened
         corners = self.fields.cells[:, :4]
         joined = corners if fields.joined is None else fields.joined[corners]
@@ -91,12 +87,6 @@ class Nodal:
     def von_mises(self, step: int) -> np.ndarray:
         """(K + e,) von Mises stress at the places of ``split``."""
         return von_mises(self.everywhere(self.stress(step)))
-
-    def of(self, fields: Fields) -> Nodal:
-        """The same nodes of fields with other displacements on the same mesh."""
-        other = copy(self)
-        other.fields, other._known, other._principal = fields.opened, {}, {}
-        return other
 
     def _averaged(self, step: int) -> np.ndarray:
         fields, volumes = self.fields, self.fields.volumes

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 from orchestrator.config import Config
-from orchestrator.errors import InputError
+from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.events import Iteration, Subscriber
+from orchestrator.parallel.team import Elsewhere, Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
+from orchestrator.results.subscribers.checkpoint import saved
 from orchestrator.results.summary.content import problem_size
 from orchestrator.results.summary.summary import versions, write_summary
 from orchestrator.scene.model import Scene
@@ -47,3 +51,26 @@ class Remains(Subscriber):
 
 def _first_line(error: BaseException) -> str:
     return "interrupted" if isinstance(error, KeyboardInterrupt) else (str(error).splitlines() or [type(error).__name__])[0]
+
+NAME = "traceback.txt"
+
+
+@contextmanager
+def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:
+    """Turns what is no error of the user's into an ``InternalError``, its traceback into a file of the folder.
+
+    Memory that is exhausted is a want of memory, not a bug: it is said so.
+    """
+    try:
+        yield
+    except (Exception, Elsewhere) as error:
+        cause = team.cause(error)
+        if isinstance(cause, OrchestratorError) or not isinstance(cause, Exception):
+            raise
+        text, where = "".join(traceback.format_exception(cause)), "standard error"
+        try:
+            where = str(folder.write(NAME, text))
+        except InputError:
+            traceback.print_exception(cause)
+        what = f"{type(cause).__name__}: {cause}".rstrip(": ")
+        raise InternalError(what, where, saved(folder), lacks_memory(cause)) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from orchestrator.scene.model import Scene
 from orchestrator.wording import some
 
 CODE_HEAD = ("code", "subdomains", "start", "assemble", "factorise", "solve", "seconds", "unit loads")
@@ -50,3 +51,26 @@ def foreign_matter(codes: Sequence[Mapping[str, object]]) -> list[str]:
     return [f"stresses and the estimated error of the mesh are those of the YAML's moduli; the matter of {some(own)} is its own: "
             "there they are not to be believed, displacements and forces are, if that matter, its units included, is the one that is meant: "
             "nothing shows that it is"] if own else []
+
+# What is right only where answers are linear in the forces; the elastic problems that correct iterations still use the rest.
+OFF = ["error bound", "superposition", "proportional", "frozen", "batches of load steps", "GMRES", "strain energy"]
+
+
+def nonlinear_parts(scene: Scene, iterations: int) -> dict[str, object]:
+    """The summary's entry; empty where all matter is linear.
+
+    Parameters
+    ----------
+    iterations : of all load steps; each asked every such subdomain once, and each load step's end once more
+    """
+    names = [s.name for s in scene.subdomains if s.remembers]
+    return {"nonlinear": {"subdomains": names, "answers": len(names) * (iterations + scene.steps), "off": OFF}} if names else {}
+
+
+def nonlinear_text(summary: Mapping[str, object]) -> str | None:
+    """The same in words."""
+    found = summary.get("nonlinear")
+    if not isinstance(found, Mapping):
+        return None
+    return (f"{some(found['subdomains'], 6)}: load steps one after the other, {found['answers']:,} answers from the last committed "
+            f"one; no error bound is claimed, residuals are; off: {', '.join(found['off'])}")

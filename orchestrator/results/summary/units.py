@@ -1,4 +1,4 @@
-"""What the numbers of a run are measured in, where the configuration tells."""
+"""Words for units and places, as summaries and reports have them."""
 
 from __future__ import annotations
 
@@ -15,3 +15,12 @@ def units_of(summary: Mapping[str, object]) -> dict[str, str]:
     units = Units.model_validate(named)
     moment = f" {units.force}·{units.length}"
     return {"length": f" {units.length}", "force": f" {units.force}", "stress": f" {units.stress}", "moment": moment, "energy": moment}
+
+
+def place_text(on: str | Mapping[str, object]) -> str:
+    """``on`` of the YAML in words: xmin, x = 0, box (0, 0, 0) … (1, 1, 1)."""
+    if isinstance(on, str):
+        return on
+    if "plane" in on:
+        return f"{on['plane']} = {on['at']:g}"
+    return "box " + " … ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")" for corner in on["box"])
