@@ -9,8 +9,7 @@ from typing import Any
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.foreign_parts import KINDS
 from orchestrator.config.method import RATIO_RANGE
-from orchestrator.config.paths import find, get
-from orchestrator.config.rules.raw import dotted, is_number, law_of, shown
+from orchestrator.config.paths import dotted, find, get, is_number, law_of, shown
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import IN_VOLUMES, ON_FACES
 

@@ -7,8 +7,7 @@ from typing import Any
 
 from orchestrator.config.entry import Entry
 from orchestrator.config.foreign_parts import KINDS
-from orchestrator.config.paths import find, get
-from orchestrator.config.rules.raw import dotted, is_number, is_per_step, is_vectors, law_of, shown
+from orchestrator.config.paths import dotted, find, get, is_number, is_per_step, is_vectors, law_of, shown
 from orchestrator.config.turning import no_direction
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES

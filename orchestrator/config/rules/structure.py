@@ -7,8 +7,7 @@ from typing import Any
 
 from orchestrator.config.foreign_parts import KINDS
 from orchestrator.config.parts import elements_of
-from orchestrator.config.paths import find, get
-from orchestrator.config.rules.raw import dotted, shown
+from orchestrator.config.paths import dotted, find, get, shown
 from orchestrator.errors import Problem
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.base import PartlyFree, one_or_per_step
-from orchestrator.config.rules.raw import dotted, shown
+from orchestrator.config.paths import dotted, shown
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.scene.conditions.frames import ROUNDING, Cylindrical
 from orchestrator.scene.loads.base import Field, Ground, Kind, OnFaces, Prescribed, Uniform
