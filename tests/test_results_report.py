@@ -3,7 +3,6 @@
 import base64
 import json
 import io
-import math
 import os
 import re
 import shutil
