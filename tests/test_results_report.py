@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import io
 import os
 import re

@@ -22,7 +22,7 @@ from orchestrator.results.fields.vtu import write_pvd, write_pvtu, write_vtu
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.stress import principal, von_mises
 
-PVD_NAME = "fields/fields.pvd"
+PVD, INTERFACES_PVD = "fields/fields.pvd", "fields/interfaces.pvd"
 
 
 def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = None, beside: Sequence[OwnFields] = ()) -> None:
@@ -48,7 +48,7 @@ def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = No
     else:
         names = [f"step_{step + 1:04d}.vtu" for step in range(fields.steps)]
         _write_steps(folder, names, fields, hidden)
-    write_pvd(folder, PVD_NAME, names, [_write_beside(folder, part) for part in beside])
+    write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])
     if fields.interfaces is not None:
         write_interfaces(folder, fields.nodes, fields.interfaces,
                          [fields.interface_displacement(side) for side in (0, 1)])
@@ -125,9 +125,6 @@ def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
         cells["discretisation_error"] = drawn.discretisation_error[step]
     return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": ordered[at]}, cells
 
-PVD_NAME = "fields/interfaces.pvd"
-
-
 def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields,
                      displacement: Sequence[np.ndarray]) -> None:
     """Writes the triangles of all interfaces with gap, slip, pressure, friction traction and status.
@@ -149,4 +146,4 @@ def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: Inter
                    "friction_traction": interfaces.friction_traction[step],
                    "status": interfaces.status[step].astype(np.int32)},
                   {"interface": interfaces.owner.astype(np.int32)})
-    write_pvd(folder, PVD_NAME, names)
+    write_pvd(folder, INTERFACES_PVD, names)
