@@ -2,7 +2,7 @@
 
 ParaView shows the six components of the stress under their names and takes them as a symmetric tensor. In the .vtu files
 every part and every matter has its own nodes, and where interfaces can open every body, so that bodies separate and
-stresses at nodes are of one body each; what happens on the interfaces is in files of their own (``interface_files``).
+stresses at nodes are of one body each; what happens on the interfaces is in files of their own.
 """
 
 from __future__ import annotations
