@@ -109,11 +109,11 @@ def tell(rows: list[dict[str, str]], study) -> None:
             pairs.update(combinations(words, 2))
     for name, verdicts in sorted(relations.items()):
         study.console.print(f"  {name:22} " + ", ".join(f"{n} {k}" for k, n in verdicts.most_common()))
-    study.folder.write("features.csv", "feature,scenes\n" + "".join(f"{k},{n}\n" for k, n in features.most_common()))
+    study.folder.joinpath("features.csv").write_text("feature,scenes\n" + "".join(f"{k},{n}\n" for k, n in features.most_common()))
     names = sorted(features)
-    study.folder.write("pairs.csv", ",".join(["", *names]) + "\n" + "".join(
+    study.folder.joinpath("pairs.csv").write_text(",".join(["", *names]) + "\n" + "".join(
         ",".join([a, *(str(pairs[min(a, b), max(a, b)] if a != b else features[a]) for b in names)]) + "\n" for a in names))
     never = [f"{a} × {b}" for a, b in combinations(names, 2) if not pairs[a, b]]
     study.console.print(f"{len(names)} features, {len(names) * (len(names) - 1) // 2} pairs of them, never together: {len(never)}")
     refused = Counter(r["said"].split(";")[0][:60] for r in rows if r["outcome"] == "refused")
-    study.folder.write("refused.csv", "count,said\n" + "".join(f'{n},"{k}"\n' for k, n in refused.most_common()))
+    study.folder.joinpath("refused.csv").write_text("count,said\n" + "".join(f'{n},"{k}"\n' for k, n in refused.most_common()))

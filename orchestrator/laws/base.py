@@ -207,6 +207,11 @@ class Law:
         """(3,) the jump that the law prescribes at every node, whatever the force; None where it is a matter of forces."""
         return None
 
+    @property
+    def constrained(self) -> np.ndarray | bool:
+        """(n,) bool, nodes of side 1 that no other interface can move freely: the law holds them or moves them as one."""
+        return False
+
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """(P,) by how much a jump breaks the law whatever the force, a length ≥ 0.
 

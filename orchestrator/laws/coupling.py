@@ -65,6 +65,10 @@ class Coupling(Law):
         return np.repeat(np.eye(3)[:, :, None], count, axis=2), np.full((3, count), self.rigid and bool(self.prescribed.all()))
 
     @property
+    def constrained(self) -> np.ndarray:
+        return np.full(self.motions.shape[2], self.rigid)
+
+    @property
     def held_at(self) -> np.ndarray:
         """(3, n) displacements where they are held."""
         return np.einsum("jcn,j->cn", self.motions, np.where(self.prescribed, self.given, 0.0))

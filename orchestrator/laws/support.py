@@ -57,6 +57,10 @@ class Support(Law):
         return self.frame, np.isinf(self.stiffness)
 
     @property
+    def constrained(self) -> np.ndarray:
+        return np.isinf(self.stiffness).any(axis=0)
+
+    @property
     def held_at(self) -> np.ndarray:
         """(3, n) displacements along the directions that are held."""
         return self.given

@@ -47,12 +47,15 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     if any(corners):
         _tell(waiting, held.group, corners, problems)
         interfaces[:] = [i for i in interfaces if not any(i is w and c for w, c in zip(waiting, corners))]
-    known = {}
+    known, constrained = {}, np.zeros(numbering.total, dtype=bool)
+    for i in interfaces:
+        if i.matching:
+            constrained[i.global_nodes] |= i.law.constrained
     for number, i in enumerate(waiting):
         if not corners[number]:
             nodes = i.surfaces.nodes[0]
             joined = [k.global_nodes for k in interfaces if k.matching and sorted(k.subdomains) == sorted(i.subdomains)]
-            crossed = held.crossed(number) | np.isin(nodes, np.concatenate([[-1], *joined]))
+            crossed = held.crossed(number) | constrained[nodes] | np.isin(nodes, np.concatenate([[-1], *joined]))
             free = tuple(~fixed[numbering.offsets[e] + own] for e, own in zip(i.subdomains, i.nodes))
             known[number] = bool((crossed | ~free[0].all(axis=1)).all()), crossed, free
     taken = np.zeros(numbering.total, dtype=bool)

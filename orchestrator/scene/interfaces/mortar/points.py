@@ -1,6 +1,7 @@
 """Which of the slave's nodes carry a point, and who takes the share of the others.
 
-A node carries none where a component of it is prescribed (a multiplier there would meet nothing, or pin the master), where
+A node carries none where a component of it is prescribed, or where it follows the point of a rigid surface or stands on a
+ground that holds it (a multiplier there would meet nothing, or pin the master), where
 several interfaces that do not match meet (their constraints would be redundant), and where the master covers little of the
 facets around (the point would carry a large pressure on a small area). Its multiplier goes in equal parts to the points
 next to it, so that no area and no force is lost.
