@@ -12,7 +12,6 @@ from orchestrator.blackbox.codes.foreign.results import fields_of_parts, finish_
 from orchestrator.compiled import make_ready
 from orchestrator.config import Config, Loaded
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
-from orchestrator.memory import give_back
 from orchestrator.method.events import Subscriber
 from orchestrator.method.monitors.placing import Unbalanced
 from orchestrator.parallel.team import ALONE, Team
@@ -56,8 +55,6 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         with Progress(quiet) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)
-            if team.size > 1:
-                give_back()
             with watch("mesh"):
                 scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh], resume), run_programs=True)
             with Record(folder, config, scene, watch, resume=resume) as record:

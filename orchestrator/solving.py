@@ -12,7 +12,7 @@ import numpy as np
 from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loads
 from orchestrator.config import Config
 from orchestrator.cost import predicted_cost
-from orchestrator.memory import give_back, keep_at_hand, trim
+from orchestrator.memory import trim
 from orchestrator.method.decomposition import Decomposition, prepare
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
@@ -127,9 +127,7 @@ class _Solving:
                  reference: bool):
         self.begun = time.perf_counter()
         self.config, self.told, self.start, self.watch, self.ranks = config, told, start, watch, ranks
-        if (team := ranks.team).size > 1:
-            give_back()
-        self.codes = with_workers(config.codes, team)
+        team, self.codes = ranks.team, with_workers(config.codes, ranks.team)
         self.whole = None if whole is None else with_own_loads(whole, self.codes)
         self.reference, self.exact = reference, self._undecomposed() if reference and not team.rank else None
         self.cases: LoadCases = common_load_cases(self.whole, config.method, team)
@@ -204,8 +202,7 @@ class _Solving:
                 savings.add("bound", "evaluations of the bound's second part",
                             sum(math.isnan(event.error_bound) for event in iterated.history))
             workload.end("iterations")
-            if team.size > 1:
-                give_back()
+            trim()
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
                 iterated = with_pseudo_loads(d, iterated)
@@ -218,8 +215,6 @@ class _Solving:
         """From where the run begins to where iterations end; ``monitors``: what some of them are given."""
         team, numbers = self.ranks.team, numbers_of(chosen)
         begin = Start.handed_out(self.start, chosen, numbers)
-        if team.size > 1:
-            keep_at_hand(16 * chosen.steps * chosen.space.size)  # traces of all load steps, two such arrays in one
         return iterate(chosen, self.config.method, whole_states(self.told.all, numbers, team), self.watch, begin,
                        [int(step) + 1 for step in self.cases.chosen], monitors)
 
@@ -241,7 +236,7 @@ class _Solving:
             delivered = replace(delivered, discretisation=found or estimate.of_delivered(delivered.continuous))
         if team.size == 1:
             return delivered, None
-        give_back()  # of this rank's part nothing is left
+        trim()  # of this rank's part nothing is left
         if team.rank == 0:
             known = delivered.discretisation
             pieces = replace(fields, interfaces=None, believed=None, discretisation_error=known and known.cells)
