@@ -35,6 +35,9 @@ class Pipes:
                 pass  # beyond this user's allowance: only slower
         try:
             worker.spawn(f"/dev/fd/{read_requests}", f"/dev/fd/{write_replies}", (read_requests, write_replies))
+        except BaseException:
+            self.close()
+            raise
         finally:  # only then does the process's death end the pipe
             os.close(read_requests)
             os.close(write_replies)
