@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from orchestrator.config.base import AutoCount, ByName, Name, Names, Part, Positive, either
+from orchestrator.config.base import AutoCount, ByName, Name, Names, Part, either
 from orchestrator.errors import KeyPath
 from orchestrator.registry import CODES, DEFAULT_CODE
 

@@ -119,18 +119,6 @@ class ResultsFolder:
             if foreign := self.manifest.foreign(pattern):
                 raise InputError(_in_the_way(self.path, foreign))
 
-    def check_known(self) -> None:
-        """Whether the folder is new, or all that is written to it is this program's: call it where not all names are known.
-
-        Raises
-        ------
-        InputError : it has files, and no list of those that this program has written
-        """
-        with self.guarded("the list of its files"):
-            if not self.manifest.begun() and (there := [name for name in os.listdir(self.path) if name != OWN]):
-                raise InputError(_in_the_way(self.path, there))
-            self.manifest.clean()
-
     def clear(self, but: str = "") -> None:
         """Removes what earlier runs left here but for files of this name, and nothing else: call it before a fresh run.
 

@@ -45,10 +45,6 @@ class Manifest:
     def __init__(self, folder: Path):
         self._folder, self._path = folder, folder / NAME
 
-    def begun(self) -> bool:
-        """Whether this program has written here before, and kept a list of it."""
-        return self._path.is_file()
-
     def note(self, name: str, file: Path) -> None:
         """``file`` as it is now will be, or is, the one called ``name``."""
         self._append(self._line(name, file, hashed=True))
