@@ -88,7 +88,7 @@ def deformed(fields: Fields, look: Look = Look(), stress: Mapping[int, np.ndarra
             f"largest von Mises stress {max(peaks):.3g}{units['stress']}" if peaks else "stress not known (grey)",
             *([f"cut at {'xyz'[look.cut[0]]} = {look.cut[1]:g}"] if look.cut is not None else [])]
     return Sheet(views, headings(fields, steps), 1 if count == 1 else 2 if flat or count in (2, 4) else 3,
-                 [Scale(views[0], "von Mises stress" + (units["stress"] and "," + units["stress"]))], "   ·   ".join(told))
+                 [Scale(views[0], "von Mises stress" + (units["stress"] and "," + units["stress"]))] * bool(peaks), "   ·   ".join(told))
 
 
 def stress_limits(seen: Skin) -> tuple[tuple[float, float], tuple[bool, bool]]:
