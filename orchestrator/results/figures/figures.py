@@ -12,8 +12,8 @@ from orchestrator.results.figures.charts import convergence, probes_over_steps, 
 from orchestrator.results.figures.deformed import codes, deformed
 from orchestrator.results.figures.interfaces import interfaces
 from orchestrator.results.figures.look import Look
-from orchestrator.results.figures.plotting import png
-from orchestrator.results.figures.sheet import Scale, Sheet, compose
+from orchestrator.results.figures.plotting import new_figure, png
+from orchestrator.results.figures.sheet import compose
 from orchestrator.results.figures.surface import edges, outer_faces
 from orchestrator.results.figures.view import Camera, View
 from orchestrator.results.folder import ResultsFolder
@@ -57,8 +57,12 @@ def look_of(summary: Mapping[str, object]) -> Look:
 
 def warm_up() -> None:
     """Has loaded what the first figure waits for: fonts, VTK's filters and shaders."""
+    from orchestrator.results.figures.canvas import draw
+
     nodes = np.eye(4)[:, :3]
     faces, _ = outer_faces(nodes, np.arange(4)[None])
     lines = nodes[edges(nodes, faces)]
-    view = View(nodes, faces, nodes[:, 0], Camera.framing(nodes), (0.0, 1.0), lines=lines, outline=lines)
-    png(compose(Sheet([view], ["1"], 1, [Scale(view, "1")], "1"), "1"))
+    draw(View(nodes, faces, nodes[:, 0], Camera.framing(nodes), (0.0, 1.0), lines=lines, outline=lines, inches=0.1))
+    figure = new_figure(1, 1)
+    figure.text(0, 0, "1")
+    png(figure)

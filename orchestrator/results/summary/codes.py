@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from orchestrator.scene.model import Scene
 from orchestrator.wording import some
+
+if TYPE_CHECKING:  # who draws has no scene, and need not load what makes one
+    from orchestrator.scene.model import Scene
 
 CODE_HEAD = ("code", "subdomains", "start", "assemble", "factorise", "solve", "seconds", "unit loads")
 
