@@ -89,6 +89,7 @@ LAWS = Registry({
     "jump": "orchestrator.laws.jump:Jump",
     "elastic": "orchestrator.laws.elastic:Elastic",
     "pretension": "orchestrator.laws.pretension:Pretension",
+    "cohesive": "orchestrator.laws.cohesive:Cohesive",
 })
 
 # What watches the iterations, in the order in which it is asked: criteria, what changes the problem, when to end, the rest.

@@ -181,9 +181,10 @@ def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, len
         at, nodes = start + mobile, i.corners[mobile]
         fields = (interfaces.gap[:, at] - i.distances(interfaces.steps)[:, nodes], interfaces.slip[:, at],
                   interfaces.pressure[:, at], interfaces.friction_traction[:, at])
+        own = {v.name: interfaces.own[v.name][:, at] for v in i.law.variables}
         each = [(i.law, slice(None))] if not i.law_at_steps else [(law, slice(t, t + 1)) for t, law in enumerate(i.law_at_steps)]
         for law, steps in each:
-            written = Written(*(x[steps] for x in fields), nodes, length[at])
+            written = Written(*(x[steps] for x in fields), nodes, length[at], {name: x[steps] for name, x in own.items()})
             # where next to nothing moves and much is pressed, gaps are as small as forces are accurate
             moved = max(lengths.of_displacements, pressures[law.name] / stiff if stiff else 0.0)
             for what, value in law.violations(written, moved, pressures[law.name]).items():

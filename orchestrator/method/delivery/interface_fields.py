@@ -6,8 +6,8 @@ only the status (open, stick, slip) is the local stage's. T load steps, N interf
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,6 +45,7 @@ class InterfaceFields:
     kinds, kind_names, kind_colours : (K,) numbers, names and colours (#rrggbb) of the statuses that there may be
     resultant : (T, I, 3) force of side 2 on side 1, without what prescribed nodes carry
     areas : (T, N) ``area`` at each load step; zero where nothing is opposite
+    own : name → (T, N) the laws' own variables, such as a damage; 0 at nodes of other laws
     """
 
     names: np.ndarray
@@ -68,6 +69,7 @@ class InterfaceFields:
     kind_colours: np.ndarray
     resultant: np.ndarray
     areas: np.ndarray
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod
     def joined(cls, parts: Sequence[InterfaceFields], order: np.ndarray) -> InterfaceFields:
@@ -94,7 +96,8 @@ class InterfaceFields:
                    np.repeat(np.arange(len(order)), faces[order]),
                    *(chosen(name, node) for name in ("normal", "area", "initial_gap")),
                    *(chosen(name, node, 1) for name in ("gap", "slip", "pressure", "friction_traction", "status")),
-                   parts[0].kinds, parts[0].kind_names, parts[0].kind_colours, chosen("resultant", order, 1), chosen("areas", node, 1))
+                   parts[0].kinds, parts[0].kind_names, parts[0].kind_colours, chosen("resultant", order, 1), chosen("areas", node, 1),
+                   {name: np.concatenate([p.own[name] for p in parts], axis=1).take(node, axis=1) for name in parts[0].own})
 
     @property
     def steps(self) -> int:
@@ -137,6 +140,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
     jump, force = np.zeros((2, steps, offsets[-1], 3))
     status = np.full((steps, offsets[-1]), BONDED, dtype=np.int32)  # nodes left out of the pairs are prescribed
     gap, slip, pressure, traction, areas = (np.zeros((steps, offsets[-1], *more)) for more in ((), (3,), (), (3,), ()))
+    own = {v.name: np.zeros((steps, offsets[-1])) for i in scene.interfaces for v in i.law.variables}
     resultant = np.zeros((steps, len(chosen), 3))
     for t, here, _ in iterated.by_pairing(d):
         both = [pair_normals(scene.points(i), i) for i in chosen]
@@ -148,6 +152,8 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
         jumps, forces = (x.transpose(0, 2, 1)[:, mine] for x in (at.jump, at.force))
         jump[t, place[shown]], status[t, place[shown]] = jumps[:, shown], iterated.local.status[t][:, mine][:, shown]
         force[t, place[shown]] = forces[:, shown]
+        for name in own.keys() & iterated.local.own.keys():
+            own[name][t, place[shown]] = iterated.local.own[name][t][:, mine][:, shown]
         for end in corner[~shown].T:  # what acts in the middle of an edge acts on its ends, half on each
             np.add.at(force, (t, end), 0.5 * forces[:, ~shown])
         opening, push = (np.einsum("tni,ni->tn", x[t], normal) for x in (jump, force))
@@ -158,7 +164,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
             resultant[t, index] = force[t, a:b].sum(axis=1)
             if chosen[index].mortar is not None:
                 _spread(chosen[index], scene.points(chosen[index]), status[t, a:b],
-                        *(x[t, a:b] for x in (gap, slip, pressure, traction)))
+                        *(x[t, a:b] for x in (gap, slip, pressure, traction, *own.values())))
     return InterfaceFields(
         np.array([i.name for i in chosen], dtype=str), np.array([i.law.name for i in chosen], dtype=str),
         np.array([i.subdomains for i in chosen], dtype=int).reshape(-1, 2), offsets,
@@ -166,7 +172,7 @@ def interface_fields(d: Decomposition, iterated: Iterated) -> InterfaceFields | 
         _joined([np.searchsorted(c, i.triangles[:, :3]) + a for i, c, a in zip(chosen, corners, offsets)], (0, 3)).astype(int),
         np.repeat(np.arange(len(chosen)), [len(i.triangles) for i in chosen]), normal, area, initial,
         gap, slip, pressure, traction, status,
-        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas)
+        *(np.array(x) for x in zip(*((int(s), s.name, s.colour) for s in pairs.statuses))), resultant, areas, own)
 
 
 def all_interfaces(d: Decomposition, own: InterfaceFields | None) -> InterfaceFields | None:

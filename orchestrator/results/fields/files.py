@@ -144,6 +144,6 @@ def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: Inter
                   {"displacement_1": displacement[0][step], "displacement_2": displacement[1][step],
                    "gap": interfaces.gap[step], "slip": interfaces.slip[step], "pressure": interfaces.pressure[step],
                    "friction_traction": interfaces.friction_traction[step],
-                   "status": interfaces.status[step].astype(np.int32)},
+                   "status": interfaces.status[step].astype(np.int32), **{name: x[step] for name, x in interfaces.own.items()}},
                   {"interface": interfaces.owner.astype(np.int32)})
     write_pvd(folder, INTERFACES_PVD, names)

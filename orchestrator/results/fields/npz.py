@@ -7,6 +7,7 @@
 | `part`, `parts`, `joined` | as there: parts, their names, and which nodes are one where interfaces open |
 | `displacement_sides_0`, `…_1`, … | (steps, n_E, 3) per subdomain, where interfaces open |
 | `gap`, `initial_gap`, `slip`, `pressure`, `friction_traction`, `status` | as in ``InterfaceFields``, where interfaces open |
+| `own_…` | the laws' own variables, so `own_damage`, (steps, N) |
 | `interface_…` | its other arrays, so `interface_nodes` for `nodes` |
 """
 
@@ -32,7 +33,8 @@ _ALWAYS = ("nodes", "cells", "subdomain", "lame", "displacement")
 _IF_THERE = ("discretisation_error", "part", "joined", "believed", "thermal")
 _SIDES = "displacement_sides_"  # + index of the subdomain
 _ONLY_THERE = {"initial_gap", "gap", "slip", "pressure", "friction_traction", "status"}  # no body has them
-_INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields)}
+_INTERFACE = {f.name: f.name if f.name in _ONLY_THERE else f"interface_{f.name}" for f in fields(InterfaceFields) if f.name != "own"}
+_OWN = "own_"
 
 
 def write_npz(folder: ResultsFolder, written: Fields) -> Path:
@@ -46,6 +48,7 @@ def write_npz(folder: ResultsFolder, written: Fields) -> Path:
     arrays |= {f"{_SIDES}{e}": u for e, u in enumerate(written.sides or ())}
     if written.interfaces is not None:
         arrays |= {key: getattr(written.interfaces, name) for name, key in _INTERFACE.items()}
+        arrays |= {_OWN + name: x for name, x in written.interfaces.own.items()}
     arrays |= {name: array for name in _IF_THERE if (array := getattr(written, name)) is not None}
     arrays["parts"] = np.array(written.parts, dtype=str)
     with folder.replacing(NAME) as temporary, open(temporary, "wb") as file:
@@ -81,4 +84,5 @@ def _interfaces(data: Mapping[str, np.ndarray]) -> InterfaceFields | None:
     """None where all interfaces are perfect."""
     if _INTERFACE["nodes"] not in data:
         return None
-    return InterfaceFields(**{name: data[key] for name, key in _INTERFACE.items()})
+    own = {name.removeprefix(_OWN): data[name] for name in data if name.startswith(_OWN)}
+    return InterfaceFields(**{name: data[key] for name, key in _INTERFACE.items()}, own=own)

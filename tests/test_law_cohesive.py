@@ -1,0 +1,125 @@
+"""Glue that breaks, against its closed form: traction, damage, unloading, shear, pressing; resumed, beside contact, in the files."""
+
+import numpy as np
+import pytest
+from in_process import IN_PROCESS
+from method_case import config
+from test_keeping import stopped_and_resumed
+from test_laws import COUNT, assert_consistent
+
+from orchestrator.config import config_from
+from orchestrator.errors import InputError
+from orchestrator.laws.points import Points
+from orchestrator.registry import LAWS
+from orchestrator.results.fields.npz import read_npz
+from orchestrator.run import run, solve
+from orchestrator.scene.build import build_scene
+
+YOUNG, LENGTH = 1000.0, 2.0
+K, STRENGTH, TOUGHNESS = 4000.0, 10.0, 0.2
+FIRST, LAST = STRENGTH / K, 2 * TOUGHNESS / STRENGTH
+GLUE = {"law": "cohesive", "stiffness": K, "strength": STRENGTH, "toughness": TOUGHNESS}
+# led from both ends: whole, softening, back, less than before, softening on, broken, pressed
+LED = [0.01, 0.03, 0.012, 0.02, 0.035, 0.06, -0.01]
+
+
+def bar(led, axis=0, steps=None, **changes):
+    """Two blocks of half the length with glue between them, one end held, the other led along an axis; no lateral strain."""
+    moves = [[value if c == axis else 0.0 for c in range(3)] for value in led]
+    return config(**{
+        "mesh": {"box": {"size": [LENGTH, 1.0, 1.0], "cells": [4, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 2}},
+        "materials": [{"young": YOUNG, "poisson": 0.0}], "interfaces": [GLUE],
+        "boundary": [{"on": "xmin", "displacement": [0, 0, 0]}, {"on": "xmax", "displacement": moves}],
+        "method": {"tolerance": {"error": 1e-9}}, **changes})
+
+
+def closed_form(led):
+    """Traction, separation and damage of a bar of stiffness E/L with glue in its middle, load step by load step."""
+    found, kappa = [], FIRST
+    for end in led:
+        damage = min(LAST * (kappa - FIRST) / (kappa * (LAST - FIRST)), 1.0)
+        stiff = (1 - damage) * K if end > 0 else K
+        apart = end * (YOUNG / LENGTH) / (YOUNG / LENGTH + stiff)
+        if apart > kappa:  # E/L (end − δ) = σ (δ₁ − δ)/(δ₁ − δ₀)
+            falls = STRENGTH / (LAST - FIRST)
+            kappa = min((YOUNG / LENGTH * end - falls * LAST) / (YOUNG / LENGTH - falls), end) if end < LAST else end
+            damage = min(LAST * (kappa - FIRST) / (kappa * (LAST - FIRST)), 1.0)
+            apart = kappa
+            stiff = (1 - damage) * K
+        found.append((stiff * apart, apart, damage))
+    return np.array(found).T
+
+
+def test_pulled_back_and_pulled_again():
+    solution = solve(bar(LED))
+    i, (traction, apart, damage) = solution.interfaces, closed_form(LED)
+    assert solution.converged and 0 < damage[1] < damage[4] < 1 == damage[5]
+    assert i.own["damage"] == pytest.approx(np.repeat(damage[:, None], i.gap.shape[1], axis=1), abs=1e-7)
+    assert i.gap == pytest.approx(np.repeat(apart[:, None], i.gap.shape[1], axis=1), abs=1e-8)
+    assert -i.resultant[:, 0, 0] == pytest.approx(-traction, abs=1e-5)
+    assert [set(i.kind_names[np.searchsorted(i.kinds, row)]) for row in i.status] == [
+        {"intact"}, {"damaged"}, {"damaged"}, {"damaged"}, {"damaged"}, {"broken"}, {"broken"}]
+
+
+def test_sheared():
+    """The same law along the interface: blocks that cannot bend answer with G/L alone."""
+    points, law = _points(1)
+    led = np.linspace(0, 2 * LAST, 40)
+    damage = np.zeros(1)
+    energy, before, force = 0.0, 0.0, 0.0
+    for end in led[1:]:  # a stiff machine leads the pair
+        answer = law.force(points.at(0, {"damage": damage}), np.array([[0.0], [0.0], [1e9 * end]]), None)
+        damage, now = answer.own["damage"], float(answer.force[2, 0])
+        energy, before, force = energy + 0.5 * (now + force) * (end - before), end, now
+    assert damage[0] == 1 and energy == pytest.approx(TOUGHNESS, rel=2e-2)
+
+
+def _points(count):
+    law = LAWS["cohesive"]
+    made = law.of(law.Parameters(**GLUE), count, 1.0)
+    area = np.ones(count)
+    normal = np.repeat([[1.0], [0.0], [0.0]], count, axis=1)
+    return Points(normal, *np.full((2, count), 1e9), area, made.parameters(np.arange(count), area, area)), made
+
+
+def test_force_and_derivative_belong_together(monkeypatch):
+    """Pairs of every damage, also where it grows, in all directions."""
+    law, random = LAWS["cohesive"], np.random.default_rng(2)
+    own = law.force
+    monkeypatch.setattr(law, "force", staticmethod(lambda points, *a, **k: own(points.at(0, {"damage": damage}), *a, **k)))
+    damage = np.where(random.random(COUNT) < 0.5, 0.0, random.random(COUNT))
+    assert_consistent("cohesive", {"stiffness": 3.0, "strength": 0.4, "toughness": 1.0})
+
+
+def test_a_stopped_run_knows_the_damage(tmp_path):
+    made = bar(LED, method={"tolerance": {"error": 1e-9}, "increment": 2})
+    scene = build_scene(made)
+    whole = solve(made, scene)
+    resumed, _ = stopped_and_resumed(tmp_path, made, scene, [2, whole.iterations // 2, whole.iterations - 1])
+    assert resumed.interfaces.own["damage"] == pytest.approx(whole.interfaces.own["damage"], abs=1e-10)
+
+
+def test_beside_contact():
+    """Three blocks, one interface glued, one in contact that is pressed first: damage is the glue's alone."""
+    made = bar([-0.01, 0.05], **{"mesh": {"box": {"size": [3.0, 1.0, 1.0], "cells": [6, 2, 2]}},
+               "subdomains": {"slices": {"axis": "x", "count": 3}},
+               "interfaces": [GLUE, {"between": ["slice 1", "slice 2"], "law": "contact", "friction": 0.2}]})
+    i = solve(made).interfaces
+    for name, law, a, b in zip(i.names, i.laws, i.offsets[:-1], i.offsets[1:]):
+        assert not i.own["damage"][:, a:b].any(), name
+        assert law == "cohesive" or (i.gap[1, a:b] > 0.04).all() and (i.pressure[0, a:b] > 0).all()
+
+
+def test_damage_is_in_the_files(tmp_path):
+    from test_keeping import loaded
+
+    case = loaded(tmp_path, **{key: value for key, value in bar(LED[:2]).model_dump(exclude_unset=True).items()
+                               if key in ("mesh", "subdomains", "materials", "interfaces", "boundary")}, blackbox=IN_PROCESS)
+    assert run(case, output=tmp_path / "out", quiet=True) == 0
+    assert read_npz(tmp_path / "out").interfaces.own["damage"][1].min() > 0
+    assert 'Name="damage"' in (tmp_path / "out" / "fields" / "interface_0002.vtu").read_bytes().decode("latin1")
+
+
+def test_toughness_that_is_spent_before_the_strength_is_refused():
+    with pytest.raises(InputError, match="toughness above strength"):
+        config_from({**bar([1.0]).complete(), "interfaces": [{**GLUE, "toughness": 1e-3}]})
