@@ -158,17 +158,6 @@ def test_the_bound_of_a_superposition():
     assert error <= bound <= 1e-3 and bound <= 6 * error
 
 
-def test_a_load_step_that_is_accurate_enough_is_not_solved_on():
-    """A load a hundredth of another one: what is asked of the larger one's last stages it has had before."""
-    small = {"boundary": [CLAMP, {"on": {"plane": "x", "at": 4.0}, "traction": [[10.0, 1.0, 0.0], [0.0, 0.01, 0.1]]}]}
-    every = solved(**METIS, **small, **method(skip={"frozen": False}, tolerance={"error": 1e-10}))
-    few = solved(**METIS, **small, **method(tolerance={"error": 1e-10}))
-    same(few, every)
-    assert saved(few)["frozen"]["load steps of a linear stage"] > 0 and "frozen" not in saved(every)
-    assert few.summary["sweeps"]["iterations"] < every.summary["sweeps"]["iterations"]
-    assert few.summary["true_error"] <= few.summary["error_bound"] <= 1e-10
-
-
 def test_the_second_part_of_the_bound_waits_for_the_first():
     """Evaluated after every stage it tells the error all along, and changes nothing else."""
     every = solved(**METIS, **method(skip={"bound": False}, tolerance={"error": 1e-10}))
@@ -177,38 +166,6 @@ def test_the_second_part_of_the_bound_waits_for_the_first():
     count = saved(few)["bound"]["evaluations of the bound's second part"]
     assert count >= few.iterations - 3 and "bound" not in saved(every)
     assert all(event.true_error <= event.error_bound for event in every.iterated.history)
-
-
-PRESS = {"mesh": {"box": {"size": [1.0, 1.0, 2.0], "cells": [3, 3, 6]}}, "subdomains": {"grid": [1, 1, 2]}}
-
-
-def pressed(skip, factors, gap=0.0, friction=0.0):
-    """A block on another one, both led sideways, pressed by the factors."""
-    ends = [{"on": "zmin", "displacement": [0.0, 0.0, 0.0]},
-            {"on": "zmax", "displacement": [[0.002 * f, 0.0, -0.01 * f] for f in factors]}]
-    return solved(reference=False, **PRESS, boundary=ends, materials=[{"young": 1.0, "poisson": 0.3}],
-                  interfaces=[{"law": "contact", "friction": friction, "gap": gap}],
-                  **method(skip=skip, tolerance={"error": 1e-11}))
-
-
-def test_proportional_steps_of_frictionless_contact():
-    """λ times the load is λ times the solution for λ > 0; unloading and reloading leave no trace."""
-    factors = [0.5, 1.0, -1.0, 0.0, 0.25, -0.5]
-    every, few = pressed({"proportional": False}, factors), pressed({}, factors)
-    same(few, every)
-    assert saved(few)["proportional"] == {"load steps": 4}  # solved: 1 and −1
-    assert few.summary["status_counts"] == every.summary["status_counts"]
-    pressure = every.interfaces.pressure
-    assert np.allclose(few.interfaces.pressure, pressure, atol=1e-9 * np.abs(pressure).max())
-
-
-@pytest.mark.parametrize("how, left_out", [({"gap": 0.004}, 1), ({"friction": 0.1}, 0)], ids=["gap", "friction"])
-def test_only_what_may_be_left_out_is(how, left_out):
-    """With a gap only equal steps follow from each other, with friction none."""
-    factors = [0.5, 1.0, 0.5]
-    every, few = pressed({"proportional": False}, factors, **how), pressed({}, factors, **how)
-    same(few, every)
-    assert saved(few).get("proportional", {"load steps": 0}) == {"load steps": left_out}
 
 
 # --- modules ----------------------------------------------------------------------------------------------

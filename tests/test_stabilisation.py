@@ -12,7 +12,6 @@ from test_keeping import stopped_and_resumed
 from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
-from orchestrator.method.load_cases import load_cases
 from orchestrator.method.monitors import giving_way
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.method.monitors.giving_way import SHARE as SHARE_LEFT
@@ -62,13 +61,6 @@ def test_a_number_that_is_felt_is_warned_about():
     assert not cautions(with_stabilisation("auto").method) and not cautions(with_stabilisation(1e-7).method)
     (felt,), (too_much,) = (cautions(with_stabilisation(value).method) for value in (2e-7, 1e-3))
     assert "4e-07" in felt and "40%" in felt and "2e-03" in too_much and "out of reach" in too_much
-
-
-def test_stabilised_steps_remember_the_one_before():
-    """Two equal loads of contact without friction: one solution, unless springs anchor each to the step before."""
-    scene = build_scene(contact(boundary=[BOTTOM, {"on": TOP, "displacement": [[0, 0, -0.01]] * 2}]))
-    skip = contact().method.skip
-    assert load_cases(scene, skip).left_out == 1 and load_cases(scene, skip, anchored=True).left_out == 0
 
 
 # --- the blend --------------------------------------------------------------------------------------------

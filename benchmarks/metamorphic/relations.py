@@ -124,7 +124,7 @@ def cut_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
 def solved_otherwise(data: dict, rng: np.random.Generator) -> Variant | None:
     """Other settings of the method, which shape the way and not the answer."""
     method: dict[str, Any] = copy.deepcopy(data["method"])
-    skips = ["congruent", "repeated", "superposition", "proportional", "frozen", "bound"]
+    skips = ["congruent", "repeated", "superposition", "bound"]
     bonded = all(e["law"] == "perfect" for e in data.get("interfaces", [])) and not any(
         "foundation" in e or "coupling" in e for e in data["boundary"])
     choices: list[dict] = [

@@ -106,11 +106,6 @@ class Skip(Part):
         "right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
     superposition: bool = Field(True, description=(
         "perfect interfaces: load steps that are combinations of others follow from their solutions"))
-    proportional: bool = Field(True, description=(
-        "laws without history, as contact without friction: load steps equal to another one, or where all laws scale "
-        "with the load proportional to it, follow from it"))
-    frozen: bool = Field(True, description=(
-        "perfect interfaces: load steps whose own error is below the tolerance are not solved on with the others"))
     bound: bool = Field(True, description=(
         "the error bound's second part, which costs solves, is evaluated only once its first is below the tolerance"))
 

@@ -117,17 +117,16 @@ class Law:
         uniform pressure pulls at the corners of quadratic ones
     axial : it acts along one axis, the mean normal of its interface or a bolt's, at all points
     joins : a body hangs on the interface whatever the load
-    has_history : the answer depends on earlier load steps, so that none may be left out
+    has_history : the answer depends on earlier load steps, see ``docs/laws.md``
     rigidity : stiffness per area of the softest springs by which it acts; infinite where sides touch without any
     follows : the sides are paired anew as they slide, load step after load step
-    homogeneous : λ times the load has λ times the solution, λ ≥ 0
     statuses : what its pairs can do
     measures : of its residuals
     variables : what it remembers of each pair beside its jump, such as a damage
 
     Notes
     -----
-    What is not overruled is on the safe side: history, no proportionality, a joint that holds nothing.
+    What is not overruled is on the safe side: history, a joint that holds nothing.
 
     Examples
     --------
@@ -168,7 +167,6 @@ class Law:
     rigidity: float = math.inf
     has_history: bool = True
     follows: bool = False
-    homogeneous: bool = False
     statuses: ClassVar[tuple[Status, ...]] = (BONDED,)
     measures: ClassVar[tuple[Measure, ...]] = ()
     variables: ClassVar[tuple[Variable, ...]] = ()

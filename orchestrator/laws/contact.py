@@ -108,10 +108,6 @@ class Contact(Law):
         return self.friction > 0 or self.follows
 
     @property
-    def homogeneous(self) -> bool:
-        return not self.gap.any() and not self.follows
-
-    @property
     def distance(self) -> np.ndarray:
         return self.gap
 

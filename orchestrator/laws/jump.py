@@ -60,10 +60,6 @@ class Jump(Law):
     as_one, joins, has_history = True, True, False
 
     @property
-    def homogeneous(self) -> bool:
-        return not self.jump.any()
-
-    @property
     def imposed(self) -> float:
         return float(np.linalg.norm(self.jump))
 

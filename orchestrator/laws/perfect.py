@@ -17,7 +17,7 @@ class Perfect(Law):
     Parameters = Entry
     formula, meaning = "d = 0", "bonded"
     perfect = as_one = True
-    joins, has_history, homogeneous = True, False, True
+    joins, has_history = True, False
 
     @property
     def given_jump(self) -> np.ndarray:

@@ -1,9 +1,7 @@
 """Load steps that need no solution of their own, because they follow from others.
 
-- All interfaces perfect: the problem is linear. The load vectors of all steps (prescribed displacements and
-  nodal forces) are combinations of a few of them, and so are the solutions.
-- No law has a history: equal loads have equal solutions. Where all laws scale with the load, the problem is also
-  positively homogeneous, u(λ load) = λ u(load) for λ ≥ 0.
+Where all interfaces are perfect the problem is linear. The load vectors of all steps (prescribed displacements and nodal forces)
+are combinations of a few of them, and so are the solutions.
 """
 
 from __future__ import annotations
@@ -14,10 +12,8 @@ import numpy as np
 import scipy.linalg as la
 
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.interface.stabilisation import stabilisation
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.local.state import LocalState
-from orchestrator.method.stopping.bound import Bound
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Scene
 
@@ -56,22 +52,16 @@ class LoadCases:
         return replace(part, bound=part.bound and part.bound.for_cases(self.weights))
 
 
-def load_cases(scene: Scene, skip, anchored: bool = False) -> LoadCases:
+def load_cases(scene: Scene, skip) -> LoadCases:
     """The steps to solve.
 
     Parameters
     ----------
     skip : ``method.skip`` of the configuration
-    anchored : contacts are stabilised: they remember the load step before, whatever their laws do
     """
-    if scene.steps > 1 and not any(s.remembers for s in scene.subdomains):
-        laws = [i.law for i in scene.interfaces]
-        if all(law.perfect for law in laws):
-            if skip.superposition:
-                return _independent(_load_vectors(scene))
-        elif skip.proportional and not anchored and not any(
-                i.law.has_history or i.law_at_steps for i in scene.interfaces):
-            return _on_rays(_load_vectors(scene), all(law.homogeneous for law in laws))
+    if skip.superposition and scene.steps > 1 and all(i.law.perfect for i in scene.interfaces) and not any(
+            s.remembers for s in scene.subdomains):
+        return _independent(_load_vectors(scene))
     return LoadCases(np.arange(scene.steps), np.eye(scene.steps))
 
 
@@ -82,7 +72,7 @@ def common_load_cases(scene: Scene | None, method, team: Team) -> LoadCases:
     ----------
     method : ``method`` of the configuration
     """
-    return team.share(None if team.rank else load_cases(scene, method.skip, bool(stabilisation(scene, method).any())))
+    return team.share(None if team.rank else load_cases(scene, method.skip))
 
 
 def _load_vectors(scene: Scene) -> np.ndarray:
@@ -110,24 +100,6 @@ def _independent(loads: np.ndarray) -> LoadCases:
     return LoadCases(order[:rank][ascending], weights[ascending], "superposition")
 
 
-def _on_rays(loads: np.ndarray, homogeneous: bool) -> LoadCases:
-    """Without history: of steps that are positive multiples of each other, or else equal, the largest is solved."""
-    size = np.linalg.norm(loads, axis=0)
-    chosen: list[int] = []
-    weights = np.zeros((loads.shape[1], loads.shape[1]))
-    for t in np.argsort(-size, kind="stable"):
-        for c in chosen:
-            factor = size[t] / size[c] if homogeneous and size[c] else 1.0
-            if np.linalg.norm(loads[:, t] - factor * loads[:, c]) <= SAME * size[t]:
-                weights[c, t] = factor
-                break
-        else:
-            chosen.append(int(t))
-            weights[t, t] = 1.0
-    chosen.sort()
-    return LoadCases(np.array(chosen), weights[chosen], "proportional")
-
-
 def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated:
     """What the iterations ended with for all load steps, from that for the solved ones.
 
@@ -142,15 +114,6 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
     """
     if not cases.left_out:
         return iterated
-    weights, local, bound = cases.weights, iterated.local, iterated.bound
-    fields, everything = iterated.fields.combined(weights), LocalState(weights.T @ local.s)
-    if d.all_perfect:
-        bound = replace(d.bound(fields, complete=False), relative=bound.relative)
-    else:
-        status = local.status[weights.argmax(axis=0)]  # of the step that each one is a multiple of
-        status[~weights.any(axis=0)] = d.local.at_rest  # unloaded
-        everything = LocalState(everything.s, tuple(weights.T @ h for h in local.hats),
-                                cases.all_steps(local.force), cases.all_steps(local.lawful), cases.all_steps(local.jump), status)
-        bound = Bound(bound.relative, bound.a, bound.energy @ weights**2, weights.T @ bound.repositioned,
-                      weights.T @ bound.correction)
-    return replace(iterated, fields=fields, local=everything, bound=bound)
+    fields = iterated.fields.combined(cases.weights)
+    bound = replace(d.bound(fields, complete=False), relative=iterated.bound.relative)
+    return replace(iterated, fields=fields, local=LocalState(cases.weights.T @ iterated.local.s), bound=bound)

@@ -141,12 +141,6 @@ class LawStage:
             force = pairs.settled(answer.force, F, anchor)[0]
         return answer, force, moved(force)
 
-    @property
-    def at_rest(self) -> np.ndarray:
-        """(P,) int, status of pairs that nothing has moved."""
-        nothing = np.zeros((3, len(self.pairs)))
-        return self.pairs.force(nothing, History.none(len(self.pairs)), 0).status
-
     def counts(self, local: LocalState) -> dict[str, int]:
         """Per status that a law may give, this rank's pairs, summed over the steps."""
         mine = self.pairs.mine

@@ -51,8 +51,6 @@ class Bound:
     repositioned : (T, modes) rigid motions c of the floating subdomains
     correction : (T, B) δ, what brings u + R c to u_D on the boundary dofs
     sweeps : back-substitutions spent
-    errors : (T,) like ``relative`` (like ``a`` where only that was asked for), of each step by itself; infinite
-        where other steps depend on it
     least : of a bound that is larger than what was asked about, and therefore not known (infinite), what it is at least
     """
 
@@ -62,7 +60,6 @@ class Bound:
     repositioned: np.ndarray
     correction: np.ndarray
     sweeps: int = 0
-    errors: np.ndarray | float = np.inf
     least: float = 0.0
 
     @classmethod
@@ -236,7 +233,7 @@ class ErrorBound:
         size, moved = self.loading.size(energy), c[:, self.modes.own]
         a = self._largest(a2)
         if not complete:
-            return Bound(np.nan, _relative(a, size), energy, moved, delta, errors=self._each(a2, size))
+            return Bound(np.nan, _relative(a, size), energy, moved, delta)
 
         change, balanced = self.balance(self._balancing_forces(fields, u))
         if not balanced:  # no energy belongs to such forces, and nothing is reached from below
@@ -256,9 +253,7 @@ class ErrorBound:
         if least > useful:
             return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps, least=least)
         gap = self._largest(squares)
-        # with what ``relative`` has besides: a step that is left alone too early would keep the run from its end
-        errors = np.hypot(self._each(squares, size - gap), ROUNDING) + self.floor
-        return Bound(_relative(gap, size) + self.floor, _relative(a, size), energy, moved, delta, sweeps, errors)
+        return Bound(_relative(gap, size) + self.floor, _relative(a, size), energy, moved, delta, sweeps)
 
     def _balancing_forces(self, fields: Admissible, u: np.ndarray) -> np.ndarray:
         """(T, D) δf = −ω A f + ½ k B w₂.
@@ -282,10 +277,6 @@ class ErrorBound:
         exchanged = 0.25 * self.softness * (transfer.first(soles) + transfer.second(soles))
         one, two = self.share
         return transfer.spread(exchanged - one * imbalance, -exchanged - two * imbalance)[:, : self.space.size]
-
-    def _each(self, squares: np.ndarray, size: float) -> np.ndarray | float:
-        """(T,) relative errors of the steps from the squared ones; infinite while others follow from them."""
-        return np.sqrt(np.maximum(squares, 0.0)) / size if self.weights is None and size > 0 else np.inf
 
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""
