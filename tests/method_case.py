@@ -8,7 +8,9 @@ from in_process import IN_PROCESS
 
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import Config
-from orchestrator.method.decomposition import Decomposition, prepare
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.part import Part
+from orchestrator.method.setup import prepare
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -46,7 +48,7 @@ def solved(reference=True, **changes) -> Solution:
 
 def prepared(made: Config, scene: Scene, blackbox) -> Decomposition:
     """A scene in the black box, ready to iterate."""
-    return prepare(scene, make_soles(scene, made.method.sole), made.method, blackbox, 1, Stopwatch())
+    return prepare(Part.of_all(scene), make_soles(scene, made.method.sole), made.method, blackbox, 1, Stopwatch())
 
 
 def box_of(made: Config):

@@ -13,7 +13,7 @@ from orchestrator.method.acceleration.choice import algorithm
 from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
-from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.increments import Start, iterate
 from orchestrator.method.stopping.dual_energy import dual_energy
 from orchestrator.parallel.team import Team

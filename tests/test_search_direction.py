@@ -13,7 +13,8 @@ from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
 from orchestrator.method.acceleration.choice import stable_relaxation
-from orchestrator.method.decomposition import prepare
+from orchestrator.method.part import Part
+from orchestrator.method.setup import prepare
 from orchestrator.method.increments import iterate
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
@@ -36,7 +37,7 @@ def prepared():
         config = config_from({**BAR, "interfaces": interfaces, "method": method, "blackbox": IN_PROCESS})
         scene = build_scene(config)
         pools.append(make_blackbox(config.blackbox))
-        return prepare(scene, make_soles(scene, config.method.sole), config.method, pools[-1], 2, Stopwatch()), config.method
+        return prepare(Part.of_all(scene), make_soles(scene, config.method.sole), config.method, pools[-1], 2, Stopwatch()), config.method
 
     yield make
     for pool in pools:

@@ -1,46 +1,26 @@
-"""Set-up: a scene in the black box, with everything the iterations need, built once."""
+"""A scene, decomposed and factorised, for all of its load steps or some; ``setup`` makes it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, partial
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
-from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.following import Following
 from orchestrator.method.history import History
-from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
-from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
+from orchestrator.method.stopping.bound import ErrorBound
+from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.self_stress import SelfStress
-from orchestrator.method.coarse.sole_scale import fitted
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.linear.loading import Loading, RimStiffness, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.linear.loading import Loading, RimStiffness
 from orchestrator.method.local.exchange import Exchange
-from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
-from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
-from orchestrator.method.linear.macro_basis import interface_bases
-from orchestrator.method.linear.meanwhile import Meanwhile
-from orchestrator.method.interface.pairing import make_pairs
-from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.interface.stabilisation import stabilisation
-from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
-from orchestrator.method.linear.soft_modes import enriched, soft_modes
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.method.part import Part
-from orchestrator.savings import Savings
-from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.scene.conditions.rigid import rigid_modes
-from orchestrator.scene.soles.sole import Sole
-from orchestrator.timing import Stopwatch
 
 
 @dataclass
@@ -190,160 +170,3 @@ class Decomposition:
         macro = self.stage.macro
         return (f"Decomposition({len(self.scene.subdomains)} subdomains, {len(self.scene.interfaces)} interfaces, "
                 f"{self.space.size} trace dofs, {macro.size if macro else 0} macro unknowns)")
-
-
-def prepare(scene: Scene, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int,
-            watch: Stopwatch, savings: Savings | None = None, part: Part | None = None) -> Decomposition:
-    """Load the extended subdomains into the black box and build what the iterations need.
-
-    Parameters
-    ----------
-    soles : per interface, the soles of its two sides
-    method : ``method`` of the configuration
-    workers : number of packets small requests are joined in
-    savings : where it is noted what need not be done
-    part : what this rank has been given, whose scene this then is; each prepares its own subdomains, and both sides of
-        their interfaces
-
-    Raises
-    ------
-    BlackBoxError : from the code
-    InputError : the macro problem is singular
-    """
-    savings, share = savings or Savings(), method.skip.congruent
-    if any(i.law.follows for i in scene.interfaces) and any(s.remembers for s in scene.subdomains):
-        raise InputError(Problem(("interfaces",), "pairing: follow beside parts whose matter is nonlinear",
-                                 "one of the two: both go from load step to load step by themselves", "write pairing: fixed"))
-    if any(i.moving is not None for i in scene.interfaces):  # they change, and the scene is its owner's
-        scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])
-    part = part or Part.of_all(scene)
-    if any(s.remembers for s in scene.subdomains):  # pseudo-loads are this run's, not the scene's
-        scene = replace(scene, subdomains=[replace(s, loads=s.loads.copy()) if s.remembers else s for s in scene.subdomains])
-    space, sides = part.space, sides_by_subdomain(scene)
-    own = [scene.subdomains[e] for e in space.subdomains]
-    models = [extended_model(scene, s, sides[s.index], soles) for s in own]
-    traces = [m.trace for m in models]
-    remembers = any(s.remembers for s in own)
-    all_perfect = all(space.perfect) and not remembers
-    with watch("search_direction"):
-        direction = assemble_search_direction(scene, space, soles, blackbox, workers, share, savings)
-        # stiffness on interfaces is needed for the error bound and for ties; reactions always need the supports'
-        whole = all_perfect or space.ties is not None
-        rims = assemble_rims(scene, own, sides if whole else [[] for _ in sides], blackbox, workers, share,
-                             savings)
-        of_bodies = own_stiffness(scene, own, blackbox, workers, share, savings)
-    # the codes factorise meanwhile: until ``loaded``, nothing is asked of them
-    factorised = Meanwhile(lambda: blackbox.load(models))
-
-    def loaded() -> None:
-        with watch("load"):
-            factorised.result()
-
-    with watch("search_direction"):
-        check_own_matter(scene, own, of_bodies, rims, traces if whole else [trace[:0] for trace in traces])
-        stiffness = boundary_stiffness(space, traces, rims) if whole else None
-        if space.ties is not None:
-            space.ties.stiffen(space.gathered(stiffness.diagonal()[None])[0])
-    modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
-    bound = coarse = judge = self_stress = None
-
-    def meeting(direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
-        """The pairs, their local stage, and how they are stabilised."""
-        springs = stabilisation(scene, method, scale)
-        pairs = make_pairs(scene, space, direction.whole, springs)
-        return pairs, LawStage(direction, pairs.lawful), springs
-
-    if all_perfect:
-        local = Exchange(direction, method.search_direction.kplus)
-        def make_bound() -> ErrorBound:
-            external = np.hstack([s.loads.reshape(scene.steps, -1)[:, t] for s, t in zip(own, traces)])
-            return ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, traces)], external)
-
-        if space.team.size == 1:  # it is asked for nothing before the codes have answered, and its arithmetic leaves a core free
-            for matrix in (direction.whole, direction.k):
-                matrix.sum_duplicates()  # so that no thread puts them in order while another one reads
-            judge = Meanwhile(make_bound)
-        else:
-            with watch("bound"):
-                bound = make_bound()
-    else:
-        pairs, local, springs = meeting(direction, 1.0)
-    guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
-    macro = _macro(scene, space, direction, method, guarded, watch, loaded)
-    loaded()
-    with watch("search_direction"):
-        suited, scale, spent = fitted(scene, soles, sides, guarded, method, blackbox)
-    if scale != 1:
-        direction, (pairs, local, springs) = suited, meeting(suited, scale)
-        guarded = GuardedTraces(blackbox, direction, guarded.names)
-        macro = _macro(scene, space, direction, method, guarded, watch, loaded)
-    floor = _floor(blackbox, own, method, space.team)
-    for s in own:
-        if s.heated and blackbox.traits(s.code).own_matter:
-            raise InputError(Problem(("loads",), f"a temperature on {s.name}, whose code has matter of its own",
-                                     "temperatures on bodies of the YAML's young, poisson and expansion",
-                                     "heat it in that model, or name other volumes under on:"))
-    with watch("linear_stage"):
-        load = partial(apply_loads, scene, direction, models, traces, rims, blackbox, part.carried)
-        loading = load()
-        nonlinear = Nonlinear(blackbox, space, own, traces, [m.fixed.size for m in models], load) if remembers else None
-    sweeps = loading.sweeps + spent / scene.steps
-    with watch("macro"):
-        if macro is not None:
-            sweeps += macro.solve(guarded) / scene.steps
-        stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
-        if method.coarse != "none" and not all(space.perfect):
-            coarse = CoarseCorrection(scene, stage, pairs, kind_of(method.coarse, scene, pairs, space.team))
-            sweeps += coarse.sweeps / scene.steps
-            self_stress = cache(partial(SelfStress.of, space, local))
-    if judge is not None:
-        with watch("bound"):
-            bound = judge.result()
-    if bound is not None:
-        bound = bound.of(stage, loading, floor)
-    following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
-    return Decomposition(scene, blackbox, space, traces, [len(m.nodes) for m in models], rims, loading,
-                         stage, local, modes, bound, coarse, sweeps, nonlinear, following, scale, self_stress)
-
-
-def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
-    """Relative energy error that the codes' own matrices leave.
-
-    Raises
-    ------
-    InputError : a tolerance below it
-    """
-    floor = max((blackbox.traits(code).floor for code in {s.code for s in own}), default=0.0)
-    floor, = team.max(floor)
-    wanted = method.tolerance.error
-    if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
-        raise InputError(Problem(("method", "tolerance", "error"), f"{wanted:.1e} beside a matrix whose entries have too few digits for it",
-                                 f"an error above {floor:.1e}, which its rounding alone may cause",
-                                 f"write error: {2 * floor:.0e}, or the matrix with more digits (17 are all of a double's)"))
-    return float(floor)
-
-
-def _macro(scene: Scene, space: TraceSpace, direction: SearchDirection, method, blackbox: BlackBox, watch: Stopwatch,
-           loaded: Callable[[], None]) -> Macro | None:
-    """The linear macro problem, on perfect interfaces or on all; still to be solved.
-
-    Parameters
-    ----------
-    loaded : waits until the black box answers
-    """
-    wanted = [i.law.perfect or method.macro.on == "all" for i in scene.interfaces]
-    if method.macro.strategy == "none" or not any(wanted):
-        return None
-    kind, spent = method.macro.basis, 0.0
-    with watch("macro"):
-        bases = interface_bases(scene, space, "affine" if kind in ("auto", "modes") else kind, wanted, method.skip.congruent)
-        if kind in ("auto", "modes"):
-            chosen = difficulty(scene).soft if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
-    if kind in ("auto", "modes"):
-        if chosen.any():
-            loaded()
-        with watch("macro"):
-            modes, spent = soft_modes(direction, blackbox, chosen)
-            bases = enriched(space, direction.whole, bases, modes)
-    with watch("macro"):
-        return Macro(space, direction, bases, method.macro.strategy, spent)

@@ -1,0 +1,215 @@
+"""Set-up: a scene in the black box, with everything the iterations need, built once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+from functools import cache, partial
+
+import numpy as np
+
+from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
+from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.errors import InputError, Problem
+from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
+from orchestrator.method.coarse.self_stress import SelfStress
+from orchestrator.method.coarse.sole_scale import fitted
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.following import Following
+from orchestrator.method.interface.pairing import make_pairs
+from orchestrator.method.interface.pairs import Pairs
+from orchestrator.method.interface.search_direction import SearchDirection, assemble_search_direction
+from orchestrator.method.interface.stabilisation import stabilisation
+from orchestrator.method.linear.answers import GuardedTraces
+from orchestrator.method.linear.loading import RimStiffness, apply_loads, assemble_rims, boundary_stiffness
+from orchestrator.method.linear.macro import Macro
+from orchestrator.method.linear.macro_basis import interface_bases
+from orchestrator.method.linear.meanwhile import Meanwhile
+from orchestrator.method.linear.nonlinear import Nonlinear
+from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
+from orchestrator.method.linear.soft_modes import enriched, soft_modes
+from orchestrator.method.linear.stage import LinearStage
+from orchestrator.method.local.exchange import Exchange
+from orchestrator.method.local.stage import LawStage
+from orchestrator.method.part import Part
+from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
+from orchestrator.savings import Savings
+from orchestrator.scene.conditions.rigid import rigid_modes
+from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.soles.difficulty import difficulty
+from orchestrator.scene.soles.sole import Sole
+from orchestrator.timing import Stopwatch
+
+
+def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int, watch: Stopwatch,
+            savings: Savings | None = None) -> Decomposition:
+    """Load the extended subdomains into the black box and build what the iterations need.
+
+    Parameters
+    ----------
+    part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both sides of their interfaces
+    soles : per interface, the soles of its two sides
+    method : ``method`` of the configuration
+    workers : number of packets small requests are joined in
+    savings : where it is noted what need not be done
+
+    Raises
+    ------
+    BlackBoxError : from the code
+    InputError : the macro problem is singular, or the parts do not go together
+    """
+    return _SetUp(part, soles, method, blackbox, watch).decomposed(workers, savings or Savings())
+
+
+class _SetUp:
+    """What the steps of a set-up share."""
+
+    def __init__(self, part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, watch: Stopwatch):
+        self.scene, self.space, self.carried = _own_copy(part.scene), part.space, part.carried
+        self.soles, self.method, self.blackbox, self.watch = soles, method, blackbox, watch
+        self.own = [self.scene.subdomains[e] for e in self.space.subdomains]
+        self.sides = sides_by_subdomain(self.scene)
+        self.models = [extended_model(self.scene, s, self.sides[s.index], soles) for s in self.own]
+        self.traces = [m.trace for m in self.models]
+        self.floor = 0.0
+
+    def decomposed(self, workers: int, savings: Savings) -> Decomposition:
+        """The decomposition, step by step."""
+        scene, space, method, blackbox, watch, own = self.scene, self.space, self.method, self.blackbox, self.watch, self.own
+        remembers = any(s.remembers for s in own)
+        perfect = all(space.perfect) and not remembers
+        with watch("search_direction"):
+            direction = assemble_search_direction(scene, space, self.soles, blackbox, workers, method.skip.congruent, savings)
+            rims, stiffness = self._rims(perfect or space.ties is not None, workers, savings)
+        factorised = Meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
+        modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
+        if perfect:
+            local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
+            with watch("bound"):
+                bound = self._bound(direction, stiffness, modes)
+        else:
+            (pairs, local, springs), bound = self._meeting(direction, 1.0), None
+        guarded = GuardedTraces(blackbox, direction, [s.name for s in own])
+        bases = self._bases()
+        with watch("load"):
+            factorised.result()
+        macro = self._macro(direction, guarded, bases)
+        with watch("search_direction"):
+            suited, scale, spent = fitted(scene, self.soles, self.sides, guarded, method, blackbox)
+        if scale != 1:
+            direction, (pairs, local, springs) = suited, self._meeting(suited, scale)
+            guarded = GuardedTraces(blackbox, direction, guarded.names)
+            macro = self._macro(direction, guarded, bases)
+        self._check_codes()
+        with watch("linear_stage"):
+            load = partial(apply_loads, scene, direction, self.models, self.traces, rims, blackbox, self.carried)
+            loading = load()
+            nonlinear = Nonlinear(blackbox, space, own, self.traces, [m.fixed.size for m in self.models], load) if remembers else None
+        sweeps = loading.sweeps + spent / scene.steps
+        with watch("macro"):
+            if macro is not None:
+                sweeps += macro.solve(guarded) / scene.steps
+            stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
+            coarse = self._coarse(stage, pairs)
+        if coarse is not None:
+            sweeps += coarse.sweeps / scene.steps
+        following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
+        return Decomposition(
+            scene, blackbox, space, self.traces, [len(m.nodes) for m in self.models], rims, loading, stage, local, modes,
+            bound and bound.of(stage, loading, self.floor), coarse, sweeps, nonlinear, following, scale,
+            None if coarse is None else cache(partial(SelfStress.of, space, local)))
+
+    def _rims(self, whole: bool, workers: int, savings: Savings) -> tuple[list[RimStiffness], object]:
+        """Stiffness of the rims, and of the boundary dofs.
+
+        Parameters
+        ----------
+        whole : stiffness on interfaces is needed, as for the error bound and for ties; reactions always need the supports'
+        """
+        scene, own, share = self.scene, self.own, self.method.skip.congruent
+        sides = self.sides if whole else [[] for _ in self.sides]
+        rims = assemble_rims(scene, own, sides, self.blackbox, workers, share, savings)
+        of_bodies = own_stiffness(scene, own, self.blackbox, workers, share, savings)
+        check_own_matter(scene, own, of_bodies, rims, self.traces if whole else [trace[:0] for trace in self.traces])
+        stiffness = boundary_stiffness(self.space, self.traces, rims) if whole else None
+        if self.space.ties is not None:
+            self.space.ties.stiffen(self.space.gathered(stiffness.diagonal()[None])[0])
+        return rims, stiffness
+
+    def _meeting(self, direction: SearchDirection, scale: float) -> tuple[Pairs, LawStage, np.ndarray]:
+        """The pairs, their local stage, and how they are stabilised."""
+        springs = stabilisation(self.scene, self.method, scale)
+        pairs = make_pairs(self.scene, self.space, direction.whole, springs)
+        return pairs, LawStage(direction, pairs.lawful), springs
+
+    def _bound(self, direction: SearchDirection, stiffness, modes: list[np.ndarray]) -> ErrorBound:
+        external = np.hstack([s.loads.reshape(self.scene.steps, -1)[:, t] for s, t in zip(self.own, self.traces)])
+        return ErrorBound(direction, stiffness, [m[t] for m, t in zip(modes, self.traces)], external)
+
+    def _bases(self) -> list[np.ndarray] | None:
+        """Per interface, the macro basis; None where there is no linear macro problem."""
+        macro, scene = self.method.macro, self.scene
+        wanted = [i.law.perfect or macro.on == "all" for i in scene.interfaces]
+        if macro.strategy == "none" or not any(wanted):
+            return None
+        with self.watch("macro"):
+            kind = "affine" if macro.basis in ("auto", "modes") else macro.basis
+            return interface_bases(scene, self.space, kind, wanted, self.method.skip.congruent)
+
+    def _macro(self, direction: SearchDirection, guarded: GuardedTraces, bases: list[np.ndarray] | None) -> Macro | None:
+        """The linear macro problem, on perfect interfaces or on all; still to be solved."""
+        if bases is None:
+            return None
+        kind, scene, spent = self.method.macro.basis, self.scene, 0.0
+        with self.watch("macro"):
+            if kind in ("auto", "modes"):
+                chosen = difficulty(scene).soft if kind == "auto" else np.ones(len(scene.subdomains), dtype=bool)
+                modes, spent = soft_modes(direction, guarded, chosen)
+                bases = enriched(self.space, direction.whole, bases, modes)
+            return Macro(self.space, direction, bases, self.method.macro.strategy, spent)
+
+    def _coarse(self, stage: LinearStage, pairs: Pairs | None) -> CoarseCorrection | None:
+        """The coarse contact problem, where laws are not perfect."""
+        if self.method.coarse == "none" or all(self.space.perfect):
+            return None
+        return CoarseCorrection(self.scene, stage, pairs, kind_of(self.method.coarse, self.scene, pairs, self.space.team))
+
+    def _check_codes(self) -> None:
+        """Whether what the codes have loaded can be solved as it is asked; the error that their digits leave."""
+        self.floor = _floor(self.blackbox, self.own, self.method, self.space.team)
+        for s in self.own:
+            if s.heated and self.blackbox.traits(s.code).own_matter:
+                raise InputError(Problem(("loads",), f"a temperature on {s.name}, whose code has matter of its own",
+                                         "temperatures on bodies of the YAML's young, poisson and expansion",
+                                         "heat it in that model, or name other volumes under on:"))
+
+
+def _own_copy(scene: Scene) -> Scene:
+    """The scene, with what set-up or iterations change copied: it is its owner's."""
+    remembers = any(s.remembers for s in scene.subdomains)
+    if remembers and any(i.law.follows for i in scene.interfaces):
+        raise InputError(Problem(("interfaces",), "pairing: follow beside parts whose matter is nonlinear",
+                                 "one of the two: both go from load step to load step by themselves", "write pairing: fixed"))
+    if any(i.moving is not None for i in scene.interfaces):
+        scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])
+    if remembers:  # pseudo-loads are this run's
+        scene = replace(scene, subdomains=[replace(s, loads=s.loads.copy()) if s.remembers else s for s in scene.subdomains])
+    return scene
+
+
+def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
+    """Relative energy error that the codes' own matrices leave.
+
+    Raises
+    ------
+    InputError : a tolerance below it
+    """
+    floor = max((blackbox.traits(code).floor for code in {s.code for s in own}), default=0.0)
+    floor, = team.max(floor)
+    wanted = method.tolerance.error
+    if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
+        raise InputError(Problem(("method", "tolerance", "error"), f"{wanted:.1e} beside a matrix whose entries have too few digits for it",
+                                 f"an error above {floor:.1e}, which its rounding alone may cause",
+                                 f"write error: {2 * floor:.0e}, or the matrix with more digits (17 are all of a double's)"))
+    return float(floor)
