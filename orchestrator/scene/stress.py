@@ -7,7 +7,6 @@ whatever the order of the axes: long operations instead of many small products.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 
 import numpy as np
 
@@ -74,31 +73,3 @@ def principal(sigma: np.ndarray) -> np.ndarray:
     result = np.full(sigma.shape[:-1] + (3,), np.nan)
     result[known] = np.linalg.eigvalsh(matrix[known])[..., ::-1]
     return result
-
-
-def nodal_average(cells: np.ndarray, values: Iterable[np.ndarray], volumes: np.ndarray,
-                  group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Volume-weighted average of the cells' values at their nodes, one value per node and group.
-
-    Stress jumps from one material to the next: averaging across would hide that.
-
-    Parameters
-    ----------
-    cells : (m, p) int; values : (m, p) each, of T load steps; volumes : (m,); group : (m,) int, e.g. the material
-
-    Returns
-    -------
-    average : (T, k), one per pair of node and group that occurs
-    node : (k,) int, the node of each
-    corner : (m, p) int, index into a row of ``average`` of every cell's nodes
-    """
-    count = int(cells.max()) + 1
-    key = group.astype(np.int64)[:, None] * count + cells
-    present = np.zeros(int(key.max()) + 1, dtype=bool)
-    present[key] = True
-    pairs = np.flatnonzero(present)
-    position = np.cumsum(present) - 1
-    corner = position[key]
-    weight = np.bincount(corner.ravel(), np.repeat(volumes, cells.shape[1]))
-    totals = [np.bincount(corner.ravel(), (volumes[:, None] * one).ravel()) for one in values]
-    return np.array(totals) / weight, pairs % count, corner

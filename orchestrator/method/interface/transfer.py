@@ -131,16 +131,6 @@ class Transfer:
             return both
         return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
 
-    def opposed_traces(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A place (D,) for every trace dof, and two arrays that have there what the other side's w and f are, so that
-        ``mismatch`` and ``imbalance`` of traces (…, D + G) need not be formed."""
-        if self.picks:
-            return self.partner, w, f
-        return np.arange(self.size), w[..., : self.size] + self.mismatch(w), self.imbalance(f) - f[..., : self.size]
-
-    # ---- matrices ------------------------------------------------------------------------------
-
-    @property
     def picks(self) -> bool:
         """Whether nodes match on all interfaces, so that rows pick by index."""
         return self.base is None

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.compiled import compiled, in_parts
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.interface.search_direction import SearchDirection
@@ -67,14 +66,10 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
     k, space = direction.diagonal, direction.space
     w, f = fields.w, fields.f
     counted = local_stage.counts(local)
-    if local.force is None or exact_norms(direction, exact):
-        apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
-        parts = [*latin_parts(stage, local_stage, fields, local, exact),
-                 _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
-                 _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
-    else:  # laws are compiled anyway
-        parts = np.sum(in_parts(all_squares, space.size, k, w, f, fields.s, residual, stage.robin_of(fields),
-                                *space.transfer.opposed_traces(*fields.extended), *local.hats), axis=0).tolist()
+    apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
+    parts = [*latin_parts(stage, local_stage, fields, local, exact),
+             _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
+             _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
     parts.append(np.array(list(counted.values())))
     if macro is not None:
         parts += macro.imbalance(f)
@@ -94,11 +89,6 @@ def _measures(sums: Sequence[np.ndarray], ends: Sequence[float], counted: Sequen
                     dict(zip(counted, counts.astype(int).tolist())), *map(float, ends))
 
 
-def exact_norms(direction: SearchDirection, wanted: bool) -> bool:
-    """Whether inverse norms take k as it is, see ``latin_parts``."""
-    return wanted or direction.space.total <= EXACT_LIMIT
-
-
 def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,
                 exact: bool = False) -> tuple[float, float]:
     """This rank's part of numerator and denominator of the paper's η, eq. 16, transposes mended.
@@ -114,7 +104,7 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
     direction, w, f = stage.direction, fields.w, fields.f
-    exact = exact_norms(direction, exact)
+    exact = exact or direction.space.total <= EXACT_LIMIT
     kw = stage.robin_of(fields) - f  # known: no product with k
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats
@@ -130,30 +120,6 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         squares = [_square(one, 1 / direction.diagonal) for one in forces]
     return (float(np.vdot(w - w_hat, kw - kw_hat)) + squares[0],
             float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + squares[1] + squares[2])
-
-
-@compiled
-def all_squares(start, stop, k, w, f, s, residual, robin, partner, w_there, f_there, w_hat, f_hat, kw_hat):
-    """All sums of ``measure`` in the order of its parts, over the trace dofs from start to stop; inverse norms by the diagonal.
-
-    What the other side of dof i has is ``w_there`` and ``f_there`` at ``partner[i]``.
-    """
-    gap, total, jump, moved, imbalance, force, change, state = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    own, part = k[start:stop], slice(start, stop)
-    for t in range(len(w)):
-        x, y, xh, yh, kxh, loaded = w[t, part], f[t, part], w_hat[t, part], f_hat[t, part], kw_hat[t, part], robin[t, part]
-        old, left, meets, w_other, f_other = s[t, part], residual[t, part], partner[part], w_there[t], f_there[t]
-        for i in range(len(own)):
-            inverse, kx = 1.0 / own[i], loaded[i] - y[i]
-            gap += (x[i] - xh[i]) * (kx - kxh[i]) + inverse * (y[i] - yh[i]) ** 2
-            total += x[i] * kx + inverse * y[i] ** 2 + xh[i] * kxh[i] + inverse * yh[i] ** 2
-            jump += own[i] * (w_other[meets[i]] - x[i]) ** 2
-            moved += own[i] * x[i] ** 2
-            imbalance += inverse * (f_other[meets[i]] + y[i]) ** 2
-            force += inverse * y[i] ** 2
-            change += inverse * left[i] ** 2
-            state += inverse * (old[i] + left[i]) ** 2
-    return gap, total, jump, moved, imbalance, force, change, state
 
 
 def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, size: float) -> float:

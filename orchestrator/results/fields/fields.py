@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.scene import stress as recovery
-from orchestrator.scene import stress_loops
 from orchestrator.parallel.borders import Meeting
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene.mesh.faces import components
@@ -140,15 +139,10 @@ class Fields:
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
         return shape_gradients(self.nodes, self.cells)
 
-    @property
-    def compiled(self) -> bool:
-        """Whether loops over the cells are compiled: where something opens, as the run's own were; of four-node tets."""
-        return self.joined is not None and self.cells.shape[1] == 4
-
     @cached_property
     def volumes(self) -> np.ndarray:
         """(m,) volumes of the cells."""
-        return stress_loops.volumes(self.nodes, self.cells) if self.compiled else self._geometry[1]
+        return self._geometry[1]
 
     @cached_property
     def material(self) -> np.ndarray:
@@ -160,9 +154,6 @@ class Fields:
 
     def stress(self, step: int) -> np.ndarray:
         """(m, 6) mean stress of the cells at one load step."""
-        if self.compiled:
-            return stress_loops.stresses(self.nodes, self.cells, self.lame, self.displacement[step],
-                                         None if self.thermal is None else self.thermal[step] @ recovery.CENTRE).T
         epsilon = recovery.strain(self._geometry[0], self.cells, self.displacement[step])
         return recovery.stress(self._elastic(epsilon, step, recovery.CENTRE), self.lame)
 

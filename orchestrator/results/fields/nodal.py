@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.scene import stress_loops
 from orchestrator.scene.stress import principal, von_mises
 from orchestrator.parallel.borders import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
@@ -81,8 +80,7 @@ class Nodal:
 
     def principal(self, step: int) -> np.ndarray:
         """(K, 3) principal stresses at one load step, the largest first."""
-        found = stress_loops.principal if self.fields.compiled else principal
-        return _kept(self._principal, step, lambda step: found(self.stress(step)))
+        return _kept(self._principal, step, lambda step: principal(self.stress(step)))
 
     def von_mises(self, step: int) -> np.ndarray:
         """(K + e,) von Mises stress at the places of ``split``."""
@@ -92,13 +90,10 @@ class Nodal:
         fields, volumes = self.fields, self.fields.volumes
         linear = fields.cells.shape[1] == 4
         sigma = fields.stress(step) if linear else fields.corner_stress(step)
-        if fields.compiled:
-            result = stress_loops.sums_at_nodes(self.corner, volumes, sigma.T, len(self))
-        else:
-            result = np.empty((6, len(self)))
-            for c in range(6):
-                each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
-                result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
+        result = np.empty((6, len(self)))
+        for c in range(6):
+            each = np.repeat(volumes * sigma[:, c], 4) if linear else (volumes[:, None] * sigma[:, :, c]).ravel()
+            result[c] = np.bincount(self.corner.ravel(), each, minlength=len(self))
         if fields.believed is not None:  # before other ranks' sums: theirs are no better there
             result[:, self.corner[~fields.believed]] = np.nan
         self._borders(result)
