@@ -73,5 +73,7 @@ def _check_iterations(scene: Scene, method: Method) -> None:
     if scene.steps > method.max_iterations:
         from orchestrator.method.load_cases import load_cases
         from orchestrator.method.increments import check_iterations
+        from orchestrator.refused import by_keys
 
-        check_iterations(len(load_cases(scene, method.skip).chosen), all(i.law.perfect for i in scene.interfaces), method)
+        with by_keys():
+            check_iterations(len(load_cases(scene, method.skip).chosen), all(i.law.perfect for i in scene.interfaces), method)

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
-from orchestrator.errors import InputError
+from orchestrator.method.refusal import Refusal
 from orchestrator.method.interface import factor
 from orchestrator.method.interface.factor import Factor, by_cholesky, by_superlu, dissection
 from orchestrator.method.linear.macro import Macro
@@ -64,7 +64,7 @@ def test_the_order_is_one_of_all_unknowns_and_saves_fill(macro):
 
 def test_a_singular_macro_matrix_is_reported(solver):
     independent = sp.csr_array(np.diag([1.0, 2.0, 0.0]))
-    with pytest.raises(InputError, match="singular"):
+    with pytest.raises(Refusal, match="singular"):
         Macro._solver(SimpleNamespace(shared=np.zeros(3, dtype=bool), space=SimpleNamespace(team=ALONE)), independent)
 
 

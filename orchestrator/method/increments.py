@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.journal import Journal, ended, finished
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors.monitor import Case, monitors_of
+from orchestrator.method.refusal import Refusal
 from orchestrator.method.start import Start
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.timing import Stopwatch
@@ -171,13 +171,11 @@ def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False
 
     Raises
     ------
-    InputError : that is more than ``method.max_iterations``
+    Refusal : that is more than ``method.max_iterations``
     """
     count = len(_batches(steps, perfect and not one_by_one, 1 if one_by_one else method.increment))
     if count > method.max_iterations:
-        raise InputError(Problem(
-            ("method", "max_iterations"), f"{method.max_iterations} iterations for {count} batches of load steps",
-            f"at least {count}: it bounds the whole run, and every batch takes one", "raise it, or raise method.increment"))
+        raise Refusal("too few iterations", allowed=method.max_iterations, count=count)
 
 
 class _PartOfAll(Subscriber):

@@ -11,7 +11,6 @@ import numpy as np
 
 from orchestrator.blackbox.models.extended import extended_model, sides_by_subdomain
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
@@ -33,6 +32,7 @@ from orchestrator.method.linear.stage import LinearStage
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.part import Part
+from orchestrator.method.refusal import Refusal
 from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
 from orchestrator.savings import Savings
 from orchestrator.scene.conditions.rigid import rigid_modes
@@ -57,7 +57,7 @@ def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: Bl
     Raises
     ------
     BlackBoxError : from the code
-    InputError : the macro problem is singular, or the parts do not go together
+    Refusal : the macro problem is singular, or the parts do not go together
     """
     return _SetUp(part, soles, method, blackbox, watch).decomposed(workers, savings or Savings())
 
@@ -180,17 +180,14 @@ class _SetUp:
         self.floor = _floor(self.blackbox, self.own, self.method, self.space.team)
         for s in self.own:
             if s.heated and self.blackbox.traits(s.code).own_matter:
-                raise InputError(Problem(("loads",), f"a temperature on {s.name}, whose code has matter of its own",
-                                         "temperatures on bodies of the YAML's young, poisson and expansion",
-                                         "heat it in that model, or name other volumes under on:"))
+                raise Refusal("heat in own matter", name=s.name)
 
 
 def _own_copy(scene: Scene) -> Scene:
     """The scene, with what set-up or iterations change copied: it is its owner's."""
     remembers = any(s.remembers for s in scene.subdomains)
     if remembers and any(i.law.follows for i in scene.interfaces):
-        raise InputError(Problem(("interfaces",), "pairing: follow beside parts whose matter is nonlinear",
-                                 "one of the two: both go from load step to load step by themselves", "write pairing: fixed"))
+        raise Refusal("sliding beside nonlinear matter")
     if any(i.moving is not None for i in scene.interfaces):
         scene = replace(scene, interfaces=[copy(i) for i in scene.interfaces])
     if remembers:  # pseudo-loads are this run's
@@ -203,13 +200,11 @@ def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
 
     Raises
     ------
-    InputError : a tolerance below it
+    Refusal : a tolerance below it
     """
     floor = max((blackbox.traits(code).floor for code in {s.code for s in own}), default=0.0)
     floor, = team.max(floor)
     wanted = method.tolerance.error
     if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
-        raise InputError(Problem(("method", "tolerance", "error"), f"{wanted:.1e} beside a matrix whose entries have too few digits for it",
-                                 f"an error above {floor:.1e}, which its rounding alone may cause",
-                                 f"write error: {2 * floor:.0e}, or the matrix with more digits (17 are all of a double's)"))
+        raise Refusal("too few digits", wanted=wanted, floor=floor, twice=2 * floor)
     return float(floor)

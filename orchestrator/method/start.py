@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.refusal import Refusal
 from orchestrator.method.memory import COMMON, Memory, Numbers
 
 
@@ -45,7 +45,7 @@ class Start:
 
         Raises
         ------
-        InputError : it does not fit to the decomposition
+        Refusal : it does not fit to the decomposition
         """
         team = d.space.team
         everyone = team.gather(numbers)
@@ -72,7 +72,7 @@ class Start:
 
         Raises
         ------
-        InputError : an array has another shape, or values that are no numbers
+        Refusal : an array has another shape, or values that are no numbers
         """
         totals = {kind: 1 + max(int(numbers[kind].max(initial=-1)) for numbers in everyone) for kind in everyone[0]}
         given = [(m.iteration, m.arrays) for m in (*self.ended, *self.latest)]
@@ -89,9 +89,7 @@ class Start:
                 elif kind != "interface" and not np.isfinite(array).all():
                     wrong = "values that are not finite"
                 if wrong:
-                    raise InputError(Problem(
-                        (), f"checkpoint, iteration {iteration}: {name} has {wrong}",
-                        "what a run of this very problem has written", "run without --resume"))
+                    raise Refusal("another start", iteration=iteration, name=name, wrong=wrong)
 
 
 def numbers_of(d: Decomposition) -> Numbers:

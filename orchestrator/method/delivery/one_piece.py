@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.factor import Factor
+from orchestrator.method.refusal import Refusal
 from orchestrator.scene.model import Scene
 
 # γ over the bodies' stiffness at the nodes: leaves some 1e-3 of a jump per round, and ten digits of K in K + γ BᵀB.
@@ -57,7 +57,7 @@ def constrained(scene: Scene, stiffness: sp.csr_array, B: sp.csr_array) -> np.nd
 
     Raises
     ------
-    InputError : the sides do not come together: what is prescribed on either contradicts them
+    Refusal : the sides do not come together: what is prescribed on either contradicts them
     """
     loose = np.flatnonzero(~scene.fixed.ravel())
     lift = np.where(scene.fixed, scene.prescribed, 0.0).reshape(scene.steps, -1)
@@ -76,8 +76,6 @@ def constrained(scene: Scene, stiffness: sp.csr_array, B: sp.csr_array) -> np.nd
         if np.abs(jump).max(initial=0.0) <= CLOSED * size:
             break
     else:
-        raise InputError(Problem(("interfaces",), f"--reference leaves a jump of {np.abs(jump).max():.2g} between sides whose "
-                                 f"displacements are {size:.2g} at most", "interfaces that can close",
-                                 "do not prescribe different displacements on both sides of a bond"))
+        raise Refusal("bonds that do not close", jump=np.abs(jump).max(), size=size)
     lift[:, loose] += u
     return lift.reshape(scene.steps, -1, 3)

@@ -9,12 +9,12 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.models.extended import whole_model
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.one_piece import constrained, constraints
 from orchestrator.method.delivery.recovery import of_all, on_mesh, recover
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.load_cases import LoadCases
+from orchestrator.method.refusal import Refusal
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -43,11 +43,9 @@ class Reference:
 
 
 def check_reference(scene: Scene) -> None:
-    """Raises InputError where the undecomposed solution is that of another problem."""
+    """Raises ``Refusal`` where the undecomposed solution is that of another problem."""
     if not all(i.law.perfect for i in scene.interfaces):
-        raise InputError(Problem(("interfaces",), "--reference with interfaces that are not perfect",
-                                 "perfect interfaces: the undecomposed solution has no other",
-                                 "leave out --reference; judge by the law residuals in the summary"))
+        raise Refusal("no undecomposed solution")
 
 
 def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
@@ -56,7 +54,7 @@ def solve_reference(scene: Scene, blackbox: BlackBox) -> Reference:
     Raises
     ------
     BlackBoxError : from the code, also when memory runs out
-    InputError : sides that cannot come together
+    Refusal : sides that cannot come together
     """
     stiffness = blackbox.stiffness([whole_model(scene)])[0]
     joined = constraints(scene)

@@ -19,7 +19,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.errors import InputError, Problem
 from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.macro_fields import both_sides as on_both_sides, displacements, on_points
 from orchestrator.method.interface.rows import fitting, times
@@ -28,6 +27,7 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.spread import SpreadFactor
 from orchestrator.method.linear.macro_answers import MacroAnswers
 from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
+from orchestrator.method.refusal import Refusal
 
 
 class Macro:
@@ -79,7 +79,7 @@ class Macro:
 
         Raises
         ------
-        InputError : the macro matrix is not positive definite: the structure is not held
+        Refusal : the macro matrix is not positive definite: the structure is not held
         BlackBoxError : from the code
         """
         space, (sees, forces) = self.space, self._forces
@@ -126,11 +126,7 @@ class Macro:
             team = self.space.team
             return Factor(lower) if team.size == 1 else SpreadFactor(lower, self.number, self.shared, team)
         except RuntimeError as error:
-            raise InputError(Problem(
-                ("method", "macro"), f"the macro matrix is singular ({error})",
-                "a structure held against rigid motions, and macro fields that are independent",
-                "check the boundary conditions; or choose a smaller method.macro.basis",
-            )) from error
+            raise Refusal("singular macro problem", why=error) from error
 
     def displacement(self, alpha: np.ndarray) -> np.ndarray:
         """(T, B) boundary values of V α = −u₂, eq. 31."""

@@ -12,7 +12,6 @@ import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import dots
-from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local.state import LocalState
 
