@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cache, partial
@@ -24,7 +25,6 @@ from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.loading import RimStiffness, apply_loads, assemble_rims, boundary_stiffness
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_basis import interface_bases
-from orchestrator.method.linear.meanwhile import Meanwhile
 from orchestrator.method.linear.nonlinear import Nonlinear
 from orchestrator.method.linear.own_matter import check_own_matter, own_stiffness
 from orchestrator.method.linear.soft_modes import enriched, soft_modes
@@ -82,7 +82,7 @@ class _SetUp:
         with watch("search_direction"):
             direction = assemble_search_direction(scene, space, self.soles, blackbox, workers, method.skip.congruent, savings)
             rims, stiffness = self._rims(perfect or space.ties is not None, workers, savings)
-        factorised = Meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
+        factorised = _Meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
             local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
@@ -208,3 +208,33 @@ def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
     if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
         raise Refusal("too few digits", wanted=wanted, floor=floor, twice=2 * floor)
     return float(floor)
+
+
+class _Meanwhile:
+    """Work that another thread begins at once, while this one goes on: what is asked of the codes, mostly waiting.
+
+    It ends with the process, even where nobody waits for it: an interrupt is not held up.
+
+    Parameters
+    ----------
+    work : what it does; it must not speak to other ranks
+    """
+
+    def __init__(self, work: Callable[[], object]):
+        self._work, self._answer, self._error = work, None, None
+        self._thread = threading.Thread(target=self._run, name="meanwhile", daemon=True)
+        self._thread.start()
+
+    def result(self) -> object:
+        """Waits for what the work returns; raises what it raises."""
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        return self._answer
+
+    def _run(self) -> None:
+        try:
+            self._answer = self._work()
+        except BaseException as error:  # noqa: BLE001 - handed over to who waits
+            self._error = error
+        self._work = None  # and what it holds

@@ -10,10 +10,9 @@ from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.guards import failed_guards, with_noise
 from orchestrator.method.delivery.interior import interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, all_interfaces, interface_fields, mean_of_sides
-from orchestrator.method.delivery.open_places import OpenPlaces, open_places
+from orchestrator.method.delivery.loose import OpenPlaces, Stabilised, open_places, stabilised
 from orchestrator.method.delivery.recovery import delivered, of_all, on_mesh, reactions, recover
 from orchestrator.method.delivery.resultants import Resultants, interface_resultants
-from orchestrator.method.delivery.stabilised import Stabilised, stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
 from orchestrator.method.stopping.discretisation import Estimate

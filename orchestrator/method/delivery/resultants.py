@@ -7,6 +7,8 @@ With f the nodal forces of side 2 on side 1, x the nodes of side 1, n their norm
 The last is where the normal forces act as a whole: nowhere where they add up to nothing beside themselves. On a plane
 interface it is where F has the same moment about axes in the plane. Forces of components that are prescribed are the
 supports', not the interface's.
+
+Of a bolt, the same for the interface at its cut: what it carries, how much it has been shortened, load step by load step.
 """
 
 from __future__ import annotations
@@ -16,12 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.laws.status import BONDED
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import traced
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
-from orchestrator.scene.model import Interface
+from orchestrator.scene.model import Interface, Scene
 
 # Normal forces whose sum is this small beside their magnitudes have no centre: iterations leave as much.
 NO_CENTRE = 1e-6
@@ -90,3 +94,25 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     known = (np.abs(pressed) > NO_CENTRE * size) & (area > 0)
     shift = weighted / np.where(known, pressed, np.nan)[:, :, None]
     return Resultants(force, moment, centre + shift, centre, area)
+
+
+def bolt_forces(scene: Scene, interfaces: InterfaceFields) -> list[dict[str, object]]:
+    """Per bolt its name, the interface at its cut, its axis, and per load step
+
+    - force, positive where it is pulled: that of side 2 on side 1 along the axis, which leads from side 1 to side 2
+    - shortening, a length: how much the cut's sides have gone into each other along the axis
+    - state: what its law says it does
+    """
+    told, kinds = [], dict(zip(interfaces.kinds.tolist(), interfaces.kind_names.tolist()))
+    for bolt in scene.bolts:
+        at = np.flatnonzero(interfaces.names == bolt.interface.name)
+        if not len(at):
+            continue
+        own = slice(*interfaces.offsets[[at[0], at[0] + 1]])
+        area, status = interfaces.area[own], interfaces.status[:, own]
+        shortening = -(interfaces.gap[:, own] @ area) / area.sum()
+        states = [kinds[int(next(iter(row[row != BONDED]), BONDED))] for row in status]
+        told.append({"name": bolt.name, "interface": bolt.interface.name, "axis": bolt.axis.tolist(),
+                     "force": (interfaces.resultant[:, at[0]] @ bolt.axis).tolist(), "shortening": shortening.tolist(),
+                     "state": states})
+    return told

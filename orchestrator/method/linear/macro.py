@@ -25,7 +25,7 @@ from orchestrator.method.interface.rows import fitting, times
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.spread import SpreadFactor
-from orchestrator.method.linear.macro_answers import MacroAnswers
+from orchestrator.method.linear.macro_blocks import MacroAnswers
 from orchestrator.method.linear.macro_blocks import assembled, force_blocks, joined
 from orchestrator.method.refusal import Refusal
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
-from orchestrator.method.linear.macro_answers import MacroAnswers
+from orchestrator.method.linear.macro_blocks import MacroAnswers
 from orchestrator.method.linear.nonlinear import AtStep
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.config.method import Method
-from orchestrator.method.delivery.stabilised import Stabilised
+from orchestrator.method.delivery.loose import Stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING

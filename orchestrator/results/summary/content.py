@@ -8,11 +8,11 @@ from dataclasses import asdict
 
 from orchestrator.config import Config
 from orchestrator.method.acceleration.choice import algorithm
-from orchestrator.method.delivery.bolts import bolt_forces
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.energy import stored_energy
-from orchestrator.method.delivery.held_bodies import held_bodies
+from orchestrator.method.delivery.loose import held_bodies
 from orchestrator.method.delivery.reference import Reference
+from orchestrator.method.delivery.resultants import bolt_forces
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice

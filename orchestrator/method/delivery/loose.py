@@ -1,20 +1,32 @@
-"""Which bodies the supports hold at each load step, through interfaces that are closed there.
+"""Loose bodies at the end of a run: which interfaces hold, what stabilisation carries, how far places are determined.
 
 A body is what joining laws make one. A *detached* body has no way to a prescribed one over node pairs that hold;
 a *weakly held* one has, but could still move as a rigid body without opening a pair that is kept closed or sliding
-where the sides are kept from it. Where both are, the laws do not say: stabilisation does, if there is any. What a status holds, it declares: contact
-holds nothing where the sides touch without pressing.
+where the sides are kept from it. Where both are, the laws do not say: stabilisation does, if there is any. What a status
+holds, it declares: contact holds nothing where the sides touch without pressing.
+
+At a pair the springs carry f̂ − law(F). Relative to the largest force per area that a contact carries, and their work
+Σ (f̂ − law(F)) · Δd over the largest strain energy, they tell how far the solution is from that of the laws alone.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.laws.points import dot
 from orchestrator.laws.status import Hold, Status, table
-from orchestrator.scene.model import Scene
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.iterated import Iterated
+from orchestrator.method.stopping.lengths import LengthScale
+from orchestrator.parallel.team import Team
+from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions
+from orchestrator.scene.model import Scene
 
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
 PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts
@@ -102,3 +114,93 @@ class _Motions:
         values, vectors = np.linalg.eigh(gram.reshape(6 * self.bodies, -1))
         loose = vectors[:, values <= FREE * max(values[-1], 1e-300)].reshape(self.bodies, 6, -1)
         return np.linalg.norm(loose, axis=(1, 2)) > 1e-3
+
+
+LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
+
+
+@dataclass(frozen=True)
+class Stabilised:
+    """What the springs carried.
+
+    Parameters
+    ----------
+    epsilon : largest ε of a pair
+    force : largest traction of the springs over the largest that contacts carry
+    work : of the springs, all load steps together, over the largest strain energy
+    bodies : (T,) names of loose ones that live by them, per load step
+    most : name of the loose one whose forces they carry the largest share of
+    gave_way : iterations after which they have given way
+    """
+
+    epsilon: float
+    force: float
+    work: float
+    bodies: list[list[str]]
+    most: str
+    gave_way: list[int]
+
+
+def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
+    """What the springs carried; None where nothing is stabilised."""
+    if d.all_perfect or d.local.pairs.stabilisation is None:
+        return None
+    pairs, local, team = d.local.pairs, iterated.local, d.space.team
+    springs, law = local.force - local.lawful, local.lawful
+    own, whole = (np.sqrt(dot(x, x)) for x in (springs, law))
+    epsilon, largest, carried = team.max(pairs.stabilisation.max(initial=0.0), (own / pairs.points.area).max(initial=0.0),
+                                         (whole / pairs.points.area).max(initial=0.0))
+    moved = np.diff(local.jump, axis=0, prepend=d.local.before.jump[None])
+    ends = np.repeat(np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2), np.diff(pairs.bounds), axis=0)
+    sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
+    for magnitudes, result in zip((own, whole), sums):
+        for side in ends.T:
+            np.add.at(result, (slice(None), side), np.where(pairs.mine, magnitudes, 0.0))
+    work, sums = team.sum(float((np.abs(dot(springs, moved)) * pairs.mine).sum()), sums)
+    held, pressed = sums
+    loose = loose_bodies(d.scene)
+    total = held + pressed
+    share = np.where(loose | ~loose.any(), held / np.where(total > 0, total, 1.0), 0.0)
+    names = [s.body for s in d.scene.subdomains]
+    energy = 0.5 * iterated.bound.energy.max(initial=0.0)
+    return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
+                      [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
+                      names[int(share.max(axis=0).argmax())], list(iterated.found.get("giving_way", [])))
+
+
+def _ratio(part: float, whole: float) -> float:
+    """Infinite where springs carry something and contacts nothing."""
+    return float(part / whole) if whole > 0 else float("inf") if part > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class OpenPlaces:
+    """Over the largest displacement of all bodies and load steps.
+
+    Parameters
+    ----------
+    open : of the body whose place is determined least
+    bodies : name of each that supports and joints leave loose → the same of it, at its worst load step, the largest first
+    """
+
+    open: float
+    bodies: dict[str, float]
+
+
+def open_places(iterated: Iterated, lengths: LengthScale, parts: Sequence[np.ndarray | None], team: Team) -> OpenPlaces | None:
+    """What is told of them; None where nothing is stabilised, or where nothing can be said.
+
+    Parameters
+    ----------
+    parts : displacements (T, n_E, 3) of this rank's subdomains; None: not ours
+    """
+    found = iterated.found.get("places", [])
+    if sum(places.shape[1] for places in found) < len(iterated.fields.s):
+        return None
+    largest, = team.max(max((np.abs(u).max(initial=0.0) for u in parts if u is not None), default=0.0))
+    each = np.concatenate(found, axis=1).max(axis=1) / (largest or 1.0)
+    bodies: dict[str, float] = {}
+    for b in np.argsort(-each, kind="stable"):
+        if each[b] > 0:
+            bodies.setdefault(lengths.names[b], float(each[b]))
+    return OpenPlaces(float(each.max(initial=0.0)), bodies)
