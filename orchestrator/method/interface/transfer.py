@@ -131,6 +131,9 @@ class Transfer:
             return both
         return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
 
+    # ---- matrices ------------------------------------------------------------------------------
+
+    @property
     def picks(self) -> bool:
         """Whether nodes match on all interfaces, so that rows pick by index."""
         return self.base is None
