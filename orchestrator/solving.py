@@ -13,10 +13,9 @@ from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loa
 from orchestrator.config import Config
 from orchestrator.cost import predicted_cost
 from orchestrator.memory import trim
-from orchestrator.method.decomposition import Decomposition, prepare
+from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
-from orchestrator.method.delivery.pseudo_loads import with_pseudo_loads
 from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.increments import check_iterations, iterate
@@ -24,10 +23,12 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, common_load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.part import Part
+from orchestrator.method.setup import prepare
 from orchestrator.method.start import Start, numbers_of
+from orchestrator.method.stopping.delivered_bound import bound_of
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.results.fields.piece import estimated
+from orchestrator.refused import by_keys
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.solution import Solution, fields_of
@@ -106,7 +107,8 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
             told.stage("meshing")
             with watch("mesh"):
                 scene = build_scene(config, run_programs=True)
-        return _Solving(config, scene, told, start, watch, ranks, reference).solution()
+        with by_keys():
+            return _Solving(config, scene, told, start, watch, ranks, reference).solution()
     except Unbalanced:
         raise
     except BaseException as error:  # whatever it is, history and checkpoint are worth keeping
@@ -190,7 +192,7 @@ class _Solving:
         with blackbox:
             check_codes(self.codes, placement.codes, blackbox, method, self.reference, team)
             workload = Workload(blackbox.usage, watch, team)
-            d = prepare(part.scene, soles, method, blackbox, workers, watch, savings, part)
+            d = prepare(part, soles, method, blackbox, workers, watch, savings)
             del soles, part  # with the models made of them, what set-up has held and nothing else needs
             trim()
             workload.end("set_up")
@@ -205,7 +207,7 @@ class _Solving:
             trim()
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
-                iterated = with_pseudo_loads(d, iterated)
+                iterated = replace(iterated, bound=bound_of(d, iterated.fields))  # under the pseudo-loads that matter has by now
             delivered = deliver(d, chosen, self.cases, iterated, watch)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
@@ -232,8 +234,7 @@ class _Solving:
         team, wanted, pieces = self.ranks.team, self._follows_mesh or self.config.output.fields, None
         # what stands for a part that is not ours has no moduli in fields
         if team.rank == 0 and wanted and (team.size == 1 or self.whole.mesh.foreign):
-            found = estimated(fields) if team.size == 1 else None
-            delivered = replace(delivered, discretisation=found or estimate.of_delivered(delivered.continuous))
+            delivered = replace(delivered, discretisation=estimate.of_delivered(delivered.continuous))
         if team.size == 1:
             return delivered, None
         trim()  # of this rank's part nothing is left
