@@ -107,6 +107,10 @@ class Outside:
     def in_box(self, on: Any) -> np.ndarray:
         """Indices of the faces in a box."""
         corners, (low, high) = self.corners, np.asarray(on.box, dtype=float)
+        if np.any(low > high):  # of probes: those of boundary are judged with the configuration
+            self.problems.add(self.path, f"the box's first corner {format_point(low)} is above its second {format_point(high)}",
+                              "the lower corner first", "swap the coordinates")
+            return np.empty(0, dtype=int)
         outside = np.maximum(np.maximum(low - corners, corners - high), 0)
         hit = self.met(outside.max(axis=1), [0, 1, 2], f"the box {format_point(low)} … {format_point(high)}")
         if not hit.any():
