@@ -9,8 +9,9 @@ from method_case import config, solved
 
 from orchestrator.config import config_from
 from orchestrator.errors import InputError
-from orchestrator.laws.base import Law
-from orchestrator.laws.contact import Contact
+from orchestrator.laws.base import Law, Stages
+from orchestrator.laws.contact import OPEN, SLIP, STICK, Contact
+from orchestrator.laws.elastic import SLACK, SPRUNG, TAUT
 from orchestrator.laws.points import Points
 from orchestrator.laws.status import BONDED, Hold, Status, table
 from orchestrator.method.load_cases import load_cases
@@ -19,7 +20,8 @@ from orchestrator.scene.build import build_scene
 
 ROOT = Path(__file__).parents[1]
 COUNT = 200
-ENTRIES = {"perfect": {}, "contact": {"friction": 0.3, "gap": 0.02}, "jump": {"jump": [0.1, -0.2, 0.3]}}
+ENTRIES = {"perfect": {}, "contact": {"friction": 0.3, "gap": 0.02}, "jump": {"jump": [0.1, -0.2, 0.3]},
+           "elastic": {"stiffness_n": 2.0, "stiffness_t": 0.7}}
 
 
 def points_of(law: Law, random) -> Points:
@@ -50,6 +52,72 @@ def assert_consistent(name: str, keys: dict) -> None:
     assert same.mean() > 0.95 and set(answer.status.tolist()) <= set(law.statuses)
     still = law.idle(points, F, np.full(COUNT, 0.1))
     assert not answer.force[:, still].any()
+
+
+SPRINGS = {"stiffness_n": 2.0, "stiffness_t": 0.7}
+
+
+def answered(name: str, **keys):
+    """A law's points, what it answers there, the jumps d = (F − f̂) / keq that come with it, and where friction stuck before."""
+    law = LAWS[name].of(LAWS[name].Parameters(law=name, **keys), COUNT, 1.0)
+    random = np.random.default_rng(9)
+    points, (F, previous) = points_of(law, random), random.normal(size=(2, 3, COUNT))
+    answer = law.force(points, F, previous)
+    return law, points, answer, points.compliance(F - answer.force), previous
+
+
+def test_bonds_and_jumps_leave_the_jump_that_is_given():
+    *_, d, _ = answered("perfect")
+    assert np.abs(d).max() < 1e-12
+    *_, d, _ = answered("jump", jump=[0.1, -0.2, 0.3])
+    assert d == pytest.approx(np.repeat([[0.1], [-0.2], [0.3]], COUNT, 1), abs=1e-12)
+
+
+@pytest.mark.parametrize("tension_only", [False, True])
+def test_springs_carry_their_stiffness_times_the_stretch(tension_only):
+    law, points, answer, d, _ = answered("elastic", **SPRINGS, tension_only=tension_only)
+    stretch, n = points.along(d), points["across"] / points.area
+    assert n == pytest.approx(np.full(COUNT, 0.7))
+    taut = points["taut"] / points.area
+    assert (taut > 0.7).all() and (taut < 2.7).all()  # the rest of a shortened normal lies in the interface
+    normal = np.where(tension_only & (stretch < 0), points["slack"], points["taut"])
+    wanted = points["across"] * points.across(d) + normal * stretch * points.normal
+    assert answer.force == pytest.approx(wanted, rel=1e-12, abs=1e-13)
+    if tension_only:
+        assert (answer.status == SLACK)[stretch < 0].all() and (answer.status == TAUT)[stretch >= 0].all()
+        assert (points["slack"] < points["taut"]).all()
+    else:
+        assert (points["slack"] == points["taut"]).all() and (answer.status == SPRUNG).all()
+
+
+@pytest.mark.parametrize("friction, gap, some_stick", [(0.8, -0.4, True), (0.3, 0.4, False), (0.0, 0.0, False)])
+def test_contact_obeys_signorini_and_coulomb(friction, gap, some_stick):
+    _, points, answer, d, previous = answered("contact", friction=friction, gap=gap)
+    pressure, opening = -points.along(answer.force), points["gap"] + points.along(d)
+    assert pressure.min() > -1e-12 and opening.min() > -1e-12 and np.abs(pressure * opening).max() < 1e-12
+    shear, slip = points.across(answer.force), points.across(d - previous)
+    size, most = np.linalg.norm(shear, axis=0), points["friction"] * pressure
+    assert (size <= most + 1e-12).all()
+    sticks, slides = answer.status == STICK, answer.status == SLIP
+    assert np.abs(slip[:, sticks]).max(initial=0.0) < 1e-12 and size[slides] == pytest.approx(most[slides], abs=1e-12)
+    work = (shear * slip).sum(axis=0)
+    assert work == pytest.approx(size * np.linalg.norm(slip, axis=0) * ~sticks, abs=1e-12)  # friction is along the slip
+    assert np.abs(answer.force[:, answer.status == OPEN]).max(initial=0.0) == 0
+    assert {OPEN, SLIP} <= set(answer.status.tolist()) and sticks.any() == some_stick
+
+
+@pytest.mark.parametrize("name, keys", [("elastic", SPRINGS), ("elastic", {**SPRINGS, "tension_only": True}),
+                                        ("contact", {"friction": 0.3, "gap": 0.02})])
+def test_residuals_are_nothing_where_a_law_holds_and_grow_with_what_it_misses(name, keys):
+    law, points, answer, d, previous = answered(name, **keys)
+
+    def residual(force, jump):
+        stages = Stages(force[None], jump[None], d[None], previous, answer.status[None])
+        return max(float(np.abs(values).max()) for values in law.residuals(points, stages)[1].values())
+
+    assert residual(answer.force, d) < 1e-12
+    small, large = (residual(answer.force + size * points.normal, d + size * points.normal) for size in (1e-3, 1e-2))
+    assert 1e-5 < small < 0.2 * large
 
 
 @pytest.mark.parametrize("name, keys", ENTRIES.items(), ids=ENTRIES)

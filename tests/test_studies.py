@@ -171,13 +171,13 @@ def test_contact_studies(tmp_path, monkeypatch, saved_figures):
     monkeypatch.setattr(contact, "FRICTIONS", (0.3,))
     monkeypatch.setattr(contact, "FACTORS", (1.0, 0.3))
     over_sweeps = ("true_error", "indicator")
-    for name, function, cases, shown in (("cubes", contact.cubes, 4, over_sweeps),
+    for name, function, count, shown in (("cubes", contact.cubes, 4, over_sweeps),
                                          ("grains", contact.polycrystals, 4, over_sweeps),
                                          ("soles", contact.soles, 4, ("law_residual",))):
         study = Study(name, name, tmp_path / name)
         function(study)
         study.close()
-        assert len(rows_of(tmp_path / name / "table.csv")) == cases
+        assert len(rows_of(tmp_path / name / "table.csv")) == count
         assert is_drawn(tmp_path / name / f"{name}.png", saved_figures[-1])
         for quantity in shown:
             assert not missing_curves(saved_figures[-1], tmp_path / name / "curves.csv", quantity)
@@ -239,7 +239,7 @@ def test_polycrystals_of_few_grains(tmp_path, monkeypatch, saved_figures):
     rows = rows_of(tmp_path / "table.csv")
     assert [(row["grains"], row["seed"]) for row in rows] == [("3", "3"), ("3", "14"), ("6", "3"), ("6", "14")]
     assert all(row["wrong"] == "" and float(row["roundness"]) >= 0.05 and int(row["tets"]) > 100 for row in rows)
-    assert rows[3]["remarks"].startswith("mended") and is_drawn(tmp_path / "polycrystals.png", saved_figures[-1])
+    assert "mended" in rows[3]["remarks"] and is_drawn(tmp_path / "polycrystals.png", saved_figures[-1])
     assert rows_of(tmp_path / "targets.csv")[0]["met"] == "yes"
 
     # what is refused, and what is unsound, is a row like the others, and misses the aim
@@ -472,7 +472,7 @@ def test_grains_are_kept_and_not_repeated(tmp_path, saved_figures):
     assert rows_of(tmp_path / "table.csv")[0]["stop_reason"] == "converged" and row["iterations"] == summary["iterations"]
     assert row["newton_steps"] == summary["newton_steps"] >= 4  # one per load step at least
     assert 0 < row["coarse_share"] == coarse / row["iterating"] < 1 and row["per_grain"] == row["seconds"] / 10
-    assert row["spring_epsilon"] == 0.25e-4 and 0 < row["spring_force"] < 1e-3 and row["live_by_springs"] <= 1
+    assert row["spring_epsilon"] == pytest.approx(0.25e-6) and 0 < row["spring_force"] < 1e-3 and row["live_by_springs"] <= 1
     assert row["far"] == 0 == len(summary["far_bodies"])  # the top moves by a thousandth
     assert row["unsolved"] + summary["coarse_ends"]["tolerance"] == 4 * row["iterations"]  # a solve per load step
     assert row["cpu_per_grain"] > row["code_per_grain"] > 0  # those of FreeFEM, and of more

@@ -29,7 +29,7 @@ from benchmarks.kit.commands import codes_seconds, whole_command
 from benchmarks.kit.drawing import BLUE, GREY, ORANGE, panels, plain_ticks
 from benchmarks.kit.study import ACCURATE, Study
 from benchmarks.problems.cases import cube, with_method
-from orchestrator import config_from, solve
+from orchestrator import CODES, config_from, solve
 
 SOLVERS = ("CHOLMOD", "MUMPS", "UMFPACK")
 COMPARED, SMALLER = 24, (30,)  # bricks along the side, for the choice of the solver and for the growth of its memory
@@ -80,11 +80,11 @@ def run(study: Study, blocks: int = BLOCKS, elements: int = ELEMENTS, million: t
                  f"{large['error_bound']:.1e}, {large['seconds']:.0f} s, {large['memory_mb']:,.0f} MB",
                  large["stop_reason"] == "converged")
     for name in (best, other):
-        direct = direct(study, million[0] * million[1], name, limit)
+        found = direct(study, million[0] * million[1], name, limit)
         need = needed * tried[name].memory / tried[best].memory
         study.target(f"the same undecomposed within {limit / 2**30:.0f} GiB, {name}", "not possible",
-                     f"{direct.failure or 'solved'}; extrapolated need {need:,.0f} MB (dofs^{power:.2f})",
-                     bool(direct.failure))
+                     f"{found.failure or 'solved'}; extrapolated need {need:,.0f} MB (dofs^{power:.2f})",
+                     bool(found.failure))
     study.figure(_picture(study, best), PICTURE)
 
 
@@ -96,9 +96,10 @@ def _memory() -> int:
 
 def direct(study: Study, cells: int, solver: str, limit: int) -> Direct:
     """A cube in one piece, as a row; a failure is one of the results."""
-    command = [os.environ.get("ORCHESTRATOR_FREEFEM") or "FreeFem++", "-ne", "-nw", "-v", "0", str(SCRIPT), "1", str(cells), solver]
+    code = CODES["freefem"]()
+    command = [code.executable, "-ne", "-nw", "-v", "0", str(SCRIPT), "1", str(cells), solver]
     begin = time.perf_counter()
-    process = subprocess.Popen(command, env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}, text=True,
+    process = subprocess.Popen(command, env=code.environment(), text=True,
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
     with process, study.console.status(f"{cells}³ bricks in one piece, {solver}"):
