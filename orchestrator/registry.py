@@ -1,4 +1,4 @@
-"""What can be added, one line each: interface laws, loads and supports, codes, and the modules that they are in.
+"""What can be added, one line each: interface laws, loads and supports, accelerations, monitors, codes, and their modules.
 
 Modules are imported when a name is first used, so that knowing the names costs nothing.
 
@@ -99,7 +99,7 @@ MONITORS = Registry({
     "mesh_error": "orchestrator.method.monitors.mesh_error:MeshError",
     "true_error": "orchestrator.method.monitors.true_error:TrueErrorMonitor",
     "following": "orchestrator.method.monitors.following:FollowingMonitor",
-    "giving_way": "orchestrator.method.monitors.giving_way:GivingWay",
+    "weakening": "orchestrator.method.monitors.weakening:Weakening",
     "ending": "orchestrator.method.monitors.ending:Ending",
     "far_bodies": "orchestrator.method.monitors.far_bodies:FarBodies",
     "places": "orchestrator.method.monitors.places:Places",
@@ -128,6 +128,13 @@ IN_VOLUMES = Registry({
 
 # What a rigid ground does to surfaces of entries of boundary; not for interfaces between parts.
 GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "orchestrator.laws.coupling:Coupling"})
+
+ACCELERATIONS = Registry({
+    "none": "orchestrator.method.acceleration.relaxation:Relaxation",
+    "aitken": "orchestrator.method.acceleration.aitken:Aitken",
+    "anderson": "orchestrator.method.acceleration.anderson:Anderson",
+    "gmres": "orchestrator.method.acceleration.residual_minimisation:ResidualMinimisation",
+})
 
 DEFAULT_CODE = "freefem"  # keeps its factors between requests, and is the fastest here
 CODES = Registry({

@@ -1,6 +1,7 @@
 """The method: macro problems, fixed point, accelerations, error bound, loads, recovery."""
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,12 @@ from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered,
 from quick import quick
 
 from orchestrator.blackbox.models.extended import extended_model
+from orchestrator.method.acceleration.aitken import Aitken
 from orchestrator.method.acceleration.anderson import Anderson
-from orchestrator.method.acceleration.choice import algorithm
-from orchestrator.method.acceleration.residual_minimisation import Relaxation, ResidualMinimisation
+from orchestrator.method.acceleration.base import algorithm
+from orchestrator.method.acceleration.relaxation import Relaxation
+from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
+from orchestrator.method.memory import Memory
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.linear.stage import Admissible
@@ -233,6 +237,21 @@ def test_gmres_is_anderson_with_full_memory():
     assert len(short) > len(gmres)
     assert {r.summary["acceleration"] for r in runs} == {ResidualMinimisation.title}  # the same algorithm thrice
     assert algorithm("anderson", all_perfect=False) is Anderson and algorithm("none", all_perfect=True) is Relaxation
+
+
+def test_aitken_finds_where_a_single_mode_ends():
+    """With one mode, two residuals tell the fixed point; with a resumed one in between, too."""
+    rng = np.random.default_rng(3)
+    mode, end, weight = rng.normal(size=(1, 5)), rng.normal(size=(1, 5)), rng.uniform(1, 2, 5)
+    s, aitken = end + mode, Aitken(0.7, weight)
+    for number in range(2):
+        aitken.take(SimpleNamespace(s=s), end + 0.6 * (s - end))
+        arrays, notes, back = aitken.told(True)
+        assert back == 1
+        aitken = Aitken(0.1, weight)
+        aitken.recall([Memory(number, 0, 1, arrays, {"acceleration": notes})])
+        s = aitken.next()
+    assert s == pytest.approx(end, abs=1e-12)
 
 
 def test_gmres_solves_a_linear_problem_in_its_dimension():

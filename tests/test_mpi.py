@@ -95,7 +95,7 @@ def test_ranks_find_what_one_process_finds(ranks, tmp_path):
         together = dict(np.load(tmp_path / f"{case}.npz"))
         assert together.pop("ranks") == ranks
         for name, expected in alone(case).items():
-            if name in ("status", "iterations", "sweeps", "gave way"):
+            if name in ("status", "iterations", "sweeps", "weakened"):
                 assert np.array_equal(together[name], expected), (case, name)
             else:
                 off = np.abs(together[name] - expected).max()

@@ -12,7 +12,7 @@ from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config import config_from
-from orchestrator.method.acceleration.choice import stable_relaxation
+from orchestrator.method.acceleration.relaxation import stable_relaxation
 from orchestrator.method.part import Part
 from orchestrator.method.setup import prepare
 from orchestrator.method.increments import iterate

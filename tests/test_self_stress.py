@@ -65,5 +65,5 @@ def test_it_brings_forces_nearer_to_the_laws(eight):
 def test_cubes_whose_edges_nearly_stick():
     """92 iterations without it."""
     made = config_from({**pressed_cubes(0.1, elements=2), "blackbox": IN_PROCESS,
-                        "method": {"tolerance": {"error": 1e-6}, "max_iterations": 60}})
+                        "method": {"tolerance": {"error": 1e-6}, "max_iterations": 60, "contact": {"stabilisation": 2.5e-9}}})
     assert solve(made).converged

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from orchestrator.config.base import AutoCount, Count, Part, Positive, auto_or
+from orchestrator.registry import ACCELERATIONS
 
 RATIO_RANGE = (1e-3, 1e2)
 STABLEST = 0.1  # stabilisation beyond which springs, not laws, decide what contacts do
@@ -72,8 +73,9 @@ class Contact(Part):
 
     stabilisation: AutoStabilisation = Field("auto", description=(
         "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that "
-        "bodies that nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a four-hundredth of "
-        "the law residual that the tolerance stands for, between loose bodies and their neighbours alone; 0: none"))
+        "bodies that nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a quarter of the law "
+        "residual that the tolerance stands for to begin with, a four-hundredth in the end, between loose bodies and their "
+        "neighbours alone; 0: none"))
 
 
 class Tolerance(Part):
@@ -114,10 +116,11 @@ class Method(Part):
     sole: Sole = Field(Sole(), description="the search direction k⁻ as a layer of matter")
     macro: Macro = Field(Macro(), description="the macro problem: linear, of interface resultants, for perfect interfaces")
     search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
-    acceleration: Literal["none", "anderson", "gmres"] = Field("anderson", description=(
+    acceleration: Literal[tuple(ACCELERATIONS)] = Field("anderson", description=(
         "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, "
         "and anderson and gmres both minimise the residual over all iterations so far: the generalised conjugate "
-        "residual method, equivalent to GMRES; anderson may forget (memory). none: relaxation alone"))
+        "residual method, equivalent to GMRES; anderson may forget (memory). none: relaxation alone; "
+        "aitken: relaxation by the last two residuals"))
     memory: AutoCount = Field("auto", description="depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact")
     coarse: Literal["auto", "affine", "rigid", "none"] = Field("auto", description=(
         "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine, or its "

@@ -42,7 +42,7 @@ class Decomposition:
     self_stress : beside the coarse contact problem, makes that at nodes where interfaces that open meet, or None where there is
         none; once, when it is first asked for, by all ranks: most runs end before
     resting : self-stress is corrected too
-    yielded : traces (T, D) at which springs of stabilisation have given way, and what they carry at most, force per area
+    springs : ε of springs of stabilisation over that at the beginning
     """
 
     scene: Scene
@@ -63,7 +63,7 @@ class Decomposition:
     sole_scale: float = 1.0
     self_stress: Callable[[], SelfStress | None] | None = None
     resting: bool = False
-    yielded: tuple[np.ndarray, float] | None = None
+    springs: float = 1.0
 
     @property
     def all_perfect(self) -> bool:
@@ -149,17 +149,18 @@ class Decomposition:
             coarse = coarse.paired(pairs)
             coarse.start_from(local)
         result = replace(self, local=local, coarse=coarse)
-        return result if self.yielded is None else result.yielding(*self.yielded)
+        return result if self.springs == 1 else replace(result, springs=1.0).weakened(self.springs)
 
-    def yielding(self, w: np.ndarray, most: float) -> "Decomposition":
-        """The same with springs of stabilisation that have given way until they carry ``most``, force per area, where they would
-        carry more with pairs where traces w (T, D) have brought them."""
-        everywhere, = self.space.extended(w)
-        coarse = None if self.coarse is None else self.coarse.yielding(everywhere, most)
-        return replace(self, local=self.local.yielding(everywhere, most), coarse=coarse, yielded=(w, most))
+    def weakened(self, share: float) -> "Decomposition":
+        """The same with springs of stabilisation of that share of ε."""
+        local = LawStage(self.stage.direction, self.local.pairs.weakened(share), self.local.before)
+        coarse = None if self.coarse is None else self.coarse.weakened(share, local)
+        return replace(self, local=local, coarse=coarse, springs=share * self.springs)
 
     def paired_as(self, other: "Decomposition") -> "Decomposition":
         """The same with the pairs of another one, for fewer load steps, at the beginning of the next of which it ends."""
+        if other.springs != 1:
+            other = other.weakened(1 / other.springs)
         local, coarse = copy(self.local), copy(other.coarse)
         local.pairs = replace(other.local.pairs, targets=self.local.pairs.targets, numbers=self.local.pairs.numbers)
         if coarse is not None:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orchestrator.method.acceleration.choice import make_acceleration
+from orchestrator.method.acceleration.base import make_acceleration
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.evaluation import Evaluation
 from orchestrator.method.monitors.monitor import Monitor

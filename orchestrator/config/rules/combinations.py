@@ -99,8 +99,8 @@ def acceleration_fits(data: Any) -> Iterator[Problem]:
 def heeded(data: Any) -> Iterator[Problem]:
     """Keys of ``method`` that mean nothing beside others are refused, not ignored."""
     acceleration, memory = get(data, "method", "acceleration"), get(data, "method", "memory")
-    if acceleration in ("gmres", "none") and memory not in (None, "auto"):
-        why = "gmres keeps the whole history" if acceleration == "gmres" else "relaxation alone has none"
+    if acceleration not in (None, "anderson") and memory not in (None, "auto"):
+        why = "gmres keeps the whole history" if acceleration == "gmres" else "relaxation has none"
         yield Problem(("method", "memory"), f"memory: {shown(memory)} beside acceleration: {acceleration}",
                       f"memory beside acceleration: anderson only; {why}", "remove memory, or take anderson")
     kplus = get(data, "method", "search_direction", "kplus")

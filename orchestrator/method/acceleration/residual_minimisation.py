@@ -1,7 +1,6 @@
-"""Accelerations of the fixed point s = F(s), a row (load step) at a time.
+"""Residual minimisation of the fixed point s = F(s), a row (load step) at a time.
 
-Every evaluation gives a residual r = F(s) − s. ``none`` relaxes, eq. 12. The others minimise the
-residual over affine combinations of the evaluations so far. Written with orthonormal residual
+Every evaluation gives a residual r = F(s) − s, which is minimised over affine combinations of the evaluations so far. Written with orthonormal residual
 differences this is the generalised conjugate residual method: with the whole history kept it is
 GMRES for affine F, with the last m directions it is Anderson's acceleration of type II.
 
@@ -28,7 +27,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from orchestrator.method.acceleration.base import Acceleration, squared_weights
 from orchestrator.method.acceleration.carried import Carried
+from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import add, dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
@@ -41,47 +42,7 @@ DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is no
 AGAIN = 1e-4
 
 
-class Relaxation:
-    """Plain fixed point s ← s + α (F(s) − s), eq. 12.
-
-    Parameters
-    ----------
-    relaxation : α in (0, 1]
-    """
-
-    title = "none: relaxation"
-
-    def __init__(self, relaxation: float):
-        self.relaxation = relaxation
-
-    def ahead(self) -> None:
-        """Nothing."""
-
-    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
-        """Take in an evaluation."""
-        self.s, self.residual = evaluated.s, image - evaluated.s
-        return self.residual, None
-
-    def best(self, evaluated: Admissible) -> Admissible:
-        """The best known point is the evaluation itself."""
-        return evaluated
-
-    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
-        """The last evaluation."""
-        return {"trace/s": self.s, "trace/residual": self.residual}, {}, 1
-
-    def recall(self, memories: Sequence[Memory]) -> None:
-        """Take the last evaluation back."""
-        arrays = memories[-1].arrays
-        self.s, self.residual = arrays["trace/s"], arrays["trace/residual"]
-
-    def next(self) -> np.ndarray:
-        """State to evaluate next."""
-        return self.s + self.relaxation * self.residual
-
-
-class ResidualMinimisation:
+class ResidualMinimisation(Acceleration):
     """Anderson's acceleration or GMRES, by orthogonalised residual differences.
 
     Parameters
@@ -107,8 +68,15 @@ class ResidualMinimisation:
         self.point: list[np.ndarray] = []
         self.gamma, self.taken = np.zeros(0), 0
 
+    @classmethod
+    def of(cls, d: Decomposition, method) -> ResidualMinimisation:
+        """As the base class says; ``relaxation: auto`` is 1."""
+        memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
+        return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation,
+                   d.space.team, Carried(d.stage, d.bound) if d.space.team.size > 1 else None)
+
     def ahead(self) -> None:
-        """What the next evaluation is not needed for, while its traces are under way."""
+        """Multiply r* and the direction before with all directions."""
         self._ahead = [product for q, _ in self.directions
                        for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
 

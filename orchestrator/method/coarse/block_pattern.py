@@ -14,9 +14,7 @@ from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.elimination import Elimination
 from orchestrator.method.coarse.kernels import added_up
 
-ACCURACY = 1e-4  # relative residual of a solution, a hundredth of what Newton's method has to reduce its own to
 BLOCKS = 1024  # that are worth a thread's while
-REFINED = 4  # solutions in single precision, which cost about half a factorisation
 
 
 class BlockPattern:
@@ -71,24 +69,8 @@ class BlockPattern:
         return self.matrix_of(self.shifted(values, shift))
 
     def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less.
-
-        Factors of single precision take half the time; refinement makes up for it unless soft modes are softer than
-        they resolve.
-        """
-        blocks, goal = self.shifted(values, shift), ACCURACY * np.linalg.norm(right)
-        matrix = self.matrix_of(blocks)
-        try:
-            factors = self.elimination.factors(blocks.astype(np.float32))
-        except ZeroDivisionError:
-            return self.elimination.factors(blocks).solve(right)
-        x, left = np.zeros(right.shape), right
-        for _ in range(REFINED):
-            x = x + factors.solve(left)
-            left = right - (matrix @ x.ravel()).reshape(right.shape)
-            if np.linalg.norm(left) <= goal:
-                return x
-        return self.elimination.factors(blocks).solve(right)
+        """(bodies, size) solution x of (matrix + shift) x = right."""
+        return self.elimination.factors(self.shifted(values, shift)).solve(right)
 
     def matrix_of(self, blocks: np.ndarray) -> sp.bsr_array:
         """The matrix of all its blocks."""

@@ -160,31 +160,36 @@ class CoarseCorrection:
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
         return Admissible.of_extended(s, u, fields.alpha, w, f, space)
 
-    def yielding(self, w: np.ndarray, most: float) -> CoarseCorrection:
-        """The same with springs of stabilisation that have given way as ``LawStage.yielding`` says."""
+    def weakened(self, share: float, local: LawStage) -> CoarseCorrection:
+        """The same with springs of stabilisation of that share of ε, as the local stage has them."""
         result = copy(self)
-        result.predict = self.predict.yielding(w, most)
+        result.pairs = self.pairs.weakened(share)
+        result.problem = self.problem.weakened(result.pairs)
+        result.start_from(local)
         return result
 
     def let_go(self, fields: Admissible, jump: np.ndarray) -> np.ndarray:
         """(T, B) displacements of bodies whose springs of stabilisation carry nothing at the jumps (T, 3, P) of the last local
         stage. Nothing of it is remembered."""
         aside, before = copy(self), self.predict.before.jump
-        aside.problem, aside.predict = self.problem.aside(), copy(self.predict)
-        rest = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
-        rest[..., : jump.shape[2]] = jump
-        rest[..., : jump.shape[2]] -= np.concatenate([before[None, :, : jump.shape[2]], jump[:-1]])
-        aside.predict.rest = rest
-        return self._moved(fields.u, aside._solved(fields), self.boundary_response, self.body_of_boundary)
+        aside.problem = self.problem.aside()
+        moved = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
+        moved[..., : jump.shape[2]] = np.diff(jump, axis=0, prepend=before[None, :, : jump.shape[2]])
+        return self._moved(fields.u, aside._solved(fields, moved), self.boundary_response, self.body_of_boundary)
 
-    def _solved(self, fields: Admissible) -> np.ndarray:
-        """(T, bodies, n) y."""
+    def _solved(self, fields: Admissible, moved: np.ndarray | None = None) -> np.ndarray:
+        """(T, bodies, n) y.
+
+        Parameters
+        ----------
+        moved : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: none
+        """
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
         resultant = self._of_all(self._resultants(fields.f)).swapaxes(0, 1)
         before = self.predict.before
         F0 = self.pairs.traces(*fields.extended).predicted()
         for t in range(len(y)):
-            number, anchor = self.predict.pairs.numbers[t], self.predict.anchor(t, before)
+            number, anchor = self.predict.pairs.numbers[t], before.jump if moved is None else before.jump + moved[t]
             y[t], F = self.problem.solve(t, number, F0[t], resultant[t], before, self.radius, anchor)
             answer = self.pairs.force(F, before, number)
             before = History(self.pairs.settled(answer.force, F, anchor)[1], answer.own)

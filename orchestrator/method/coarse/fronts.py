@@ -20,6 +20,7 @@ from orchestrator.compiled import SUMS, compiled
 from orchestrator.method.coarse.products import gemm
 
 
+REAL = 8  # bytes of a number
 LANES = 16  # numbers that a core works on at once: loops over so many become one instruction
 
 
@@ -42,8 +43,8 @@ def _inverted(P, turn):
             for s in range(0, width, LANES):
                 for j in range(s, s + LANES):
                     above[j], other[j] = other[j], above[j]
-        share = P.dtype.type(1.0) / above[k]
-        above[k] = P.dtype.type(1.0)
+        share = 1.0 / above[k]
+        above[k] = 1.0
         for s in range(0, width, LANES):
             for j in range(s, s + LANES):
                 above[j] *= share
@@ -51,7 +52,7 @@ def _inverted(P, turn):
             if i != k:
                 row = P[i]
                 share = row[k]
-                row[k] = P.dtype.type(0.0)
+                row[k] = 0.0
                 for s in range(0, width, LANES):
                     for j in range(s, s + LANES):
                         row[j] -= share * above[j]
@@ -64,105 +65,82 @@ def _inverted(P, turn):
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
-def _inverted_by_panels(P, panel, product, constants):
+def _inverted_by_panels(P, panel, product):
     """The same for a larger one, panel after panel: with D a panel's inverse, its rows become D·P, all others less their part of
     the panel's columns times these."""
-    n, minus, nothing, one = len(P), constants[0], constants[1], constants[2]
-    width = (panel + LANES - 1) // LANES * LANES
-    turn, square = np.empty(panel, np.int64), np.zeros((panel, width), P.dtype)
-    beside, below = np.empty(2 * n * panel, P.dtype), np.empty(n * panel, P.dtype)
+    n, width = len(P), (panel + LANES - 1) // LANES * LANES
+    turn, square = np.empty(panel, np.int64), np.zeros((panel, width))
+    beside, below = np.empty(2 * n * panel), np.empty(n * panel)
     at_P, at_square, at_below = np.int64(P.ctypes.data), np.int64(square.ctypes.data), np.int64(below.ctypes.data)
     at_beside = np.int64(beside.ctypes.data)
-    at_rows = at_beside + P.itemsize * n * panel
+    at_rows = at_beside + REAL * n * panel
     for p in range(0, n, panel):
         q = min(p + panel, n)
         w = q - p
         D = square[:w]
         for i in range(w):
             for j in range(width):
-                D[i, j] = P[p + i, p + j] if j < w else nothing
+                D[i, j] = P[p + i, p + j] if j < w else 0.0
         if not _inverted(D, turn):
             return False
         for i in range(n):
             row, kept = P[i], below[i * w : (i + 1) * w]
             for j in range(w):
                 kept[j] = row[p + j]
-                row[p + j] = nothing
+                row[p + j] = 0.0
         for i in range(w):
             row, kept = P[p + i], beside[i * n : (i + 1) * n]
-            P[p + i, p + i] = one
+            P[p + i, p + i] = 1.0
             for j in range(n):
                 kept[j] = row[j]
-                row[j] = nothing
+                row[j] = 0.0
             for j in range(w):
-                below[(p + i) * w + j] = minus if i == j else nothing
-        gemm(product, w, n, w, one, at_square, width, at_beside, n, nothing, at_rows, n)
-        gemm(product, n, n, w, minus, at_below, w, at_rows, n, one, at_P, n)
+                below[(p + i) * w + j] = -1.0 if i == j else 0.0
+        gemm(product, w, n, w, 1.0, at_square, width, at_beside, n, 0.0, at_rows, n)
+        gemm(product, n, n, w, -1.0, at_below, w, at_rows, n, 1.0, at_P, n)
     return True
 
 
-WHOLE, ENTERED, ACROSS, BELOW, LEFT = range(-1, 4)  # what ``eliminate`` does
-
-
 @compiled
-def eliminate(start, stop, stage, which, at_row, shares, given, right):
-    """Eliminate some of the fronts, or do a part of what there is to be done for one: −1, or the number of one whose pivot vanishes.
+def eliminate(product, blocks, layout, own, beside, work):
+    """Eliminate all fronts, children before parents: −1, or the number of one whose pivot vanishes.
 
     Parameters
     ----------
-    stage : ``WHOLE``: all that follows, for the fronts ``which[start:stop]``, children before parents; of the front
-        ``which[0]``: ``ENTERED``: what enters is added up; ``ACROSS``: the band from ``at_row`` on is inverted, what is beside it
-        multiplied; ``BELOW``: what is below that band less what it changes, in rows from start to stop, which count from the
-        band's end; ``LEFT``: what is left, in rows from start to stop
-    shares : (F, 2) int, at most so many rows below a band, and of what is left, are done as one, by whoever it be: products
-        depend on it, to the last bit
-    given : product: address of BLAS's product
-        constants: (3,) −1, 0 and 1, of the factors' precision
-        blocks: (b, size, size) of the matrix
-        panel, band: their rows
-        sizes: (F, 2) int, rows that are eliminated, rows that are left
-        places: (F, 3) int, where a front begins in ``own_parts``, ``beside`` and ``work``
-        enters: (F + 1,) int, where blocks that enter begin in ``enter`` (k, 3) int: which, and its block row and column
-        children: (F + 1,) int, where its children begin in ``child``; withins: the same for places in the parent, ``within``
-        own_parts, beside: take L and U; work: (·,) takes S
-    right : (·,) takes U before it is multiplied, and behind it rows of a band as long as what is eliminated
+    product : address of BLAS's product
+    blocks : (b, size, size) of the matrix
+    layout : as ``elimination.Layout`` has it
+    own, beside, work : (·,) take L, U and S
     """
-    if stage == ENTERED:
-        _entered(which[0], given, right)
-    elif stage == ACROSS:
-        if not _across(which[0], at_row, given, right):
-            return which[0]
-    elif stage == BELOW:
-        _below(which[0], at_row, start, stop, given, right)
-    elif stage == LEFT:
-        _left(which[0], start, stop, given)
-    else:
-        sizes, band = given[5], given[4]
-        for k in range(start, stop):
-            f = which[k]
-            a, m = sizes[f]
-            _entered(f, given, right)
-            for p in range(0, a, band):
-                if not _across(f, p, given, right):
-                    return f
-                rows = a + m - min(p + band, a)
-                for i in range(0, rows, shares[f, 0]):
-                    _below(f, p, i, min(i + shares[f, 0], rows), given, right)
-            for i in range(0, m, max(1, shares[f, 1])):
-                _left(f, i, min(i + shares[f, 1], m), given)
+    band, sizes = layout[1], layout[2]
+    right, most = np.empty((sizes[:, 0] * (sizes[:, 1] + np.minimum(sizes[:, 0], band))).max()), layout[11].size
+    runs = np.empty((most, 3), np.int64)
+    for f in range(len(sizes)):
+        a, m = sizes[f]
+        _entered(f, blocks, layout, own, work, right, runs)
+        for p in range(0, a, band):
+            if not _across(f, p, product, layout, own, beside, right):
+                return f
+        if m:
+            _left(f, product, layout, own, beside, work, runs)
     return -1
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
-def _entered(f, given, right):
-    """What enters a front: blocks of the matrix, and what its children leave in the rows and columns that it eliminates."""
-    _, constants, blocks, _, _, sizes, places, enters, enter, children, child, withins, within, own_parts, _, work = given
-    size, nothing, (a, m) = blocks.shape[1], constants[1], sizes[f]
-    L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
-    R, runs = right[: a * m].reshape(a, m), np.empty((len(within), 3), np.int64)
-    for flat in (own_parts[places[f, 0] : places[f, 0] + (a + m) * a], right[: a * m]):
+def _entered(f, blocks, layout, own, work, right, runs):
+    """What enters a front: blocks of the matrix, and what its children leave in the rows and columns that it eliminates.
+
+    Parameters
+    ----------
+    right : (·,) takes U before it is multiplied
+    runs : (·, 3) int, to work in
+    """
+    _, _, sizes, places, _, enters, enter, children, child, rests, _, within = layout
+    size, (a, m) = blocks.shape[1], sizes[f]
+    L, R = own[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a), right[: a * m].reshape(a, m)
+    for flat in (own[places[f, 0] : places[f, 0] + (a + m) * a], right[: a * m]):
         for i in range(len(flat)):
-            flat[i] = nothing
+            flat[i] = 0.0
     for k in range(enters[f], enters[f + 1]):
         b, i0, j0 = enter[k, 0], size * enter[k, 1], size * enter[k, 2]
         for i in range(size):
@@ -173,78 +151,62 @@ def _entered(f, given, right):
                     R[i0 + i, j0 - a + j] += blocks[b, i, j]
     for k in range(children[f], children[f + 1]):
         c = child[k]
-        m_c, first = sizes[c, 1], withins[c]
-        split, count = _runs(within[first : withins[c + 1]], size, a, runs)
+        m_c, first = sizes[c, 1], rests[c]
+        split, count = _runs(within[first : rests[c + 1]], size, a, runs)
         for u in range(m_c // size):
             for r in range(size):
                 to, of = size * within[first + u] + r, places[c, 2] + m_c * (size * u + r)
-                _added(own_parts, places[f, 0] + a * to, work, of, runs, 0, split)
+                _added(own, places[f, 0] + a * to, work, of, runs, 0, split)
                 if to < a:
                     _added(right, m * to, work, of, runs, split, count)
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
-def _across(f, p, given, right):
-    """A band's square is inverted, and what is beside it multiplied by that; False if a pivot vanishes."""
-    product, constants, _, panel, band, sizes, places, _, _, _, _, _, _, own_parts, beside, work = given
-    nothing, one, bytes_of, (a, m) = constants[1], constants[2], work.itemsize, sizes[f]
-    L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
-    U = beside[places[f, 1] : places[f, 1] + a * m]
-    q = min(p + band, a)
+def _across(f, p, product, layout, own, beside, right):
+    """Invert a band's square, multiply what is beside it by that, and take its part out of the rows below that are still to be
+    eliminated, or left; False if a pivot vanishes."""
+    panel, band, sizes, places = layout[0], layout[1], layout[2], layout[3]
+    a, m = sizes[f]
+    L = own[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
+    at_L, at_U = np.int64(own.ctypes.data) + REAL * places[f, 0], np.int64(beside.ctypes.data) + REAL * places[f, 1]
+    at_right, q = np.int64(right.ctypes.data), min(p + band, a)
     w, rest = q - p, a - q
     P = right[a * m : a * m + w * w].reshape(w, w)  # what is made here may be gone before its address has been used
     _copied(L[p:q, p:q], P)
-    if not _inverted_by_panels(P, panel, product, constants):
+    if not _inverted_by_panels(P, panel, product):
         return False
     _copied(P, L[p:q, p:q])
     at_P = np.int64(P.ctypes.data)
     if m:
-        gemm(product, w, m, w, one, at_P, w, np.int64(right.ctypes.data) + bytes_of * m * p, m, nothing,
-             np.int64(U.ctypes.data) + bytes_of * m * p, m)
+        gemm(product, w, m, w, 1.0, at_P, w, at_right + REAL * m * p, m, 0.0, at_U + REAL * m * p, m)
     if rest:
         others = right[a * m + w * w : a * m + w * w + w * rest].reshape(w, rest)
         _copied(L[p:q, q:], others)
-        gemm(product, w, rest, w, one, at_P, w, np.int64(others.ctypes.data), rest, nothing,
-             np.int64(L.ctypes.data) + bytes_of * (a * p + q), a)
+        at_beside, at_rows = at_L + REAL * (a * p + q), at_L + REAL * a * q
+        gemm(product, w, rest, w, 1.0, at_P, w, np.int64(others.ctypes.data), rest, 0.0, at_beside, a)
+        gemm(product, rest + m, rest, w, -1.0, at_rows + REAL * p, a, at_beside, a, 1.0, at_rows + REAL * q, a)
+        if m:
+            gemm(product, rest, m, w, -1.0, at_rows + REAL * p, a, at_U + REAL * m * p, m, 1.0, at_right + REAL * m * q, m)
     return True
 
 
 @numba.njit(nogil=True, fastmath=SUMS)
-def _below(f, p, start, stop, given, right):
-    """Some rows below a band, less what it changes in the columns that are still to be eliminated, and beside them."""
-    product, constants, _, _, band, sizes, places, _, _, _, _, _, _, own_parts, beside, work = given
-    minus, one, bytes_of, (a, m) = constants[0], constants[2], work.itemsize, sizes[f]
-    q = min(p + band, a)
-    w, rest = q - p, a - q
-    if not rest:
-        return
-    at_L = np.int64(own_parts.ctypes.data) + bytes_of * places[f, 0]
-    at_rows = at_L + bytes_of * a * (q + start)
-    gemm(product, stop - start, rest, w, minus, at_rows + bytes_of * p, a, at_L + bytes_of * (a * p + q), a, one,
-         at_rows + bytes_of * q, a)
-    eliminated = min(stop, rest) - start
-    if m and eliminated > 0:
-        gemm(product, eliminated, m, w, minus, at_rows + bytes_of * p, a,
-             np.int64(beside.ctypes.data) + bytes_of * (places[f, 1] + m * p), m, one,
-             np.int64(right.ctypes.data) + bytes_of * m * (q + start), m)
-
-
-@numba.njit(nogil=True, fastmath=SUMS)
-def _left(f, start, stop, given):
-    """Some rows of what is left."""
-    product, constants, blocks, _, _, sizes, places, _, _, children, child, withins, within, own_parts, beside, work = given
-    size, minus, nothing, bytes_of, (a, m) = blocks.shape[1], constants[0], constants[1], work.itemsize, sizes[f]
-    runs, at_S = np.empty((len(within), 3), np.int64), np.int64(work.ctypes.data) + bytes_of * places[f, 2]
-    gemm(product, stop - start, m, a, minus, np.int64(own_parts.ctypes.data) + bytes_of * (places[f, 0] + a * (a + start)), a,
-         np.int64(beside.ctypes.data) + bytes_of * places[f, 1], m, nothing, at_S + bytes_of * m * start, m)
+def _left(f, product, layout, own, beside, work, runs):
+    """What a front leaves."""
+    _, _, sizes, places, _, _, _, children, child, rests, _, within = layout
+    a, m = sizes[f]
+    at_L, at_U, at_S = (np.int64(own.ctypes.data) + REAL * (places[f, 0] + a * a), np.int64(beside.ctypes.data) + REAL * places[f, 1],
+                        np.int64(work.ctypes.data) + REAL * places[f, 2])
+    gemm(product, m, m, a, -1.0, at_L, a, at_U, m, 0.0, at_S, m)
     for k in range(children[f], children[f + 1]):
         c = child[k]
-        m_c, first = sizes[c, 1], withins[c]
-        split, count = _runs(within[first : withins[c + 1]], size, a, runs)
-        for u in range(m_c // size):
+        m_c, first = sizes[c, 1], rests[c]
+        size = m_c // (rests[c + 1] - first) if m_c else 0
+        split, count = _runs(within[first : rests[c + 1]], size, a, runs)
+        for u in range(rests[c + 1] - first):
             for r in range(size):
                 to = size * within[first + u] + r - a
-                if start <= to < stop:
+                if to >= 0:
                     _added(work, places[f, 2] + m * to, work, places[c, 2] + m_c * (size * u + r), runs, split, count)
 
 
@@ -287,13 +249,14 @@ def _added(result, to, given, of, runs, first, last):
 @numba.njit(nogil=True, fastmath=SUMS)
 def _solved(factors, right, result):
     """See ``solve``."""
-    band, order, sizes, places, starts, rests, rest, own_parts, beside = factors
-    size, x = right.shape[1], np.empty(right.shape, own_parts.dtype)
+    order, layout, own_parts, beside = factors
+    _, band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
+    size, x = right.shape[1], np.empty(right.shape)
     for i in range(len(order)):
         for c in range(size):
             x[i, c] = right[order[i], c]
     flat = x.reshape(-1)
-    seen, z = np.empty(len(flat), x.dtype), np.empty(band, x.dtype)
+    seen, z = np.empty(len(flat)), np.empty(band)
     for f in range(len(sizes)):
         a, m = sizes[f]
         L = own_parts[places[f, 0] : places[f, 0] + (a + m) * a].reshape(a + m, a)
@@ -334,7 +297,7 @@ def _solved(factors, right, result):
 
 @numba.njit(nogil=True, fastmath=SUMS, inline="always")
 def _times_each(row, other):
-    total = row.dtype.type(0.0)
+    total = 0.0
     for j in range(len(row)):
         total += row[j] * other[j]
     return total
@@ -346,8 +309,7 @@ def solve(factors, right, result):
 
     Parameters
     ----------
-    factors : rows of a band; (bodies,) int, the order of elimination; ``sizes`` and ``places`` as for ``eliminate``; (F,) int,
-        the first body of each front; (F + 1,) int, where the bodies that it leaves begin in the next; ``own_parts``, ``beside``
+    factors : (bodies,) int, the order of elimination; ``layout``, ``own`` and ``beside`` as for ``eliminate``
     """
     _solved(factors, right, result)
 

@@ -13,7 +13,6 @@ from orchestrator.method.coarse.block_pattern import BlockPattern
 
 ACCURACY = 5e-3  # relative residual of a solution: a whole step is to reach half of what its solve has to
 SOFT = 0.05  # what a solution still gains by the factors alone, over itself; what is left then is the square of that
-REFINED = 4  # products with factors of the matrix itself, which single precision asks for
 WORTH = 0.5  # products that are tried, over those that cost as much as new factors, which serve later steps as well
 SEEN = 2  # products after which it can be told how many more it takes
 
@@ -23,7 +22,7 @@ class KeptFactors:
 
     Parameters
     ----------
-    blocks : those that factors are kept of, in single precision; None: of none
+    blocks : those that factors are kept of; None: of none
     """
 
     def __init__(self, pattern: BlockPattern, blocks: np.ndarray | None = None):
@@ -38,27 +37,18 @@ class KeptFactors:
         alike : the matrix may be much like the one whose factors are kept, so that these are tried
         """
         blocks = self.pattern.shifted(values, shift)
-        single = blocks.astype(np.float32, copy=False)
-        tries = int(WORTH * self.pattern.elimination.worth)
-        x = self._tried(blocks, right, tries) if alike and self.blocks is not None else None
+        x = self._tried(blocks, right) if alike and self.blocks is not None else None
         if x is None:
-            try:
-                self.blocks, self._factors = single, self.pattern.elimination.factors(single, self._factors)
-                x = self._tried(blocks, right, max(tries, REFINED))
-            except ZeroDivisionError:
-                pass
-        if x is not None:
-            return x
-        # soft modes are softer than single precision resolves: such factors serve but once
-        self.blocks, self._factors = None, self.pattern.elimination.factors(blocks.astype(float, copy=False))
-        return self._factors.solve(right)
+            self.blocks, self._factors = blocks, self.pattern.elimination.factors(blocks, self._factors)
+            x = self._factors.solve(right)
+        return x
 
-    def _tried(self, blocks: np.ndarray, right: np.ndarray, most: int) -> np.ndarray | None:
+    def _tried(self, blocks: np.ndarray, right: np.ndarray) -> np.ndarray | None:
         """The solution by the factors there are, or None. Forces tell little of soft modes: their share is looked at, and
         added."""
         from orchestrator.method.coarse.fronts import gmres
 
-        x, more = np.empty(right.shape), np.empty(right.shape)
+        x, more, most = np.empty(right.shape), np.empty(right.shape), int(WORTH * self.pattern.elimination.worth)
         found = gmres(self._factors.numbers, blocks, self.pattern.indptr, self.pattern.indices, np.ascontiguousarray(right),
                       most, ACCURACY, SEEN, x, more)
         return x + more if found and np.linalg.norm(more) <= SOFT * np.linalg.norm(x) else None

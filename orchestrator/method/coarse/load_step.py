@@ -13,7 +13,7 @@ Among ranks, what belongs to an interface is formed by the rank of its first sid
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +27,6 @@ from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.history import History
 from orchestrator.parallel.team import Team
 
-RESOLVED = 100 * float(np.finfo(np.float32).eps)  # ε above which the springs alone are told apart in single precision
 WORTH = 1 << 14  # pairs, over which F + θ dF takes longer than to hand them out to a thread
 LEFT_OUT = 0.2  # of the pairs, from which on it saves more than it costs to look only at the others
 REACH = 2.0  # size of the fields that pairs must be able to close at, over the size last seen
@@ -47,7 +46,7 @@ class Bodies:
     pattern : of the Newton matrices, on rank 0
     weight : (P,) 1 − ε, the laws' share
     springs : Σ over these interfaces of ΣTᵀε L, what stabilisation adds; None without
-    affine : (blocks, n, n) K₀ − ΣTᵀε L of all ranks, for the pattern, in the precision of Newton matrices
+    affine : (blocks, n, n) K₀ − ΣTᵀε L of all ranks, for the pattern
     """
 
     team: Team
@@ -87,22 +86,24 @@ class Bodies:
         order = np.array(sorted(range(len(everyones)), key=everyones.__getitem__), dtype=int)
         ends = np.array([i[1:] for i in everyones], dtype=int).reshape(-1, 2)
         pattern = BlockPattern(ends, count, fields.size, order) if team.rank == 0 else None
-        weight, springs, affine, least = np.ones(len(theirs)), None, None, 0.0
+        return cls(team, count, fields, K0, counted, theirs, pattern, np.ones(len(theirs)), None, None).stabilised(fields)
+
+    def stabilised(self, fields: PairFields) -> Bodies:
+        """The same at pairs with these springs."""
+        team, count, counted, pattern = self.team, self.count, self.counted, self.pattern
+        weight, springs, affine = np.ones(len(self.theirs)), None, None
         slopes = np.zeros((len(counted), 2, 2, fields.size, fields.size), fields.all_L.dtype)
         if fields.pairs.stabilisation is not None:
             epsilon = fields.pairs.stabilisation
-            weight, every = 1 - epsilon, np.arange(len(theirs))
-            least = fields.pairs.weakest(team)
+            weight, every = 1 - epsilon, np.arange(len(self.theirs))
             slopes = fields.slopes(Answer(np.zeros((3, 0)), every, every, np.repeat(np.eye(3)[:, :, None], len(every), axis=2)),
                                    epsilon)[counted]
             here = BlockPattern(fields.bodies[counted], count, fields.size)
             springs = here.matrix(here.summed(slopes), 0.0)
         gathered = team.gather(slopes)
         if pattern is not None:
-            affine = pattern.values(-np.concatenate(gathered), K0)
-            if least > RESOLVED:  # every mode has a stiffness that single precision resolves
-                affine = affine.astype(np.float32)
-        return cls(team, count, fields, K0, counted, theirs, pattern, weight, springs, affine)
+            affine = pattern.values(-np.concatenate(gathered), self.K0)
+        return replace(self, fields=fields, weight=weight, springs=springs, affine=affine)
 
 
 class LoadStep:

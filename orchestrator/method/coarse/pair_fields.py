@@ -8,6 +8,7 @@ a few moments alone: with φ the monomials at a pair and the matrices A of an in
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -57,6 +58,12 @@ class PairFields:
     def some(self, chosen: np.ndarray) -> PairFields:
         """The same fields at some of the pairs (R,) int, ascending."""
         return replace(self, pairs=self.pairs.some(chosen), chosen=self.chosen[chosen])
+
+    def with_springs(self, pairs: Pairs) -> PairFields:
+        """The same fields at the same pairs, whose springs of stabilisation may be others."""
+        result = copy(self)
+        result.pairs = pairs
+        return result
 
     def part(self, pairs: int) -> int:
         """How many interfaces are worth a thread's while, that have so many pairs in all."""

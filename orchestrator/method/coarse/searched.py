@@ -19,9 +19,9 @@ from orchestrator.method.coarse.load_step import LoadStep
 LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3  # shift relative to k: the first, by how much it grows, beyond what nothing is tried
 LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
 POINTS = 20  # of a line: regula falsi halves what is left in each but a few
-SHORT = 0.1  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
+SHORT = 1e-2  # last step over all of them together, from which bodies have arrived: forces tell little of where loose ones are
 FINE, FOLLOWED = 1e-3, 4  # the same where it costs no factors, so that loose bodies stand where they stand; steps to get there
-PATIENCE, GAIN = 15, 0.9  # steps in which the least imbalance has to fall by a tenth
+PATIENCE, GAIN = 40, 0.9  # steps in which the least imbalance has to fall by a tenth
 
 
 class SearchedNewton:

@@ -130,7 +130,7 @@ class Stabilised:
     work : of the springs, all load steps together, over the largest strain energy
     bodies : (T,) names of loose ones that live by them, per load step
     most : name of the loose one whose forces they carry the largest share of
-    gave_way : iterations after which they have given way
+    weakened : iterations after which they became weaker
     """
 
     epsilon: float
@@ -138,7 +138,7 @@ class Stabilised:
     work: float
     bodies: list[list[str]]
     most: str
-    gave_way: list[int]
+    weakened: list[int]
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
@@ -162,10 +162,11 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     total = held + pressed
     share = np.where(loose | ~loose.any(), held / np.where(total > 0, total, 1.0), 0.0)
     names = [s.body for s in d.scene.subdomains]
-    energy = 0.5 * iterated.bound.energy.max(initial=0.0)
+    energy, weakened = 0.5 * iterated.bound.energy.max(initial=0.0), iterated.found.get("weakening", [])
+    epsilon *= max((case["springs"] for case in weakened), default=1.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
                       [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
-                      names[int(share.max(axis=0).argmax())], list(iterated.found.get("giving_way", [])))
+                      names[int(share.max(axis=0).argmax())], [after for case in weakened for after in case["after"]])
 
 
 def _ratio(part: float, whole: float) -> float:

@@ -166,6 +166,10 @@ class Pairs:
             return np.inf
         return -team.max(-self.stabilisation[self.stabilisation > 0].min(initial=np.inf))[0]
 
+    def weakened(self, share: float) -> Pairs:
+        """The same with springs of stabilisation of that share of ε."""
+        return replace(self, stabilisation=share * self.stabilisation)
+
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the points (Q,) int, ascending, of the same interfaces, without ties."""
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()

@@ -6,8 +6,8 @@ neighbours. Laws that do not join their sides are blended with "stay where you w
     f̂ = (1 − ε) law(F) + ε (F − keq d_before),    ∂f̂/∂F = (1 − ε) A + ε 1
 
 which is a weak viscous spring of the rate ε keq between facing nodes, open ones included. Every body then has one
-position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far, so that
-``auto`` takes a share of what the tolerance allows.
+position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far. ``auto`` begins
+with a share of what the tolerance allows, and ends with a hundredth of that (``monitors.weakening``).
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from orchestrator.config.method import STABLEST, Sole
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.model import Scene
 
-# Of the law residual that the tolerance allows. A pair's springs then carry little, but many bodies that live by them more
-# together: the reaction of 125 grains pressed once is 1 % off that with none, 10 % and more with a quarter.
-SHARE = 2.5e-3
+SHARE = 0.25  # of the law residual that the tolerance allows, with which auto begins
 FLOOR = 2.0  # what is left of the law residual, over ε
 NOTICED = 0.1  # ε over the law residual allowed, from which its floor is worth a warning
 FINE = 1e-2  # discretisation error of a mesh finer than most: what ``error: auto`` may come to ask for a fraction of
@@ -36,7 +34,7 @@ def allowed_residual(tolerance) -> float:
 
 
 def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
-    """(interfaces,) ε; zero where the law joins its sides.
+    """(interfaces,) ε with which the iterations begin; zero where the law joins its sides.
 
     Parameters
     ----------

@@ -7,19 +7,16 @@ At points with the jump d, from the predicted force F to the traces as ``point_t
 
     f̂ = law(F),   d = (F − f̂)/keq;      stabilised:   f̂ = (1 − ε) law(F) + ε (F − keq d_before)
 
-or, where springs have given way (``monitors.giving_way``), keq (d_before + δ) there.
-
 Tied dofs of ten-node tets (see ``ties``) are prescribed, each side by itself: f̂ = f − k (w − ŵ).
 """
 
 from __future__ import annotations
 
-from copy import copy
 from functools import cached_property
 
 import numpy as np
 
-from orchestrator.laws.points import Answer, dot
+from orchestrator.laws.points import Answer
 from orchestrator.laws.status import BONDED
 from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
@@ -43,30 +40,11 @@ class LawStage:
     direction : search direction k⁻
     pairs : node pairs that a law answers for: those of all interfaces that are not perfect
     before : what the load step before the first one has left; None: nothing was before
-
-    Attributes
-    ----------
-    rest : (T, 3, P) change of the jumps in each load step at which springs of stabilisation carry nothing; None: none
     """
 
     def __init__(self, direction: SearchDirection, pairs: Pairs, before: History | None = None):
         self.direction, self.pairs, self.exchange = direction, pairs, Exchange(direction)
         self.before = History.none(len(pairs)) if before is None else before
-        self.rest: np.ndarray | None = None
-
-    def yielding(self, w: np.ndarray, most: float) -> LawStage:
-        """The same with springs that have given way until they carry ``most``, force per area, where they would carry more
-        with pairs where traces w (T, D + G) have brought them."""
-        result, points = copy(self), self.pairs.points
-        moved = np.diff(self.pairs.traces(w, np.zeros_like(w)).jump, axis=0, prepend=self.before.jump[None])
-        pull = points.stiffness(moved)
-        pull = self.pairs.stabilisation * np.sqrt(dot(pull, pull)) / points.area
-        result.rest = moved * (1 - most / np.maximum(pull, most))[:, None]
-        return result
-
-    def anchor(self, t: int, before: History) -> np.ndarray:
-        """(3, P) jump at which springs carry nothing in one of the load steps, from what the one before has left."""
-        return before.jump if self.rest is None else before.jump + self.rest[t]
 
     def conditioning(self) -> tuple[float, float]:
         """Extreme eigenvalues of (k⁻, k⁺) on the pairs; perfect interfaces exchange and are at 1."""
@@ -93,7 +71,7 @@ class LawStage:
         lawful = force if pairs.stabilisation is None else np.empty_like(F)
         for t in range(steps):
             answer = pairs.force(F[t], before, pairs.numbers[t])
-            force[t], jump[t] = pairs.settled(answer.force, F[t], self.anchor(t, before))
+            force[t], jump[t] = pairs.settled(answer.force, F[t], before.jump)
             if pairs.nodes.coupling is not None:
                 answer, force[t], jump[t] = self._coupled(F[t], at.force[t], force[t], before, t)
             lawful[t], status[t] = answer.force, answer.status
@@ -130,7 +108,7 @@ class LawStage:
         t : of the load steps here
         """
         pairs, coupling = self.pairs, self.pairs.nodes.coupling
-        alone, anchor = pairs.points.compliance(F - q), self.anchor(t, before)
+        alone = pairs.points.compliance(F - q)
 
         def moved(force: np.ndarray) -> np.ndarray:
             return pairs.masked(alone - (coupling @ (force - q).ravel()).reshape(force.shape))
@@ -138,7 +116,7 @@ class LawStage:
         for _ in range(COUPLED):
             F = force + pairs.points.stiffness(moved(force))
             answer = pairs.force(F, before, pairs.numbers[t])
-            force = pairs.settled(answer.force, F, anchor)[0]
+            force = pairs.settled(answer.force, F, before.jump)[0]
         return answer, force, moved(force)
 
     def counts(self, local: LocalState) -> dict[str, int]:

@@ -15,7 +15,7 @@ from typing import Any
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.evaluation import Evaluation, Verdict
-from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.monitors.monitor import Monitor
 
 DIVERGED = "diverged"
 STALL = 20  # stages without progress at rounding level that end a run
@@ -25,29 +25,23 @@ LOOSE = 10.0  # the same times ε: a body that springs alone hold goes 1/ε time
 
 
 class Ending(Monitor):
-    """Says which iteration of a case is the last.
-
-    Parameters
-    ----------
-    epsilon : the smallest ε of springs of stabilisation; infinite where there are none
-    """
+    """Says which iteration of a case is the last."""
 
     name = "ending"
 
-    def __init__(self, epsilon: float = math.inf):
-        self.runaway = max(RUNAWAY, LOOSE / epsilon)
+    def __init__(self) -> None:
         self.reach = 0.0  # largest interface displacement of the first stage that moved
         self.residuals: list[float] = []
-
-    @classmethod
-    def of(cls, case: Case) -> Ending:
-        problem = case.problem
-        return cls() if problem.all_perfect else cls(problem.local.pairs.weakest(problem.space.team))
+        self.problem, self.runaway = None, RUNAWAY
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict, residual, moved = now.verdict, now.measures.residual, now.measures.moved
+        if now.problem is not self.problem:  # its springs may have become weaker
+            self.problem, self.runaway = now.problem, self._runaway(now.problem)
         self.reach = self.reach or moved
         self.residuals.append(residual)
+        if verdict.anew:  # of another fixed point from here on
+            self.residuals.clear()
         if verdict.met:
             return Verdict(reason="converged")
         if not math.isfinite(residual) or moved > self.runaway * self.reach > 0:
@@ -64,6 +58,10 @@ class Ending(Monitor):
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.reach, self.residuals = state["reach"], list(state["residuals"])
         return problem
+
+    @staticmethod
+    def _runaway(problem: Decomposition) -> float:
+        return RUNAWAY if problem.all_perfect else max(RUNAWAY, LOOSE / problem.local.pairs.weakest(problem.space.team))
 
     def _stalled(self) -> bool:
         """Rounding has been reached and nothing improves any more."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from orchestrator.config import Config
-from orchestrator.method.acceleration.choice import algorithm
+from orchestrator.method.acceleration.base import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.energy import stored_energy
 from orchestrator.method.delivery.loose import held_bodies

@@ -191,8 +191,8 @@ def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
     force, work = (f"{found[key]:.1e}" if found[key] is not None else "any number of times" for key in ("force", "work"))
     result = [f"springs of ε = {found['epsilon']:.1e} carry at most {force} of the largest contact force per area, and do "
               f"{work} of the largest strain energy in work"]
-    if found.get("gave_way"):  # what an older version has left has none
-        result[0] += f"; gave way after iteration {', '.join(map(str, found['gave_way']))}"
+    if found.get("weakened"):  # what an older version has left has none
+        result[0] += f"; weaker from iteration {', '.join(str(after + 1) for after in found['weakened'])} on"
     lived = {name for names in found["bodies"] for name in names}
     for steps, names in _alike(found["bodies"]):
         result.append(f"{some(names, 6)}: {'lives' if len(names) == 1 else 'live'} by them at load step "

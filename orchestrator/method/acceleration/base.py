@@ -1,0 +1,95 @@
+"""What an acceleration is: it finds the fixed point s = F(s), one evaluation after the other."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.memory import Memory
+from orchestrator.registry import ACCELERATIONS
+
+
+class Acceleration(ABC):
+    """To be derived from; a line in ``registry`` gives it its name in the YAML.
+
+    Attributes
+    ----------
+    title : of the algorithm, for people
+    """
+
+    title: str
+
+    @classmethod
+    def suiting(cls, all_perfect: bool) -> type[Acceleration]:
+        """The class that does what is meant where the fixed point is affine, as where all is bonded, or where it is not."""
+        return cls
+
+    @classmethod
+    @abstractmethod
+    def of(cls, d: Decomposition, method) -> Acceleration:
+        """For a decomposition and ``method`` of the configuration, in the norm of the inverse search direction."""
+
+    def ahead(self) -> None:
+        """Do what needs nothing of the next evaluation, while its traces are under way."""
+
+    @abstractmethod
+    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
+             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+        """Take in an evaluation.
+
+        Parameters
+        ----------
+        evaluated : the linear stage at s
+        image : F(s), what the local stage has made of it
+        beside : what else is to be summed over the ranks, in its own message
+
+        Returns
+        -------
+        residual : F(s) − s at the best point known so far
+        beside : the sums; None where it has no message to send
+        """
+
+    def best(self, evaluated: Admissible) -> Admissible:
+        """The linear stage at the best point known so far, once an evaluation has been taken in; ``next`` does not wait for it."""
+        return evaluated
+
+    @abstractmethod
+    def next(self) -> np.ndarray:
+        """State to evaluate next; the caller's to change."""
+
+    @abstractmethod
+    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, Any], int]:
+        """Arrays and notes for the ``Memory`` of an iteration: what the last evaluation has added.
+
+        Parameters
+        ----------
+        whole : tell also what no later evaluation tells again; so every ``INTERVAL`` iterations
+
+        Returns
+        -------
+        arrays, notes, and how many iterations, the last one included, have to be known to go on after it
+        """
+
+    @abstractmethod
+    def recall(self, memories: Sequence[Memory]) -> None:
+        """Take back what was told of at least that many iterations, in order; ``next`` then gives what it would have."""
+
+
+def algorithm(name: str, all_perfect: bool) -> type[Acceleration]:
+    """What stands behind ``method.acceleration``: where all is bonded, ``anderson`` minimises residuals, as ``gmres`` does."""
+    return ACCELERATIONS[name].suiting(all_perfect)
+
+
+def make_acceleration(d: Decomposition, method) -> Acceleration:
+    """The acceleration that a configuration asks for."""
+    return algorithm(method.acceleration, d.all_perfect).of(d, method)
+
+
+def squared_weights(d: Decomposition) -> np.ndarray:
+    """(D,) of the norm in which residuals are compared, that of (k⁺)⁻¹."""
+    return 1 / d.stage.direction.diagonal

@@ -1,0 +1,85 @@
+"""When springs of stabilisation become weaker: once loose bodies have found about where they are.
+
+Stiff springs let loose bodies find their places quickly and carry what contacts should; weak ones carry next to nothing and take
+many iterations from afar. So ``auto`` begins with ε of a quarter of what the tolerance allows, and goes on with a tenth of it
+each time that everything but the springs is within ``NEAR`` of the tolerance, ``STAGES`` times. Where springs alone then keep a
+run from its end, they become weaker again: a body that goes far in a load step needs it. What has no balance loads them as
+before, however weak they are: then they stay, and the run ends as held by them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation, Verdict
+from orchestrator.method.interface.stabilisation import allowed_residual
+from orchestrator.method.monitors.monitor import Case, Monitor
+from orchestrator.method.stopping.law_residuals import LawResiduals
+
+# ε over the one before, and how often. 125 grains pressed once, to 1e-4: the force is 10 to 13 % off that with ε = 1e-8 with the springs
+# of the beginning, 2 to 5 % with a tenth, 0.2 to 1.2 % with a hundredth.
+WEAKER, STAGES = 0.1, 2
+NEAR = 20.0  # of the tolerance: from there on the springs decide about what is left
+LESS = 0.5  # of what springs carried when they became weaker last, below which that has served
+
+
+class Weakening(Monitor):
+    """Weakens the springs of one case.
+
+    Parameters
+    ----------
+    allowed : law residual that the tolerance stands for
+
+    Attributes
+    ----------
+    at : iterations after which springs have become weaker
+    """
+
+    name = "weakening"
+
+    def __init__(self, allowed: float):
+        self.allowed, self.at = allowed, []
+        self.carried = math.inf
+
+    @classmethod
+    def of(cls, case: Case) -> Weakening | None:
+        problem = case.problem
+        if problem.all_perfect or problem.coarse is None or problem.local.pairs.stabilisation is None:
+            return None
+        return cls(allowed_residual(case.method.tolerance)) if case.method.contact.stabilisation == "auto" else None
+
+    def judge(self, now: Evaluation) -> Verdict:
+        verdict = now.verdict
+        if verdict.changes or now.last or not self.due(verdict.laws, bool(verdict.met)):
+            return Verdict()
+        return Verdict(False, changes=(self.name,), anew=True)
+
+    def due(self, laws: LawResiduals, met: bool) -> bool:
+        """Whether springs are to become weaker; all ranks see the same.
+
+        Parameters
+        ----------
+        met : whether the stopping criterion holds
+        """
+        near = len(self.at) < STAGES and (met or laws.largest_other <= NEAR * self.allowed)
+        return near or laws.held_by_springs(self.allowed) and laws.springs <= LESS * self.carried
+
+    def change(self, now: Evaluation) -> Decomposition:
+        self.at.append(now.number)
+        self.carried = now.verdict.laws.springs
+        return now.problem.weakened(WEAKER)
+
+    def state(self) -> dict[str, Any]:
+        return {"at": list(self.at), "carried": self.carried}
+
+    def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
+        self.at, self.carried = list(state["at"]), state["carried"]
+        for _ in self.at:
+            problem = problem.weakened(WEAKER)
+        return problem
+
+    def found(self, problem: Decomposition) -> list[dict[str, Any]]:
+        return [{"after": self.at, "springs": problem.springs}]
