@@ -85,7 +85,6 @@ class TraceSpace:
     sends: dict[int, np.ndarray] = field(default_factory=dict)
     receives: dict[int, np.ndarray] = field(default_factory=dict)
     shared: dict[int, np.ndarray] = field(default_factory=dict)
-    _spare: dict[tuple[int, int, int], list] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @classmethod
     def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> "TraceSpace":
@@ -204,7 +203,7 @@ class TraceSpace:
         for r in sorted({*self.receives, *met}):
             ghosts, dofs, classes = self.receives.get(r, none), self.sends.get(r, none), met.get(r, none)
             ends[r] = rows * len(ghosts)
-            outgoing[r], incoming[r] = self._buffers(r, rows * len(dofs) + steps * len(classes), ends[r] + steps * len(classes))
+            outgoing[r], incoming[r] = np.empty(rows * len(dofs) + steps * len(classes)), np.empty(ends[r] + steps * len(classes))
             own, begin = outgoing[r], 0
             for sent, at in [*((f, dofs) for f in fields), *([] if summed is None else [(summed, classes)])]:
                 stop = begin + len(sent) * len(at)
@@ -225,16 +224,9 @@ class TraceSpace:
                         total += summed
                     else:
                         total[:, met[r]] += arrived[r][ends[r] :].reshape(steps, len(met[r]))
-            for r in outgoing:
-                self._spare.setdefault((r, len(outgoing[r]), len(incoming[r])), []).append((outgoing[r], incoming[r]))
             return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, np.cumsum(counts)[:-1]))), total
 
         return result
-
-    def _buffers(self, rank: int, sent: int, received: int) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers to send to a neighbour and to receive: those of an exchange that is over, if there has been such a one."""
-        spare = self._spare.get((rank, sent, received))
-        return spare.pop() if spare else (np.empty(sent), np.empty(received))
 
     def across(self, field: np.ndarray) -> np.ndarray:
         """(rows, D) what the other sides have where a field (rows, D) has its own."""

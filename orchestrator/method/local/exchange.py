@@ -44,21 +44,10 @@ class Exchange:
     def __call__(self, fields: Admissible) -> LocalState:
         """Next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
         if self.kplus == "exchange":
-            across = self.direction.space.receives and not len(self.tied)
-            return LocalState(self._exchanged_meanwhile(fields) if across else self.exchanged(*fields.extended)[0])
+            return LocalState(self.exchanged(*fields.extended)[0])
         w_hat, f_hat = self.hats(*fields.extended)
         k_hat = self.direction.times(w_hat)
         return LocalState(f_hat + k_hat, (w_hat, f_hat, k_hat))
-
-    def _exchanged_meanwhile(self, fields: Admissible) -> np.ndarray:
-        """(T, D) s of ``exchange``: interfaces inside the rank first, while the neighbours' traces of others are under way."""
-        far, met, k, inside = self._far
-        w_other, f_other = (x.take(inside, axis=1) for x in (fields.w, fields.f))
-        w_other[:, far] = 0.0
-        s = self.direction.times(w_other) - f_other
-        w, f = fields.extended
-        s[:, far] = times(k, w.take(met, axis=1)) - f.take(met, axis=1)
-        return s
 
     def exchanged(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(T, D) s = k⁻ w' − f' of ``exchange``, w' and f', from traces with ghosts (T, D + G).
@@ -111,15 +100,6 @@ class Exchange:
             return 1.0, 1.0
         root = 1 / np.sqrt(self.direction.diagonal)
         return conditioning(self.direction.k, lambda x: root * x)
-
-    @cached_property
-    def _far(self) -> tuple[np.ndarray, np.ndarray, sp.csr_array, np.ndarray]:
-        """Trace dofs that other ranks' meet, which ones these are, k⁻ of the former; and of all dofs those they meet here."""
-        space = self.direction.space
-        partner = space.transfer.partner
-        far = np.flatnonzero(partner >= space.size)
-        # no entry couples two interfaces
-        return far, partner[far], sp.csr_array(self.direction.k[far][:, far]), np.where(partner < space.size, partner, 0)
 
     @cached_property
     def _factors(self):
