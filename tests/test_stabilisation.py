@@ -1,5 +1,7 @@
 """Contacts that are stabilised: bodies that nothing else holds have a place, and those that are held do not notice."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from contact_case import BOTTOM, CASES, TOP, contact, converged, written
@@ -14,7 +16,7 @@ from orchestrator.method.coarse.load_step import LoadStep
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.method.monitors.places import SEEN, Places
-from orchestrator.method.monitors.weakening import STAGES, WEAKER, Weakening
+from orchestrator.method.monitors.weakening import PATIENCE, STAGES, WEAKER, Weakening
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
@@ -200,9 +202,9 @@ def test_a_load_beyond_the_limit_is_said_to_have_no_balance():
 
 
 def test_springs_become_weaker_until_they_keep_no_run_from_its_end(tmp_path):
-    """A block that under light pressure slides four times as far as springs of a second stage allow, on laws that have a balance."""
+    """A block that under light pressure slides four times as far as springs of a third stage allow, on laws that have a balance."""
     far = {"mesh": {"box": {"size": [1, 1, 1], "cells": [2, 2, 4]}},
-           "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-2, 0.0, None]]}, {"on": TOP, "pressure": 1.0}]}
+           "boundary": [BOTTOM, {"on": TOP, "displacement": [[0.0, 0.0, None], [2e-1, 0.0, None]]}, {"on": TOP, "pressure": 1.0}]}
     made = with_stabilisation("auto", **far)
     one = converged(made)
     told, weakened = one.summary["stabilised"], one.summary["stabilised"]["weakened"]
@@ -244,17 +246,34 @@ def test_springs_become_weaker_when_nothing_else_is_left():
         return LawResiduals(rest, rest, {"stabilisation": springs, "penetration": rest})
 
     def due(watch, laws, met=False):
-        answer = watch.due(laws, met)
+        answer = watch.due(laws, met, WEAKER ** len(watch.at))
         if answer:
             watch.at, watch.carried = [*watch.at, 0], laws.springs
         return answer
 
     one = Weakening(1e-6)
     seen = [laws(2e-6, 1e-4), laws(2e-6, 9e-6), laws(1e-7, 1e-4), laws(1e-7, 9e-7), laws(1e-8, 9e-6), laws(1e-8, 1e-9)]
-    assert [due(one, found) for found in seen] == [False, True, False, True, False, False]
+    assert [due(one, found) for found in seen] == [False, True, False, True, True, False]
     assert due(Weakening(1e-6), laws(0.0, 2e-5), met=True)
     loaded = Weakening(1e-6)
-    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), laws(9e-3, 9e-6), laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [True, True, False, True]
+    assert [due(loaded, found) for found in (laws(1e-2, 9e-6), *2 * [laws(9e-3, 9e-6)], laws(8e-3, 1e-9), laws(4e-3, 1e-9))] == [
+        True, True, True, False, True]
+
+
+def test_weaker_springs_that_lead_nowhere_are_withdrawn():
+    watch, problem = Weakening(1e-6), SimpleNamespace(springs=1.0, weakened=lambda share: share)
+
+    def now(number, rest):
+        laws = LawResiduals(rest, rest, {"stabilisation": 1e-9, "penetration": rest})
+        return SimpleNamespace(number=number, last=False, problem=problem, verdict=SimpleNamespace(met=False, changes=(), laws=laws))
+
+    changed = {}
+    for number in range(1, 80):  # near at first, then lost for good
+        it = now(number, 1e-5 if number <= STAGES else 1e-3)
+        if watch.judge(it).changes:
+            changed[number] = watch.change(it)
+    assert list(changed)[-1] == watch.at[-1] + PATIENCE == watch.withdrawn and changed[watch.withdrawn] == pytest.approx(1 / WEAKER)
+    assert changed[watch.at[-1]] == WEAKER and len(changed) == len(watch.at) + 1
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -74,7 +74,7 @@ class Contact(Part):
     stabilisation: AutoStabilisation = Field("auto", description=(
         "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that "
         "bodies that nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a quarter of the law "
-        "residual that the tolerance stands for to begin with, a four-hundredth in the end, between loose bodies and their "
+        "residual that the tolerance stands for to begin with, a four-thousandth in the end, between loose bodies and their "
         "neighbours alone; 0: none"))
 
 

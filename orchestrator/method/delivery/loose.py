@@ -131,6 +131,7 @@ class Stabilised:
     bodies : (T,) names of loose ones that live by them, per load step
     most : name of the loose one whose forces they carry the largest share of
     weakened : iterations after which they became weaker
+    withdrawn : iterations after which that was taken back once
     """
 
     epsilon: float
@@ -139,6 +140,7 @@ class Stabilised:
     bodies: list[list[str]]
     most: str
     weakened: list[int]
+    withdrawn: list[int]
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
@@ -166,7 +168,8 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     epsilon *= max((case["springs"] for case in weakened), default=1.0)
     return Stabilised(float(epsilon), _ratio(largest, carried), _ratio(work, energy),
                       [list(dict.fromkeys(name for name, lives in zip(names, step) if lives)) for step in share > LIVES],
-                      names[int(share.max(axis=0).argmax())], [after for case in weakened for after in case["after"]])
+                      names[int(share.max(axis=0).argmax())], [after for case in weakened for after in case["after"]],
+                      [case["withdrawn"] for case in weakened if case["withdrawn"]])
 
 
 def _ratio(part: float, whole: float) -> float:

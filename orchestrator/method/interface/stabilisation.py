@@ -7,7 +7,7 @@ neighbours. Laws that do not join their sides are blended with "stay where you w
 
 which is a weak viscous spring of the rate ε keq between facing nodes, open ones included. Every body then has one
 position, and ε → 0 selects it. On true laws the blend leaves a residual of about 2 ε, more where bodies go far. ``auto`` begins
-with a share of what the tolerance allows, and ends with a hundredth of that (``monitors.weakening``).
+with a share of what the tolerance allows, and ends with a thousandth of that (``monitors.weakening``).
 """
 
 from __future__ import annotations

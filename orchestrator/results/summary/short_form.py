@@ -193,6 +193,9 @@ def stabilised_sentences(summary: Mapping[str, object]) -> list[str]:
               f"{work} of the largest strain energy in work"]
     if found.get("weakened"):  # what an older version has left has none
         result[0] += f"; weaker from iteration {', '.join(str(after + 1) for after in found['weakened'])} on"
+    if found.get("withdrawn"):
+        result[0] += (f"; from iteration {', '.join(str(after + 1) for after in found['withdrawn'])} on as before the last of these, "
+                      "which led nowhere: what many loose bodies carry may be off by more than the tolerance")
     lived = {name for names in found["bodies"] for name in names}
     for steps, names in _alike(found["bodies"]):
         result.append(f"{some(names, 6)}: {'lives' if len(names) == 1 else 'live'} by them at load step "
