@@ -58,7 +58,7 @@ class Latin:
         with watch("local_stage"):
             local = problem.local(fields)
         with watch("acceleration"):
-            residual = self.acceleration.take(problem.point(s, fields), local.s)[0]
+            residual = self.acceleration.take(problem.point(s, fields), local.s)
             best = self.acceleration.best(fields)
         now = Evaluation(self.number, self.number >= self.last, problem, fields, best, local)
         with watch("bound"):

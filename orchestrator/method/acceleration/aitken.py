@@ -8,8 +8,6 @@ Küttler & Wall, Comput. Mech. 43, 2008). All load steps share one α.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from orchestrator.method.acceleration.base import squared_weights
@@ -40,15 +38,13 @@ class Aitken(Relaxation):
         """As the base class says."""
         return cls(usual_relaxation(d, method), squared_weights(d), d.space.team)
 
-    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """As the base class says."""
         before = self.residual
         super().take(evaluated, image)
-        if before is None:
-            return self.residual, None
-        change = self.weight * (self.residual - before)
-        along, square, *sums = self.team.sum(np.vdot(change, before), np.vdot(change, self.residual - before), *beside)
-        if square > 0:
-            self.relaxation *= float(-along / square)
-        return self.residual, sums
+        if before is not None:
+            change = self.weight * (self.residual - before)
+            along, square = self.team.sum(np.vdot(change, before), np.vdot(change, self.residual - before))
+            if square > 0:
+                self.relaxation *= float(-along / square)
+        return self.residual

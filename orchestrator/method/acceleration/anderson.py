@@ -61,19 +61,18 @@ class Anderson(Acceleration):
                    RELAXATION if method.relaxation == "auto" else method.relaxation, d.space.team,
                    FORGET if d.nonlinear is None else FORGET_FLOWING)
 
-    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation."""
         s = evaluated.s
         residual, r, square = weighted_residual(s, image, self.root)
-        size, sums = self._remember(s, r, square, beside)
+        size = self._remember(s, r, square)
         if size > self.forget * self.smallest:
             self.history.clear()
             self.gram, self.right = np.zeros((0, 0)), np.zeros(0)
             self.smallest = size
         self.smallest = min(self.smallest, size)
         self.s, self.r, self.image = s, r, image
-        return residual, sums
+        return residual
 
     def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
         """The last evaluation, and how many before it are remembered as differences."""
@@ -91,24 +90,21 @@ class Anderson(Acceleration):
             self.s, self.r = s, r
         self.smallest = latest["smallest"]
 
-    def _remember(self, s: np.ndarray, r: np.ndarray, square: float = 0.0, beside: Sequence[np.ndarray] = ()
-                  ) -> tuple[float, list[np.ndarray]]:
-        """Take in what this evaluation has changed, if there has been one before it; ‖r‖, from this rank's part of its square,
-        and the sums of what is beside.
+    def _remember(self, s: np.ndarray, r: np.ndarray, square: float = 0.0) -> float:
+        """Take in what this evaluation has changed, if there has been one before it; ‖r‖, from this rank's part of its square.
 
         All travel in one message: what is to be forgotten at once has been formed in vain, and that is rare.
         """
         if self.s is None:
-            square, *sums = self.team.sum(square, *beside)
-            return float(np.sqrt(square)), sums
+            return float(np.sqrt(self.team.sum(square)[0]))
         if len(self.history) == self.history.memory:
             self.gram = self.gram[1:, 1:]
-        square, (row, self.right), *sums = self.team.sum(square, self.history.add(s, r, self.s, self.r), *beside)
+        square, (row, self.right) = self.team.sum(square, self.history.add(s, r, self.s, self.r))
         grown = np.empty((len(row), len(row)))
         grown[:-1, :-1] = self.gram
         grown[-1], grown[:, -1] = row, row
         self.gram = grown
-        return float(np.sqrt(square)), sums
+        return float(np.sqrt(square))
 
     def next(self) -> np.ndarray:
         """State to evaluate next."""

@@ -34,24 +34,18 @@ class Acceleration(ABC):
     def of(cls, d: Decomposition, method) -> Acceleration:
         """For a decomposition and ``method`` of the configuration, in the norm of the inverse search direction."""
 
-    def ahead(self) -> None:
-        """Do what needs nothing of the next evaluation, while its traces are under way."""
-
     @abstractmethod
-    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation.
 
         Parameters
         ----------
         evaluated : the linear stage at s
         image : F(s), what the local stage has made of it
-        beside : what else is to be summed over the ranks, in its own message
 
         Returns
         -------
-        residual : F(s) − s at the best point known so far
-        beside : the sums; None where it has no message to send
+        F(s) − s at the best point known so far
         """
 
     def best(self, evaluated: Admissible) -> Admissible:

@@ -33,11 +33,10 @@ class Relaxation(Acceleration):
         """As the base class says; ``relaxation: auto`` is 0.8, or less if the two search directions differ much."""
         return cls(usual_relaxation(d, method))
 
-    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """As the base class says."""
         self.s, self.residual = evaluated.s, image - evaluated.s
-        return self.residual, None
+        return self.residual
 
     def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
         """The last evaluation."""

@@ -63,7 +63,6 @@ class ResidualMinimisation(Acceleration):
         self.memory, self.relaxation, self.team, self.carried = memory, relaxation, team, carried
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.tilted: np.ndarray | None = None  # (T, n, n) E; of the last direction nothing is known yet
-        self._ahead: list[np.ndarray] | None = None
         self.r: np.ndarray | None = None
         self.point: list[np.ndarray] = []
         self.gamma, self.taken = np.zeros(0), 0
@@ -75,13 +74,7 @@ class ResidualMinimisation(Acceleration):
         return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation,
                    d.space.team, Carried(d.stage, d.bound) if d.space.team.size > 1 else None)
 
-    def ahead(self) -> None:
-        """Multiply r* and the direction before with all directions."""
-        self._ahead = [product for q, _ in self.directions
-                       for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
-
-    def take(self, evaluated: Admissible, image: np.ndarray, beside: Sequence[np.ndarray] = ()
-             ) -> tuple[np.ndarray, list[np.ndarray] | None]:
+    def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; residual at the combination of least residual.
 
         u and α are affine functions of s: they are combined like it.
@@ -92,18 +85,13 @@ class ResidualMinimisation(Acceleration):
             point += self.carried.of(evaluated)
             asked = [self.carried.bound.pull(evaluated)]
         if self.r is None:
-            told = self.team.sum(*asked, *beside) if asked or beside else []
-            self.r, self.point, sums = r, point + told[: len(asked)], told[len(asked) :]
+            self.r, self.point = r, point + (self.team.sum(*asked) if asked else [])
         else:
             dr = r - self.r
-            if self._ahead is None:
-                self.ahead()
-            ahead, self._ahead = self._ahead, None
+            before = [product for q, _ in self.directions for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
             size, scale, along, *products = self.team.sum(
-                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *ahead, *(dots(q, dr) for q, _ in self.directions),
-                *asked, *beside)
-            count = 3 * len(self.directions)
-            point, sums = point + products[count : count + len(asked)], products[count + len(asked) :]
+                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *before, *(dots(q, dr) for q, _ in self.directions), *asked)
+            point += products[3 * len(self.directions) :]
             dp = [a - b for a, b in zip(point, self.point)]
             steps, norm, along = self._orthogonal(dr, size, scale, along, products)
             for (_, p), c in zip(self.directions, steps.T):
@@ -123,7 +111,7 @@ class ResidualMinimisation(Acceleration):
             self.gamma = -along * inverse
             self._step(dr, dp)
         self.taken += 1
-        return self.r / self.root, sums
+        return self.r / self.root
 
     def best(self, evaluated: Admissible) -> Admissible:
         """The fields at the combination of least residual."""
@@ -143,7 +131,7 @@ class ResidualMinimisation(Acceleration):
         Parameters
         ----------
         size, scale, along : (T,) dr·dr, r*·r* and dr·r*
-        products : with the n directions, (T,) each: those of ``ahead``, then with dr
+        products : with the n directions, (T,) each: of r* and of the latest direction, in turns, then of dr
 
         Returns
         -------
