@@ -137,11 +137,6 @@ class Estimator:
         size = size_of(energy + errors, alone)
         return Estimate(float(np.sqrt(errors.max(initial=0.0)) / size), np.sqrt(squares) / size)
 
-    def recovered(self, sides: Sequence[np.ndarray]) -> np.ndarray:
-        """(T, K, 6) stresses σ* at the nodes ``node`` (K,) of the mesh, one for each matter and side there."""
-        return np.array([[self._mean(component) for component in self._stress(u, t)]
-                         for t, u in enumerate(np.concatenate(sides, axis=1))]).transpose(0, 2, 1)
-
     def energy(self, sides: Sequence[np.ndarray]) -> np.ndarray:
         """(T,) ‖u‖² in the energy norm, parameters as for the estimate."""
         return np.array([self._squares(self._stress(u))[1].sum() for u in np.concatenate(sides, axis=1)])
