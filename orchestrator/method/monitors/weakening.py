@@ -63,7 +63,7 @@ class Weakening(Monitor):
 
     def judge(self, now: Evaluation) -> Verdict:
         verdict = now.verdict
-        if bool(verdict.met) or verdict.laws.largest_other <= NEAR * self.allowed:
+        if self.is_near(verdict.laws, bool(verdict.met)):
             self.near = now.number
         if verdict.changes or now.last or self.withdrawn:
             return Verdict()
@@ -75,6 +75,10 @@ class Weakening(Monitor):
         """Whether weaker springs have led away from the tolerance for good."""
         return bool(self.at) and self.near <= self.at[-1] and number - self.at[-1] >= PATIENCE
 
+    def is_near(self, laws: LawResiduals, met: bool) -> bool:
+        """Whether everything but the springs is near the tolerance; parameters as for ``due``."""
+        return met or laws.largest_other <= NEAR * self.allowed
+
     def due(self, laws: LawResiduals, met: bool, springs: float) -> bool:
         """Whether springs are to become weaker; all ranks see the same.
 
@@ -84,8 +88,7 @@ class Weakening(Monitor):
         springs : ε over that at the beginning
         """
         more = len(self.at) < STAGES and WEAKER * springs * SHARE * self.allowed >= LEAST
-        near = more and (met or laws.largest_other <= NEAR * self.allowed)
-        return near or laws.held_by_springs(self.allowed) and laws.springs <= LESS * self.carried
+        return more and self.is_near(laws, met) or laws.held_by_springs(self.allowed) and laws.springs <= LESS * self.carried
 
     def change(self, now: Evaluation) -> Decomposition:
         if self.lost(now.number):
