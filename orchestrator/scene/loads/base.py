@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from orchestrator.config.paths import get
+from orchestrator.config.turning import no_direction
 from orchestrator.errors import KeyPath, Problem, Problems
 from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.mesh.mesh import Mesh
@@ -186,17 +188,20 @@ class Kind:
     meaning : what that is, in words
     listed : whether vectors may be listed there, one per load step
     files : keys of a mapping there that name files
+    axes : keys, from one mapping to the next, at which it has an axis
     """
 
     takes: ClassVar[Any]
     meaning: ClassVar[str]
     listed: ClassVar[bool] = False
     files: ClassVar[tuple[str, ...]] = ()
+    axes: ClassVar[tuple[tuple[str, ...], ...]] = ()
 
     @classmethod
     def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
-        """Rules that concern several keys: of the raw value at a path, and the entry that it is in."""
-        return iter(())
+        """Rules that a model of single keys does not know: of the raw value at a path, and the entry that it is in."""
+        for axis in cls.axes:
+            yield from no_direction((*path, *axis), get(value, *axis))
 
     @classmethod
     def broken_among(cls, entries: Sequence[tuple[KeyPath, Any, dict[str, Any]]]) -> Iterator[Problem]:

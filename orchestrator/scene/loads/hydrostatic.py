@@ -6,16 +6,11 @@ corner that lies alone on its side, wet or dry, they are integrals of polynomial
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Part, Positive
-from orchestrator.config.paths import get
-from orchestrator.config.turning import Axis, no_direction, unit
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.config.turning import Axis, unit
 from orchestrator.scene.loads.base import Forces, Kind, OnFaces
 from orchestrator.scene.loads.pressure import against_normal
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, TRIANGLE_MOMENTS
@@ -32,10 +27,7 @@ class Hydrostatic(Part):
 class Liquid(Kind):
     takes = Hydrostatic
     meaning = "a liquid's pressure on faces below its level, none above: {level, weight, up}"
-
-    @classmethod
-    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
-        yield from no_direction((*path, "up"), get(value, "up"))
+    axes = (("up",),)
 
     @classmethod
     def made(cls, value: Hydrostatic, where: OnFaces) -> Forces:

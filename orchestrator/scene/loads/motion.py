@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pydantic import Field as Key
 
 from orchestrator.config.base import Part, Vector
-from orchestrator.config.paths import get
-from orchestrator.config.turning import Rotate, no_direction, unit
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.config.turning import Rotate, unit
 from orchestrator.scene.loads.base import Field, Kind, OnFaces, Prescribed
 
 
@@ -41,10 +37,7 @@ class Rigid(Field):
 class RigidMotion(Kind):
     takes = Motion
     meaning = "prescribed rigid motion: {translate, rotate: {axis, degrees, about}}"
-
-    @classmethod
-    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
-        yield from no_direction((*path, "rotate", "axis"), get(value, "rotate", "axis"))
+    axes = (("rotate", "axis"),)
 
     @classmethod
     def made(cls, value: Motion, where: OnFaces) -> Prescribed:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 from pydantic import Field
 
 from orchestrator.config.base import Part, Vector
-from orchestrator.config.paths import get
-from orchestrator.config.turning import Axis, no_direction, unit
-from orchestrator.errors import KeyPath, Problem
+from orchestrator.config.turning import Axis, unit
 from orchestrator.scene.loads.base import Forces, InVolumes, Kind
 from orchestrator.scene.loads.gravity import DENSITY
 from orchestrator.scene.mesh.quadratic import TET_MOMENTS
@@ -28,10 +23,7 @@ class Spin(Part):
 class Centrifugal(Kind):
     takes = Spin
     meaning = "{axis, rate, about}: centrifugal force by the materials' density"
-
-    @classmethod
-    def broken(cls, path: KeyPath, value: Any, entry: dict[str, Any]) -> Iterator[Problem]:
-        yield from no_direction((*path, "axis"), get(value, "axis"))
+    axes = (("axis",),)
 
     @classmethod
     def made(cls, value: Spin, where: InVolumes) -> Forces | None:
