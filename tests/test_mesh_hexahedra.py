@@ -9,7 +9,7 @@ import pyvista
 from orchestrator.errors import InputError
 from orchestrator.results.fields.vtu import write_vtu
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.scene.mesh.faces import edge_patches, faces_of
+from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.files import read
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import session

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import os
 from collections import Counter
-from collections.abc import Iterator
 from itertools import combinations, count
 from pathlib import Path
 from typing import Any
