@@ -51,7 +51,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
     """Solve a problem and write its results."""
     def action() -> int:
         from orchestrator.memory import check_addresses
-        from orchestrator.parallel.join import join
+        from orchestrator.parallel.launcher import join
 
         check_addresses()
         team = join()

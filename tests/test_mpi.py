@@ -17,7 +17,7 @@ from ranks_case import CASES, PLACED, found
 from quick import late, quick
 
 from orchestrator import folders
-from orchestrator.parallel.join import SHARED
+from orchestrator.parallel.launcher import SHARED
 from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
 from orchestrator.results.solution import Solution
@@ -224,7 +224,7 @@ def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
 SWALLOWED = """
 import time
 from orchestrator.errors import InputError, Problem
-from orchestrator.parallel.join import join
+from orchestrator.parallel.launcher import join
 from orchestrator.parallel.team import Elsewhere
 team = join()
 try:

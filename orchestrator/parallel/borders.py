@@ -1,4 +1,4 @@
-"""Sums at places that several ranks have: nodes on the borders between them, where what surrounds a node is on both sides."""
+"""Sums at nodes on the borders between ranks, where what surrounds a node is on both sides."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ class Borders:
     ----------
     names : (k, c) numbers that are the same on every rank that has such a place, and differ from place to place
     at : (k,) int, where each is among this rank's places
-    team : the ranks
 
     Notes
     -----
@@ -25,8 +24,6 @@ class Borders:
 
     def __init__(self, names: np.ndarray, at: np.ndarray, team: Team = ALONE):
         self.team, self._at = team, at
-        if team.size == 1:
-            return
         everyone = team.all_gather(np.asarray(names, float))
         unique, place = np.unique(np.concatenate(everyone), axis=0, return_inverse=True)
         begin = sum(map(len, everyone[: team.rank]))
@@ -50,7 +47,6 @@ class Meeting:
     ----------
     label : (n,) int, what a node is called on all ranks; nodes of a rank that are one, see ``Fields.joined``, share it
     shared : (n,) bool, whether cells of other ranks have it too
-    team : the ranks
     """
 
     label: np.ndarray
@@ -58,12 +54,6 @@ class Meeting:
     team: Team
 
     def borders(self, node: np.ndarray, *properties: np.ndarray) -> Borders:
-        """Of places at some of the nodes.
-
-        Parameters
-        ----------
-        node : (K,) int, one of its nodes for each place
-        properties : (K,) or (K, …) each, what tells places at a node from each other
-        """
+        """Of places at nodes (K,); properties (K,) or (K, …) tell places at a node from each other."""
         at = np.flatnonzero(self.shared[node])
         return Borders(np.column_stack([self.label[node[at]], *(p[at] for p in properties)]), at, self.team)

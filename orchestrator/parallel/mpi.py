@@ -1,8 +1,7 @@
 """A team over MPI. Nobody ever blocks inside MPI: all waiting is polling, with naps.
 
-So a waiting rank leaves its core to the codes and answers signals. A failing rank tells all others
-why. A thread of theirs listens and interrupts whatever they do, be it waiting for their own codes;
-they end in good order, and rank 0 saves what there is and says why, once.
+So a waiting rank leaves its core to the codes and answers signals. A failing rank tells all others why. A thread of theirs
+listens and interrupts whatever they do; they end in good order, and rank 0 saves what there is and says why, once.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from mpi4py import MPI
 from orchestrator.errors import OrchestratorError
 from orchestrator.parallel.team import Elsewhere, Team
 
-_TRACES, _FAILURE, _GATHER, _HANDED = 1, 2, 3, 4  # tags
+_TRACES, _FAILURE, _OBJECT = 1, 2, 3  # tags
 _SHORT = 1 << 15  # bytes that travel together with their number
 _EAGER = 50e-6  # seconds of polling without a nap
 _NAPS = (20e-6, 1e-3)  # shortest and longest
@@ -38,7 +37,6 @@ class Ranks(Team):
         # a communicator of its own for failures, so that no other message is taken for one
         self._world, self._alarm = MPI.COMM_WORLD, MPI.COMM_WORLD.Dup()
         self.rank, self.size = self._world.rank, self._world.size
-        self.waited, self.messages, self.bytes, self.reductions = 0.0, 0, 0, 0
         node = self._world.Split_type(MPI.COMM_TYPE_SHARED)
         self._neighbours = node.allgather((self.rank, os.getpid(), sorted(os.sched_getaffinity(0))))
         self._failed, self._over, self._heard = False, threading.Event(), None
@@ -48,63 +46,27 @@ class Ranks(Team):
 
     # ---- what the method asks ------------------------------------------------------------------
 
-    def sum_later(self, *parts) -> Callable[[], list[np.ndarray]]:
+    def both(self, parts: Sequence, largest: Sequence[float]) -> tuple[list[np.ndarray], list[float]]:
         arrays = [np.asarray(part, float) for part in parts]
-        # one alone is not copied: nobody changes what is under way
-        mine = np.concatenate([a.ravel() for a in arrays]) if len(arrays) != 1 else np.ascontiguousarray(arrays[0]).ravel()
-        self._count(mine)
+        ends = np.cumsum([0, *(a.size for a in arrays)])
+        mine = np.concatenate([*(a.ravel() for a in arrays), np.array(largest, float)])
         self.reductions += 1
+        self._count(mine)
         if len(mine) * self.size <= _GATHERED:
             everyone = np.empty((self.size, len(mine)))
-            request = self._world.Iallgather(mine, everyone)
+            self._wait(self._world.Iallgather(mine, everyone), mine, everyone)
+            total, most = everyone[:, : ends[-1]].sum(axis=0), everyone[:, ends[-1]:].max(axis=0)
         else:  # one rank adds, all take its bits
-            everyone = np.empty((1, len(mine)))
-            request = self._world.Ireduce(mine, everyone if self.rank == 0 else None, MPI.SUM, root=0)
-        self._open[id(request)] = request, mine, everyone
+            total, most = np.empty(ends[-1]), np.array(largest, float)
+            sums = mine[: ends[-1]]
+            self._wait(self._world.Ireduce(sums, total if self.rank == 0 else None, MPI.SUM, root=0), sums, total)
+            self._count(total if self.rank == 0 else total[:0])
+            self._wait(self._world.Ibcast(total, root=0), total)
+            if len(most):
+                most = np.array(self.max(*most))
+        return [total[a:b].reshape(x.shape) for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
 
-        def result() -> list[np.ndarray]:
-            self._wait(request)
-            if len(mine) * self.size > _GATHERED:
-                self._count(everyone if self.rank == 0 else np.empty(0))
-                self._wait(self._world.Ibcast(everyone, root=0))
-            total = everyone.sum(axis=0) if len(everyone) > 1 else everyone[0]
-            return _apart(total, arrays)
-
-        return result
-
-    def both_later(self, parts: Sequence, largest: Sequence[float]) -> Callable[[], tuple[list[np.ndarray], list[float]]]:
-        arrays = [np.asarray(part, float) for part in parts]
-        mine = np.concatenate([*(a.ravel() for a in arrays), np.array(largest, float)])
-        if len(mine) * self.size > _GATHERED:
-            return super().both_later(parts, largest)
-        everyone = np.empty((self.size, len(mine)))
-        self._count(mine)
-        self.reductions += 1
-        request = self._world.Iallgather(mine, everyone)
-        self._open[id(request)] = request, mine, everyone
-
-        def result() -> tuple[list[np.ndarray], list[float]]:
-            self._wait(request)
-            sums, ends = np.split(everyone, [len(mine) - len(largest)], axis=1)
-            return _apart(sums.sum(axis=0), arrays), ends.max(axis=0).tolist()
-
-        return result
-
-    def max_later(self, *values: float) -> Callable[[], list[float]]:
-        everyone, mine = np.empty((self.size, len(values))), np.array(values, float)
-        self._count(mine)
-        self.reductions += 1
-        request = self._world.Iallgather(mine, everyone)
-        self._open[id(request)] = request, mine, everyone
-
-        def result() -> list[float]:
-            self._wait(request)
-            return everyone.max(axis=0).tolist()
-
-        return result
-
-    def exchange_later(self, outgoing: Mapping[int, np.ndarray],
-                       incoming: dict[int, np.ndarray]) -> Callable[[], dict[int, np.ndarray]]:
+    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> Callable[[], dict[int, np.ndarray]]:
         requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in incoming.items()]
         requests += [self._world.Isend(array, rank, _TRACES) for rank, array in outgoing.items()]
         self._count(*outgoing.values())
@@ -117,52 +79,31 @@ class Ranks(Team):
 
         return result
 
-    def all_gather(self, part: Any) -> list[Any]:
-        mine = np.frombuffer(pickle.dumps(part), np.uint8)
-        self._count(mine)
-        lengths = np.empty(self.size, np.int64)
-        self._wait(self._world.Iallgather(np.array([len(mine)], np.int64), lengths))
-        everyone = np.empty(lengths.sum(), np.uint8)
-        self._wait(self._world.Iallgatherv(mine, [everyone, lengths]))
-        return self._unpacked(everyone, lengths)
-
     def gather(self, part: Any) -> list[Any] | None:
         if self.rank:
-            packed = pickle.dumps(part)
-            self._count(np.frombuffer(packed, np.uint8))
-            self._wait(self._world.Isend(np.frombuffer(packed, np.uint8), 0, _GATHER))
+            self._send(part, 0)
             return None
-        return [part] + [pickle.loads(self._received(rank, _GATHER)) for rank in range(1, self.size)]
+        return [part, *(self._received(rank) for rank in range(1, self.size))]
 
     def hand_out(self, make: Callable[[int], Any]) -> Any:
         if self.rank:
-            return pickle.loads(self._received(0, _HANDED))
+            return self._received(0)
         for rank in range(1, self.size):
-            packed = np.frombuffer(pickle.dumps(make(rank)), np.uint8)
-            self._count(packed)
-            self._wait(self._world.Isend(packed, rank, _HANDED))
+            self._send(make(rank), rank)
         return make(0)
 
-    def _received(self, rank: int, tag: int) -> np.ndarray:
-        """The next part that a rank has sent, of whatever length."""
+    def _send(self, thing: Any, rank: int) -> None:
+        packed = np.frombuffer(pickle.dumps(thing), np.uint8)
+        self._count(packed)
+        self._wait(self._world.Isend(packed, rank, _OBJECT), packed)
+
+    def _received(self, rank: int) -> Any:
+        """The next thing that a rank has sent, of whatever length."""
         status = MPI.Status()
-        self._poll(lambda: self._world.Iprobe(rank, tag, status))
+        self._poll(lambda: self._world.Iprobe(rank, _OBJECT, status))
         packed = np.empty(status.Get_count(MPI.BYTE), np.uint8)
-        self._wait(self._world.Irecv(packed, rank, tag))
-        return packed
-
-    def gather_later(self, part: np.ndarray, sizes: list[int]) -> Callable[[], list[np.ndarray] | None]:
-        mine = np.ascontiguousarray(part, float).ravel()
-        self._count(mine)
-        everyone = np.empty(sum(sizes) if self.rank == 0 else 0)
-        request = self._world.Igatherv(mine, [everyone, sizes] if self.rank == 0 else None, root=0)
-        self._open[id(request)] = request, mine, everyone
-
-        def result() -> list[np.ndarray] | None:
-            self._wait(request)
-            return np.split(everyone, np.cumsum(sizes)[:-1]) if self.rank == 0 else None
-
-        return result
+        self._wait(self._world.Irecv(packed, rank, _OBJECT), packed)
+        return pickle.loads(packed)
 
     def share(self, thing: Any) -> Any:
         # length and beginning in one message, which is all for most things
@@ -172,13 +113,13 @@ class Ranks(Team):
             first[:8] = np.array([len(packed)]).view(np.uint8)
             first[8 : 8 + len(packed)] = packed[:_SHORT]
             self._count(packed)
-        self._wait(self._world.Ibcast(first, root=0))
+        self._wait(self._world.Ibcast(first, root=0), first)
         length = int(first[:8].view(np.int64)[0])
         if self.rank:
             packed = np.empty(length, np.uint8)
             packed[:_SHORT] = first[8 : 8 + length]
         if length > _SHORT:
-            self._wait(self._world.Ibcast(packed[_SHORT:], root=0))
+            self._wait(self._world.Ibcast(packed[_SHORT:], root=0), packed)
         return thing if self.rank == 0 else pickle.loads(packed)
 
     def cores(self) -> float:
@@ -186,19 +127,14 @@ class Ranks(Team):
         users = {rank: set(allowed) for rank, _, allowed in self._neighbours}
         return sum(1 / sum(core in allowed for allowed in users.values()) for core in users[self.rank])
 
-    @staticmethod
-    def _unpacked(everyone: np.ndarray, lengths: np.ndarray) -> list[Any]:
-        ends = np.cumsum(lengths)
-        return [pickle.loads(everyone[e - n : e].tobytes()) for e, n in zip(ends, lengths)]
-
     def _count(self, *sent: np.ndarray) -> None:
         self.messages += len(sent)
         self.bytes += sum(array.nbytes for array in sent)
 
     # ---- waiting, failures, the end ------------------------------------------------------------
 
-    def _wait(self, request) -> None:
-        self._open.setdefault(id(request), request)
+    def _wait(self, request, *memory: np.ndarray) -> None:
+        self._open.setdefault(id(request), (request, memory))
         self._poll(request.Test)
         self._open.pop(id(request), None)
 
@@ -242,11 +178,7 @@ class Ranks(Team):
             self._leave()
 
     def _leave(self) -> None:
-        """Raise what another rank has met.
-
-        By the signal once. Imports, finalizers and callbacks may swallow it, whatever the signal happens to
-        interrupt; the next wait for others, which would last for ever, then raises it again.
-        """
+        """Raise what another rank has met: by the signal once, and where that was swallowed, at the next wait for others."""
         self._failed = True
         raise self._heard
 
@@ -292,9 +224,3 @@ class Ranks(Team):
             if dead:
                 gone.append(rank)
         return gone
-
-
-def _apart(flat: np.ndarray, arrays: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """What has travelled together, in the shapes of these arrays."""
-    ends = np.cumsum([a.size for a in arrays])
-    return [flat[e - a.size : e].reshape(a.shape) for a, e in zip(arrays, ends)]

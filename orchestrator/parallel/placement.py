@@ -38,13 +38,7 @@ class Placement:
 
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Placement:
-        """As a rank sees it.
-
-        Parameters
-        ----------
-        scene : all of it, or this rank's part
-        rank_of : of every subdomain, see ``ranks_of``
-        """
+        """As a rank sees it, which has all of the scene or its part."""
         touched = [team.rank in rank_of[list(i.subdomains)] for i in scene.interfaces]
         near = {e for i, here in zip(scene.interfaces, touched) if here for e in i.subdomains}
         near |= set(np.flatnonzero(rank_of == team.rank))
@@ -52,11 +46,7 @@ class Placement:
 
 
 def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.ndarray:
-    """(subdomains,) int, by predicted cost and neighbourhood.
-
-    Parameters
-    ----------
-    speeds : (ranks,) of the ranks, shares of 1; None: all alike
+    """(subdomains,) int, the rank of each, by predicted cost and neighbourhood; ``speeds`` as of ``owners``.
 
     Raises
     ------
@@ -68,8 +58,7 @@ def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.n
                                  "at least one subdomain for every rank",
                                  f"mpiexec -n {count} at most, or cut into more subdomains"))
     costs = predicted_cost([(~s.fixed).sum() for s in scene.subdomains])
-    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks,
-                  speeds)
+    return owners(costs, [i.subdomains for i in scene.interfaces], [int(i.free.sum()) for i in scene.interfaces], ranks, speeds)
 
 
 def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
@@ -78,22 +67,17 @@ def with_workers(codes: Sequence[BlackBox], team: Team) -> list[BlackBox]:
     return [code.model_copy(update={"workers": share}) if code.workers == "auto" else code for code in codes]
 
 
-def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int,
-           speeds: np.ndarray | None = None) -> np.ndarray:
-    """Partition the graph of the subdomains.
+def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks: int, speeds: np.ndarray | None = None) -> np.ndarray:
+    """(n,) int, the rank of each subdomain; every rank has some.
+
+    Of equal ranks 0, which also solves the coarse contact problem and writes, has the part with the fewest interface dofs.
 
     Parameters
     ----------
     costs : (n,) of each subdomain
-    pairs : (m, 2) int, the subdomains of each interface
-    dofs : (m,) int, what each interface has to exchange
+    pairs, dofs : (m, 2) int, the subdomains of each interface; (m,) what it has to exchange
     ranks : how many parts, at most n
     speeds : (ranks,) shares of the cost, which sum up to 1; None: equal ones
-
-    Returns
-    -------
-    (n,) int, the rank of each subdomain; every rank has some. Of equal ranks 0, which also solves the coarse contact problem
-    and writes, has the part with the fewest interface dofs
     """
     costs = np.asarray(costs, float)
     n = len(costs)

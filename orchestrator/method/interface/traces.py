@@ -209,7 +209,7 @@ class TraceSpace:
                 stop = begin + len(sent) * len(at)
                 np.take(sent, at, axis=1, out=own[begin:stop].reshape(len(sent), len(at)), mode="clip")
                 begin = stop
-        wait = self.team.exchange_later(outgoing, incoming)
+        wait = self.team.exchange(outgoing, incoming)
 
         def result() -> tuple[tuple[np.ndarray, ...], np.ndarray | None]:
             arrived = wait()

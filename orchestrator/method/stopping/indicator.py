@@ -72,7 +72,7 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
     parts.append(np.array(list(counted.values())))
     if macro is not None:
         parts += macro.imbalance(f)
-    sums, ends = space.team.both_later([*parts, *more], largest)()
+    sums, ends = space.team.both([*parts, *more], largest)
     count = len(parts)
     return _measures(sums[:count], ends[:2], list(counted)), sums[count:], ends[2:]
 

@@ -67,8 +67,7 @@ class WholeStates(Subscriber):
         rows = {name: len(array) for name, array in mine.items()}
         kinds = {name: name.partition("/")[0] for name in rows}
         widths = [{name: len(numbers[kinds[name]]) for name in rows} for numbers in self.numbers]
-        arrived = self.team.gather_later(np.concatenate([array.ravel() for array in mine.values()]),
-                                         [sum(rows[name] * width[name] for name in rows) for width in widths])()
+        arrived = self.team.gather(np.concatenate([array.ravel() for array in mine.values()]))
         if arrived is None:
             return {}
         whole = {name: np.zeros((rows[name], 1 + max(n[kinds[name]].max(initial=-1) for n in self.numbers))) for name in rows}
