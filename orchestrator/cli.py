@@ -76,7 +76,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
 
         # started before all other imports: it has as much to import
         with nullcontext() if _without_figures(config, overrides or []) else Artist() as artist:
-            from orchestrator.config import load_config, located
+            from orchestrator.config.load import load_config, located
             from orchestrator.parallel.team import Elsewhere
 
             loaded = load_config(config, overrides or [])
@@ -100,7 +100,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
           run_programs: RunPrograms = False) -> None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
     def action() -> int:
-        from orchestrator.config import load_config, located
+        from orchestrator.config.load import load_config, located
 
         loaded = load_config(config, overrides or [])
         if syntax_only:
@@ -125,7 +125,7 @@ def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="
             run_programs: RunPrograms = False) -> None:
     """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
     def action() -> int:
-        from orchestrator.config import load_config, located
+        from orchestrator.config.load import load_config, located
         from orchestrator.inspect import inspected, listed, model_html
 
         if source.suffix.lower() not in (".yaml", ".yml"):
@@ -233,7 +233,7 @@ def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its
         if keys:
             from orchestrator.config.reference import reference as write
         else:
-            from orchestrator.config.schema import schema as write
+            from orchestrator.config.reference import schema as write
 
         print(write(), end="")
         return CONVERGED

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene

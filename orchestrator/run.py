@@ -10,7 +10,8 @@ from pathlib import Path
 
 from orchestrator.blackbox.codes.foreign.results import fields_of_parts, finish_parts
 from orchestrator.compiled import make_ready
-from orchestrator.config import Config, Loaded
+from orchestrator.config.load import Loaded
+from orchestrator.config.model import Config
 from orchestrator.errors import CONVERGED, NOT_CONVERGED
 from orchestrator.method.events import Subscriber
 from orchestrator.method.monitors.placing import Unbalanced

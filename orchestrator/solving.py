@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loads
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.cost import predicted_cost
 from orchestrator.memory import trim
 from orchestrator.method.decomposition import Decomposition

@@ -10,7 +10,7 @@ from in_process import IN_PROCESS
 from benchmarks.monolithic import OPEN, Monolithic, free_normals
 
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve

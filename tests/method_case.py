@@ -7,7 +7,7 @@ import numpy as np
 from in_process import IN_PROCESS
 
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.part import Part
 from orchestrator.method.setup import prepare

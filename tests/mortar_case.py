@@ -3,8 +3,8 @@
 import numpy as np
 from in_process import IN_PROCESS
 
-from orchestrator.config import Config
-from orchestrator.config.parts import Rotate
+from orchestrator.config.model import Config
+from orchestrator.config.base import Rotate
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.interfaces.mortar import segments
 from orchestrator.scene.mesh.sources import turned

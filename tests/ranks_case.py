@@ -8,7 +8,7 @@ from unittest.mock import patch
 import numpy as np
 from in_process import IN_PROCESS
 
-from orchestrator.config import config_from, load_config
+from orchestrator.config.load import config_from, load_config
 from orchestrator.method.monitors import placing
 from orchestrator.parallel.launcher import join
 from orchestrator.parallel.team import ALONE, Team

@@ -8,7 +8,7 @@ from contact_case import BOTTOM, TOP, contact
 from in_process import IN_PROCESS
 from method_case import CLAMP, CUBES
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.monitors import ending
 from orchestrator.results.summary.advice import CAUSES
 from orchestrator.results.summary.short_form import summary_rows

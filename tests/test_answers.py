@@ -9,7 +9,7 @@ from in_process import IN_PROCESS
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.results.answers.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder

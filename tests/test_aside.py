@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ranks_case import CASES
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.build import build_scene
 

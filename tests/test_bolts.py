@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from in_process import IN_PROCESS
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.history import History
 from orchestrator.method.coarse.load_step import LoadStep

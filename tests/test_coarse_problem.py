@@ -10,7 +10,7 @@ from contact_case import contact, converged
 from method_case import box_of, prepared
 from test_scene_pairing import MEASURED, made, two_parts
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.method.history import History
 from orchestrator.method.coarse.correction import MANY, kind_of
 from orchestrator.method.events import Subscriber

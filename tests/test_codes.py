@@ -10,7 +10,7 @@ from in_process import IN_PROCESS
 from method_case import CUBES, solved
 
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import config_from, load_config
+from orchestrator.config.load import config_from, load_config
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

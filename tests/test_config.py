@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.config import Loaded, config_from, factors, load_config, located, steps
+from orchestrator.config.load import Loaded, Source, config_from, load_config, located
 from orchestrator.config.method import Method
-from orchestrator.config.source import Source
 from orchestrator.config.text import parse_yaml
 from orchestrator.errors import BAD_INPUT, InputError, Problem
 
@@ -320,13 +319,13 @@ def test_model_that_comes_with_gmsh_is_left_to_the_scene(write):
 
 
 def test_load_steps(write):
-    assert steps(load_config(write()).config) == 1  # a history nobody uses does not count
+    assert load_config(write()).config.steps == 1  # a history nobody uses does not count
     config = load_config(write(**boundary(
         "{on: a, displacement: [0, null, 0]}, {on: b, traction: [2, 0, 0], history: ramp}, "
         "{on: c, displacement: [[0, 0, -1], [1, 0, null]]}, {on: d, pressure: 5, history: ramp}".replace("null]]", "-1]]")),
         loads="loads: [{body_force: [0, 0, -3], history: ramp}]")).config
-    assert steps(config) == 2
-    assert [factors(entry, config) for entry in (*config.boundary, *config.loads)] == [[1, 1], [0.5, 1], [1, 1], [0.5, 1], [0.5, 1]]
+    assert config.steps == 2
+    assert [config.factors_of(entry.history) for entry in (*config.boundary, *config.loads)] == [[1, 1], [0.5, 1], [1, 1], [0.5, 1], [0.5, 1]]
     assert [entry.acts for entry in config.boundary] == ["displacement", "traction", "displacement", "pressure"]
 
 
@@ -346,7 +345,7 @@ def test_place_fills_in_lines_of_later_problems(write):
 
 
 def test_loading_stays_light(write):
-    code = ("import sys; from orchestrator.config import load_config; import orchestrator.cli; "
+    code = ("import sys; from orchestrator.config.load import load_config; import orchestrator.cli; "
             f"load_config({str(write())!r}); print(sorted({{'scipy', 'gmsh', 'matplotlib'}} & set(sys.modules)))")
     root = Path(__file__).parents[1]
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root).stdout == "[]\n"

@@ -10,7 +10,7 @@ import method_case as case
 import numpy as np
 import pytest
 
-from orchestrator.config import load_config
+from orchestrator.config.load import load_config
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.laws.contact import OPEN, SLIP, STICK
 from orchestrator.laws.status import BONDED

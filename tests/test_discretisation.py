@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from in_process import FREEFEM, IN_PROCESS
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.monitors.mesh_error import LEAST
 from orchestrator.method.stopping.discretisation import Estimator

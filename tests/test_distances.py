@@ -5,7 +5,7 @@ import pytest
 from in_process import IN_PROCESS
 from method_case import config, saved
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

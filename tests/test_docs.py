@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from benchmarks.registry import STUDIES
 from orchestrator.cli import app
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.config.method import Method
 from orchestrator.config.model import Config
 

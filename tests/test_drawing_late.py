@@ -11,7 +11,7 @@ from in_process import IN_PROCESS
 from method_case import config
 from processes import gone
 
-from orchestrator.config import Loaded
+from orchestrator.config.load import Loaded
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures.artist import Artist
 from orchestrator.run import run

@@ -5,7 +5,8 @@ import pytest
 from in_process import IN_PROCESS
 from mortar_case import POISSON, YOUNG
 
-from orchestrator.config import Config, config_from
+from orchestrator.config.load import config_from
+from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.results.answers.interfaces import work as work_of
 from orchestrator.results.folder import ResultsFolder

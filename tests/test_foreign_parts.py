@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 from foreign_case import HEAT, SIZE, STEEL, elements, more_inside, restart_displacements, stiffness, tets, write_deck, write_matrix
 from in_process import IN_PROCESS
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.registry import FOREIGN
 from orchestrator.results.fields.files import write_fields

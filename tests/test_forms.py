@@ -7,7 +7,7 @@ import scipy.sparse.linalg as spla
 from method_case import CLAMP, PULL
 
 from orchestrator.blackbox.codes.freefem.code import FreeFem
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.results.fingerprint import fingerprint
 from orchestrator.run import solve

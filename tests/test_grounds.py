@@ -5,7 +5,7 @@ import pytest
 from in_process import IN_PROCESS
 from ring_case import ring
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.method.interface.pair_geometry import pair_areas
 from orchestrator.run import solve

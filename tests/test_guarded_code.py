@@ -14,7 +14,7 @@ from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdom
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.blackbox.pool.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface import factor
 from orchestrator.method.linear.loading import assemble_rims

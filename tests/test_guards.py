@@ -14,7 +14,7 @@ from method_case import box_of, config, prepared
 from quick import quick
 from rounded_traces import traces_of
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.delivery.balance import balance
 from orchestrator.method.delivery.guards import failed_guards, with_noise, works

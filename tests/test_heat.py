@@ -5,7 +5,7 @@ import pytest
 from in_process import IN_PROCESS
 from ring_case import ring
 
-from orchestrator.config import config_from, load_config
+from orchestrator.config.load import config_from, load_config
 from orchestrator.errors import InputError
 from orchestrator.results.solution import Solution
 from orchestrator.run import solve

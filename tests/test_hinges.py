@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from method_case import config, method, saved, solved
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.structured import bricks

@@ -20,7 +20,7 @@ from in_process import IN_PROCESS, IN_PROCESS_PLASTIC
 from processes import begin
 from quick import quick
 
-from orchestrator.config import load_config
+from orchestrator.config.load import load_config
 from orchestrator.errors import InputError, InternalError, lacks_memory
 from orchestrator.guarded import guarded
 from orchestrator.method.events import Subscriber

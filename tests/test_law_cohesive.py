@@ -7,7 +7,7 @@ from method_case import config
 from test_keeping import stopped_and_resumed
 from test_laws import COUNT, assert_consistent
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.laws.points import Points
 from orchestrator.registry import LAWS

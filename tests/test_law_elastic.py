@@ -13,7 +13,7 @@ from matplotlib import image
 from benchmarks.monolithic import Monolithic
 from test_laws import assert_consistent
 
-from orchestrator.config import config_from, load_config
+from orchestrator.config.load import config_from, load_config
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Written
 from orchestrator.results.figures.interfaces import interfaces

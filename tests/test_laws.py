@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from method_case import config, solved
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Law, Stages
 from orchestrator.laws.contact import OPEN, SLIP, STICK, Contact

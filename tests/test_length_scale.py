@@ -5,7 +5,7 @@ import pytest
 from in_process import IN_PROCESS
 from method_case import box_of, prepared
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.events import Subscriber
 from orchestrator.method.start import Start
 from orchestrator.method.stopping.lengths import LengthScale

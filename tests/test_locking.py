@@ -9,7 +9,7 @@ import scipy.sparse.linalg as spla
 from in_process import IN_PROCESS, TemplateSolver
 
 from orchestrator.blackbox.models.extended import whole_model
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.run import solve

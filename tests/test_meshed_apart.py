@@ -5,7 +5,7 @@ import pytest
 from in_process import IN_PROCESS
 from quick import late
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.run import solve
 from benchmarks.problems import assemblies
 

@@ -13,7 +13,7 @@ from method_case import CLAMP, config
 from orchestrator.blackbox.codes.foreign.deck_runs import EXACT
 from orchestrator.blackbox.codes.python_solver import FullModel
 from orchestrator.blackbox.models.extended import whole_model
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError, InputError
 from orchestrator.registry import FOREIGN
 from orchestrator.run import solve

@@ -7,7 +7,7 @@ from in_process import IN_PROCESS
 from benchmarks.monolithic import Monolithic
 from mortar_case import FOUR, TURN, TWO, axes, blocks, gradients, patch_scene
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from benchmarks.problems import assemblies

@@ -9,7 +9,7 @@ from method_case import CLAMP, PULL
 from orchestrator.blackbox.codes.adapter import Adapter
 from orchestrator.blackbox.codes.python_code import PythonCode
 from orchestrator.blackbox.codes.template import Solver
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.config.base import Positive
 from orchestrator.errors import InputError
 from orchestrator.registry import CODES

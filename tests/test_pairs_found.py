@@ -10,7 +10,7 @@ from mortar_case import pairs_looked_at
 from typer.testing import CliRunner
 
 from orchestrator.cli import app
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.parts import Move
 from orchestrator.errors import InputError

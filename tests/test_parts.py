@@ -6,7 +6,7 @@ import pytest
 from in_process import IN_PROCESS
 
 import orchestrator.scene.mesh.solids as solids
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.config.mesh import Mesh
 from orchestrator.config.parts import Move
 from orchestrator.errors import InputError

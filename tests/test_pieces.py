@@ -9,7 +9,7 @@ import pyvista
 from ranks_case import CASES
 from threads import among
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.stopping.discretisation import Estimator
 from orchestrator.results.answers.extremes import extremes
 from orchestrator.results.fields.fields import Fields

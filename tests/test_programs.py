@@ -22,8 +22,8 @@ from orchestrator.blackbox.codes.foreign.results import finish_parts
 from orchestrator.blackbox.codes.foreign.program import ProgramCode
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.cli import app
-from orchestrator.config import config_from
-from orchestrator.config.foreign_parts import DeckPart, ProgramPart
+from orchestrator.config.load import config_from
+from orchestrator.config.parts import DeckPart, ProgramPart
 from orchestrator.errors import InputError
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve

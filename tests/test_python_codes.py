@@ -12,7 +12,7 @@ import pytest
 from method_case import CLAMP, PULL
 
 from orchestrator.blackbox.codes.python_server import clock
-from orchestrator.config import config_from, load_config
+from orchestrator.config.load import config_from, load_config
 from orchestrator.errors import InputError, OrchestratorError
 from orchestrator.run import solve
 

@@ -7,7 +7,7 @@ import meshio
 import numpy as np
 import pytest
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.laws.contact import Contact
 from orchestrator.scene.build import build_scene

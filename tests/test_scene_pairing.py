@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from contact_case import contact, contacts, converged, written
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.laws.contact import Contact
 from orchestrator.run import solve

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from ranks_case import CASES
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.part import Part
 from orchestrator.parallel.placement import ranks_of
 from orchestrator.scene.build import build_scene

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from quick import late
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.grains import polycrystal

@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
-from orchestrator.config.schema import schema
+from orchestrator.config.reference import schema
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

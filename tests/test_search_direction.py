@@ -11,7 +11,7 @@ from in_process import IN_PROCESS
 from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
 from orchestrator.blackbox.models.extended import sole_models
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.acceleration.relaxation import stable_relaxation
 from orchestrator.method.part import Part
 from orchestrator.method.setup import prepare

@@ -6,7 +6,7 @@ from contact_case import CASES, contact
 from in_process import IN_PROCESS
 from method_case import box_of, prepared
 
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.method.coarse.node_loops import node_loops
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

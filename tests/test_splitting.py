@@ -6,7 +6,7 @@ import pytest
 from quick import late
 from in_process import FREEFEM, IN_PROCESS
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.cost import predicted_cost
 from orchestrator.errors import InputError
 from orchestrator.run import solve

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from orchestrator.blackbox.pool.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.config import config_from
+from orchestrator.config.load import config_from
 from orchestrator.parallel.team import Team
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import write_history

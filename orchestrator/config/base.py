@@ -1,8 +1,8 @@
-"""What all parts of the configuration share: strictness and the few composite types."""
+"""What all parts of the configuration share: strictness, the few composite types, axes and turns."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -10,6 +10,8 @@ from pydantic import (AfterValidator, BaseModel, BeforeValidator, ConfigDict, Di
                       SerializeAsAny, Tag, WrapValidator, create_model)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import PydanticCustomError
+
+from orchestrator.errors import KeyPath, Problem
 
 # Marks the alternative of a union in pydantic's error locations; what follows is the sentence
 # shown to the user. No YAML key can start with it.
@@ -26,9 +28,6 @@ class Part(BaseModel):
 def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: str) -> Any:
     """A union of two types, decided by ``is_first(value)``, so that errors concern one of them.
 
-    Parameters
-    ----------
-    first, second : types
     is_first : function of the raw value (or of the validated one) → bool
     expected : what is accepted, as shown to the user
     """
@@ -37,73 +36,22 @@ def either(first: Any, second: Any, is_first: Callable[[Any], bool], expected: s
                      Discriminator(lambda value: one if is_first(value) else two)]
 
 
-@dataclass(frozen=True, eq=False)  # a registry has no hash
-class ByName:
-    """How the model of a mapping follows from what the mapping names.
+class Chosen:
+    """A mapping whose model is found when a value is met: no module of the models is loaded before. Marks a field's type.
 
-    Parameters
-    ----------
-    base : model that all others derive from; its default for ``key`` is what a mapping without one names
-    key : that names it
-    registry : name → thing
-    model_of : thing → its model
-    others : words for what else than a name the registry takes, if anything
+    base : model that all of them derive from
     """
 
     base: type[Part]
     key: str
-    registry: Mapping[str, Any]
-    model_of: Callable[[Any], type[Part]]
-    others: Callable[[], str] = str
 
     @property
     def mapping(self) -> Any:
         """The type of such a mapping, for a field of a model."""
         return Annotated[SerializeAsAny[self.base], WrapValidator(self.validated), self]
 
-    def name(self, value: Any) -> Any:
-        """What a raw mapping names."""
-        default = self.base.model_fields[self.key].default
-        return value.get(self.key, default) if isinstance(value, dict) else default
-
-    def model(self, value: Any) -> type[Part]:
-        """The model for a raw value; where the name is unknown, one that says which are known."""
-        if not isinstance(value, dict):
-            return self.base
-        name = self.name(value)
-        if isinstance(name, str) and name in self.registry:
-            return self.model_of(self.registry[name])
-        field = self.base.model_fields[self.key]
-        loose = type(self.base.__name__, (self.base,), {"model_config": {"extra": "ignore"}})
-        return create_model(self.base.__name__, __base__=loose, **{
-            self.key: (Annotated[str, AfterValidator(self._refused)], Field(description=field.description))})
-
-    def __get_pydantic_json_schema__(self, _: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Any of the names' models, each with its own name; where others are taken, any keys go with them."""
-        default = self.base.model_fields[self.key].default
-        forms = []
-        for name, thing in self.registry.items():
-            named = {"properties": {self.key: {"const": name}}, **({} if name == default else {"required": [self.key]})}
-            forms.append({"allOf": [handler(self.model_of(thing).__pydantic_core_schema__), named]})
-        if self.others():
-            other = {"type": "string", "not": {"enum": list(self.registry)}}
-            forms.append({"type": "object", "properties": {self.key: other}, "required": [self.key]})
-        return {"anyOf": forms}
-
-    def _refused(self, name: str) -> str:
-        expected = ", ".join(filter(None, [f"one of {', '.join(self.registry)}", self.others()]))
-        raise PydanticCustomError(UNKNOWN_NAME, "an unknown name", {"known": list(self.registry), "expected": expected})
-
-    def owners(self, key: str) -> list[str]:
-        """The names whose models have a key of their own."""
-        return [name for name, thing in self.registry.items() if key in self.model_of(thing).model_fields]
-
-    def keys(self) -> list[str]:
-        """The keys that any of the names' models has."""
-        return list(dict.fromkeys(k for thing in self.registry.values() for k in self.model_of(thing).model_fields))
-
     def validated(self, value: Any, _: Any) -> Part:
-        """The mapping, by its own model; null keys of other names count as absent."""
+        """The mapping, by its own model; null keys of other models count as absent."""
         if isinstance(value, self.base):
             return value
         model = self.model(value)
@@ -111,6 +59,93 @@ class ByName:
             value = {key: entry for key, entry in value.items()
                      if entry is not None or key in model.model_fields or not self.owners(key)}
         return model.model_validate(value)
+
+    def model(self, value: Any) -> type[Part]:
+        """The model of a raw value."""
+        raise NotImplementedError
+
+    def shipped(self) -> dict[str, type[Part]]:
+        """All models, by their names; an only one has none."""
+        raise NotImplementedError
+
+    def owners(self, key: str) -> list[str]:
+        """The names whose models have a key of their own."""
+        return []
+
+
+@dataclass(frozen=True, eq=False)
+class Made(Chosen):
+    """The model is made by ``make``, of the keys that a registry has."""
+
+    base: type[Part]
+    make: Callable[[], type[Part]]
+    key = ""
+
+    def model(self, value: Any = None) -> type[Part]:
+        return self.make()
+
+    def shipped(self) -> dict[str, type[Part]]:
+        return {"": self.make()}
+
+    def __get_pydantic_json_schema__(self, _: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return handler(self.make().__pydantic_core_schema__)
+
+
+@dataclass(frozen=True, eq=False)  # a registry has no hash
+class ByName(Chosen):
+    """The model follows from what the mapping names.
+
+    key : that names it; its default in ``base`` is what a mapping without one names
+    registry : name → thing; model_of : thing → its model
+    others : words for what else than a name the registry takes, if anything
+    """
+
+    base: type[Part]
+    key: str
+    registry: Any
+    model_of: Callable[[Any], type[Part]]
+    others: Callable[[], str] = str
+
+    def name(self, value: Any) -> Any:
+        """What a raw mapping names."""
+        default = self.base.model_fields[self.key].default
+        return value.get(self.key, default) if isinstance(value, dict) else default
+
+    def model(self, value: Any) -> type[Part]:
+        """As ``Chosen`` says; where the name is unknown, a model that says which are known."""
+        if not isinstance(value, dict):
+            return self.base
+        name = self.name(value)
+        if isinstance(name, str) and name in self.registry:
+            return self.model_of(self.registry[name])
+        loose = type(self.base.__name__, (self.base,), {"model_config": {"extra": "ignore"}})
+        return create_model(self.base.__name__, __base__=loose, **{self.key: (
+            Annotated[str, AfterValidator(self._refused)], Field(description=self.base.model_fields[self.key].description))})
+
+    def shipped(self) -> dict[str, type[Part]]:
+        return {name: self.model_of(thing) for name, thing in self.registry.shipped().items()}
+
+    def owners(self, key: str) -> list[str]:
+        return [name for name, thing in self.registry.items() if key in self.model_of(thing).model_fields]
+
+    def keys(self) -> list[str]:
+        """The keys that any of the names' models has."""
+        return list(dict.fromkeys(k for thing in self.registry.values() for k in self.model_of(thing).model_fields))
+
+    def _refused(self, name: str) -> str:
+        expected = ", ".join(filter(None, [f"one of {', '.join(self.registry)}", self.others()]))
+        raise PydanticCustomError(UNKNOWN_NAME, "an unknown name", {"known": list(self.registry), "expected": expected})
+
+    def __get_pydantic_json_schema__(self, _: Any, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Any of the names' models, each with its own name; where others are taken, any keys go with them."""
+        default, forms = self.base.model_fields[self.key].default, []
+        for name, thing in self.registry.items():
+            named = {"properties": {self.key: {"const": name}}, **({} if name == default else {"required": [self.key]})}
+            forms.append({"allOf": [handler(self.model_of(thing).__pydantic_core_schema__), named]})
+        if self.others():
+            other = {"type": "string", "not": {"enum": list(self.registry)}}
+            forms.append({"type": "object", "properties": {self.key: other}, "required": [self.key]})
+        return {"anyOf": forms}
 
 
 def auto_or(number: Any, expected: str) -> Any:
@@ -140,3 +175,26 @@ AutoCount = auto_or(Count, "a whole number >= 1")
 Counts = Annotated[list[Count], Field(min_length=3, max_length=3)]
 Name = Annotated[str, Field(min_length=1)]
 Names = Annotated[list[Name], BeforeValidator(as_list, json_schema_input_type=list[Name] | Name), Field(min_length=1)]
+Axis = either(Literal["x", "y", "z"], Vector, lambda value: isinstance(value, str), "x, y or z, or a vector of three numbers")
+
+
+def unit(axis: str | list[float]) -> list[float]:
+    """The direction of an axis, of length one."""
+    if isinstance(axis, str):
+        return [float(axis == name) for name in "xyz"]
+    size = sum(x * x for x in axis) ** 0.5
+    return [x / size for x in axis]
+
+
+class Rotate(Part):
+    """A turn about an axis, right-handed."""
+
+    axis: Axis = Field(description="x, y, z, or a direction [x, y, z]")
+    degrees: float = Field(description="angle, right-handed about the axis")
+    about: Vector = Field([0.0, 0.0, 0.0], description="a point on the axis; the origin by default")
+
+
+def no_direction(path: KeyPath, axis: Any) -> Iterator[Problem]:
+    """The problem of a raw axis of no length."""
+    if isinstance(axis, list) and not any(axis):
+        yield Problem(path, str(axis), "a direction: a vector other than zero", "write axis: z, or [0, 0, 1]")

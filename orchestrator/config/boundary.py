@@ -1,16 +1,16 @@
-"""``boundary``, ``loads`` and ``interfaces``: what acts on the body and between its parts."""
+"""``boundary``, ``loads``, ``bolts`` and ``interfaces``: what acts on the body and between its parts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, create_model
 
-from orchestrator.config.base import ByName, Name, Names, Part, Vector, either
+from orchestrator.config.base import Axis, ByName, Made, Name, Names, Part, Positive, Vector, either, unit
 from orchestrator.config.entry import Entry
-from orchestrator.config.turning import Axis, unit
-from orchestrator.registry import IN_VOLUMES, LAWS, ON_FACES
+from orchestrator.registry import BOLT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
 
 class Place(Part):
@@ -38,16 +38,6 @@ class Frame(Part):
         return unit(self.axis)
 
 
-def _keys(kinds: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a model, a key for each kind."""
-    return {name: (kind.takes | None, Field(None, description=kind.meaning)) for name, kind in kinds.items()}
-
-
-def _listed(kinds: Mapping[str, Any]) -> str:
-    *first, last = kinds
-    return f"{', '.join(first)} and {last}"
-
-
 class Acting(Part):
     """An entry of ``boundary`` or ``loads``: under the key of one kind it says what acts."""
 
@@ -68,6 +58,11 @@ class Acting(Part):
         """What stands under its kind's key."""
         return getattr(self, self.acts)
 
+    @property
+    def vectors(self) -> list | None:
+        """The vectors that it lists, one per load step; None where it lists none."""
+        return self.given if self.kind.listed and isinstance(self.given[0], list) else None
+
 
 class OnFaces(Acting):
     kinds = ON_FACES
@@ -77,24 +72,71 @@ class InVolumes(Acting):
     kinds = IN_VOLUMES
 
 
-BoundaryCondition = create_model(
-    "BoundaryCondition", __base__=OnFaces, __module__=__name__, __doc__=f"Exactly one of {_listed(ON_FACES)}, on a place.",
-    on=(Where, Field(description="a surface group (shell wildcards allowed), a plane or a box")), **_keys(ON_FACES),
-    frame=(Frame | None, Field(None, description=(
-        "of a displacement, a traction or a foundation's stiffness: its components are radial, tangential and axial, {axis, at}"))),
-    history=(Name | None, Field(None, description="name of the factors per load step; none: the same at every step")))
-
-BodyForce = create_model(
-    "BodyForce", __base__=InVolumes, __module__=__name__,
-    __doc__=f"Exactly one of {_listed(IN_VOLUMES)}, on the volumes it names; several add up.",
-    on=(Names, Field(["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")),
-    **_keys(IN_VOLUMES), history=(Name | None, Field(None, description=(
-        "name of the factors per load step, of the force or the temperature; none: the same at every step"))))
+def _keys(kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a model, a key for each kind."""
+    return {name: (kind.takes | None, Field(None, description=kind.meaning)) for name, kind in kinds.items()}
 
 
+def _exactly_one(kinds: Mapping[str, Any], where: str) -> str:
+    *first, last = kinds
+    return f"Exactly one of {', '.join(first)} and {last}, {where}."
+
+
+@cache
+def _on_faces() -> type[Acting]:
+    return create_model(
+        "BoundaryCondition", __base__=OnFaces, __module__=__name__, __doc__=_exactly_one(ON_FACES, "on a place"),
+        on=(Where, Field(description="a surface group (shell wildcards allowed), a plane or a box")), **_keys(ON_FACES),
+        frame=(Frame | None, Field(None, description=(
+            "of a displacement, a traction or a foundation's stiffness: its components are radial, tangential and axial, {axis, at}"))),
+        history=(Name | None, Field(None, description="name of the factors per load step; none: the same at every step")))
+
+
+@cache
+def _in_volumes() -> type[Acting]:
+    return create_model(
+        "BodyForce", __base__=InVolumes, __module__=__name__,
+        __doc__=_exactly_one(IN_VOLUMES, "on the volumes it names; several add up"),
+        on=(Names, Field(["*"], description="names of volumes, shell wildcards allowed; * because weight acts everywhere")),
+        **_keys(IN_VOLUMES), history=(Name | None, Field(None, description=(
+            "name of the factors per load step, of the force or the temperature; none: the same at every step"))))
+
+
+Boundary = list[Made(OnFaces, _on_faces).mapping]
+Loads = list[Made(InVolumes, _in_volumes).mapping]
 Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping]
 
 
-def everything_perfect() -> list[Entry]:
-    """Default of ``interfaces``."""
-    return [Entry()]
+class Cut(Part):
+    """A plane across a bolt's shank."""
+
+    plane: Axis = Field(description="its normal, the axis of the bolt: x, y, z, or a direction [x, y, z]")
+    at: float | Vector = Field(description="coordinate of the plane along x, y or z; or a point on it")
+
+    @property
+    def point(self) -> list[float]:
+        """A point on it."""
+        return self.at if isinstance(self.at, list) else [self.at * (self.plane == name) for name in "xyz"]
+
+
+class Bolt(Part):
+    """A bolt: cut across its shank, tightened by a force, then kept at its length."""
+
+    vectors: ClassVar[None] = None  # per load step
+
+    on: Name = Field(description="the name of its volume")
+    cut: either(Literal["auto"], Cut, lambda value: isinstance(value, str),
+                "auto, or {plane: z, at: 12}, or {plane: [0, 1, 1], at: [0, 5, 5]}") = Field("auto", description=(
+        "plane across the shank, {plane: z, at: 12}; auto: at mid-length of the longest cylinder of the volume"))
+    force: Positive = Field(description="pretension, above 0")
+    history: Name | None = Field(None, description=(
+        "name of the factors per load step, of the force: while it is zero at the beginning the bolt is in place, and not "
+        "tightened; none: tightened at the first step"))
+    then: Literal["locked", "force"] = Field("locked", description=(
+        "locked: from the load step after the last change of its history the bolt keeps its length; force: its force is "
+        "what the history says at all load steps"))
+
+    @property
+    def law(self) -> Entry:
+        """What holds across the cut, as an entry of ``interfaces``."""
+        return LAWS[BOLT_LAW].Parameters(law=BOLT_LAW, force=self.force, history=self.history, then=self.then)

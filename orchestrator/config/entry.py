@@ -10,7 +10,6 @@ from pydantic import Field
 from orchestrator.config.base import Name, Part, auto_or, either
 from orchestrator.registry import DEFAULT_LAW
 
-
 Two = Annotated[list[Name], Field(min_length=2, max_length=2)]
 Between = either(Literal["auto"], Two, lambda value: isinstance(value, str), "auto, or a list of the names of two parts")
 # In units of the local element size.
@@ -62,6 +61,11 @@ class Entry(Part):
             return []
         return [self.model_copy(update={key: scaled(getattr(self, key), factor) for key in self.scaled})
                 for factor in factors]
+
+    @property
+    def vectors(self) -> list | None:
+        """The vectors that it lists, one per load step; None where it lists none."""
+        return next((given for key in self.per_step if isinstance((given := getattr(self, key))[0], list)), None)
 
     @property
     def found(self) -> bool:

@@ -10,10 +10,10 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from orchestrator.config.base import TAG, UNKNOWN_NAME, ByName
-from orchestrator.config.foreign import instead
+from orchestrator.config.base import TAG, UNKNOWN_NAME, ByName, Chosen
 from orchestrator.config.model import Config
 from orchestrator.config.paths import get
+from orchestrator.config.words import instead
 from orchestrator.errors import KeyPath, Problem
 
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
@@ -49,7 +49,7 @@ def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
         chooser = _choice(path[:-1], data, root)
         if chooser and (owners := chooser.owners(str(path[-1]))):
             return _foreign(path, chooser.name(get(data, *path[:-1])), chooser.key, owners)
-        known = chooser.keys() if chooser else keys
+        known = chooser.keys() if isinstance(chooser, ByName) else keys
         return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys),
                        _comma(path, data) or instead(str(path[-1]), known) or nearest(str(path[-1]), known))
     if kind == UNKNOWN_NAME:
@@ -129,8 +129,8 @@ def _meet(path: KeyPath, data: Any, root: type[BaseModel]) -> tuple[type[BaseMod
     return model, field
 
 
-def _choice(path: KeyPath, data: Any, root: type[BaseModel]) -> ByName | None:
-    """What chooses the model of the mapping at a path, if it depends on what the mapping names."""
+def _choice(path: KeyPath, data: Any, root: type[BaseModel]) -> Chosen | None:
+    """What chooses the model of the mapping at a path, if it is chosen."""
     _, field = _meet(path, data, root)
     return next(_marks(field.annotation, field.metadata), None) if field else None
 
@@ -138,7 +138,7 @@ def _choice(path: KeyPath, data: Any, root: type[BaseModel]) -> ByName | None:
 def _marks(annotation: Any, metadata: Any = ()):
     """The choosers inside an annotation."""
     for part in (*metadata, *get_args(annotation)):
-        if isinstance(part, ByName):
+        if isinstance(part, Chosen):
             yield part
         else:
             yield from _marks(part)

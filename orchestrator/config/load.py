@@ -10,14 +10,60 @@ from typing import Any
 from pydantic import ValidationError
 
 from orchestrator.config.blackbox import CodeSettings, settings_class
-from orchestrator.config.rules import broken_rules
 from orchestrator.config.explain import echo, explained
-from orchestrator.config.files import with_files_of_codes, with_meshes
 from orchestrator.config.model import Config
-from orchestrator.config.overrides import BadOverride, apply, parse
-from orchestrator.config.source import Source
+from orchestrator.config.raw import BadOverride, apply, parse, with_files
+from orchestrator.config.rules import broken_rules
 from orchestrator.config.text import parse_yaml, read_text
 from orchestrator.errors import InputError, KeyPath, Problem
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the keys of a configuration stand.
+
+    file : the YAML file as the user named it; empty for a configuration built in Python
+    lines : path → line, counted from 1
+    overrides : path → the text of the ``--set`` that gave it
+    """
+
+    file: str = ""
+    lines: dict[KeyPath, int] = field(default_factory=dict)
+    overrides: dict[KeyPath, str] = field(default_factory=dict)
+
+    def locate(self, path: KeyPath) -> tuple[str, int | None]:
+        """(file, line) of a key, or of its nearest parent; ("--set key=value", None) for an override."""
+        for length in range(len(path), 0, -1):
+            known = path[:length]
+            if known in self.overrides:
+                return f"--set {self.overrides[known]}", None
+            if known in self.lines:
+                return self.file, self.lines[known]
+            for keys, text in self.overrides.items():  # a parent that only an override made, and did not complete
+                if keys[:length] == known and not _by_default(path):
+                    return f"--set {text}", None
+        return self.file, 1 if self.file else None
+
+    def located(self, problems: Sequence[Problem]) -> list[Problem]:
+        """The problems with file and line filled in where they are unknown, in the file's order."""
+        found = []
+        for problem in problems:
+            if not problem.file:
+                file, line = self.locate(problem.path)
+                problem = replace(problem, file=file, line=line)
+            found.append(problem)
+        return sorted(found, key=lambda problem: problem.line or 0)
+
+
+def _by_default(path: KeyPath) -> bool:
+    """Whether a key has a default wherever its mapping has."""
+    model, field = Config, None
+    for key in path:
+        field = getattr(model, "model_fields", {}).get(key)
+        if field is None:
+            return False
+        model = field.annotation
+    return field is not None and not field.is_required()
 
 
 @dataclass(frozen=True)
@@ -76,8 +122,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
             problems.append(replace(error.problem, file=f"--set {override}"))
         except InputError as error:
             problems += error.problems
-    data, missing = with_meshes(data, Path(path).parent)
-    data = with_files_of_codes(data, Path(path).parent)
+    data, missing = with_files(data, Path(path).parent)
     try:
         config = config_from(data)
         problems += missing
@@ -129,12 +174,7 @@ def config_from(data: Any) -> Config:
 
 
 def settings_from(entry: dict[str, Any]) -> CodeSettings:
-    """Validates one entry of ``blackbox`` by itself.
-
-    Raises
-    ------
-    InputError : with all problems
-    """
+    """Validates one entry of ``blackbox`` by itself; raises InputError with all problems."""
     model = settings_class(entry)
     try:
         return model.model_validate(entry)

@@ -8,13 +8,12 @@ from pydantic import Field, model_validator
 
 from orchestrator.config.base import Name, Part
 from orchestrator.config.blackbox import BlackBoxes, CodeSettings, settings_class
-from orchestrator.config.bolts import Bolt
-from orchestrator.config.boundary import BodyForce, BoundaryCondition, Interfaces, everything_perfect
+from orchestrator.config.boundary import Bolt, Boundary, Interfaces, Loads
+from orchestrator.config.entry import Entry
 from orchestrator.config.mesh import Material, Mesh, Subdomains
 from orchestrator.config.method import Method
 from orchestrator.config.output import Output
 from orchestrator.config.parts import OnePart, elements_of
-from orchestrator.config.vectors import listed
 from orchestrator.registry import FOREIGN
 
 
@@ -33,13 +32,13 @@ class Config(Part):
     subdomains: Subdomains = Field(description="one of {slices: {axis: x, count: 8}}, {grid: [2, 2, 2]}, {metis: 8}, groups")
     materials: Annotated[list[Material], Field(min_length=1)] | None = Field(
         None, description="at least one, such as {young: 200e3, poisson: 0.3}; none where each part has its own")
-    boundary: list[BoundaryCondition] = Field(description="where the body is held and loaded")
+    boundary: Boundary = Field(description="where the body is held and loaded")
     histories: dict[Name, Annotated[list[float], Field(min_length=1)]] = Field(
         {}, description="name: factors, one per load step; none: one load step")
     bolts: list[Bolt] = Field([], description=(
         "bolts cut across their shanks, tightened by a force, then locked: [{on: bolt_1, force: 8000}]; none by default"))
-    loads: list[BodyForce] = Field([], description="body forces; none by default")
-    interfaces: Interfaces = Field(default_factory=everything_perfect, description=(
+    loads: Loads = Field([], description="body forces; none by default")
+    interfaces: Interfaces = Field(default_factory=lambda: [Entry()], description=(
         "laws between parts, the last match wins; perfect by default: the body as one piece"))
     method: Method = Field(Method(), description="how the decomposed problem is solved")
     blackbox: BlackBoxes = Field(default_factory=lambda: settings_class({})(), description=(
@@ -94,7 +93,7 @@ class Config(Part):
         for entry in (*self.boundary, *self.loads, *self.interfaces, *self.bolts):
             if entry.history is not None:
                 return len(self.histories[entry.history])
-            if (vectors := listed(entry)) is not None:
+            if (vectors := entry.vectors) is not None:
                 return len(vectors)
         for part in self.parts or []:
             if part.foreign is not None and part.foreign.history is not None:

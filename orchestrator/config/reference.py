@@ -1,10 +1,11 @@
-"""Every key of the YAML with what it takes, its default and its meaning: the model, read out as Markdown.
+"""The model read out: as a JSON schema for editors that complete and check as one types, and as a reference in Markdown.
 
-What is said of a key stands in the model alone: messages, the schema for editors and this reference repeat it.
+What is said of a key stands in the model alone: messages, schema and reference repeat it.
 """
 
 from __future__ import annotations
 
+import json
 import types
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from pydantic import BeforeValidator, Tag
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from orchestrator.config.base import TAG, ByName, Part
+from orchestrator.config.base import TAG, Chosen, Part
 from orchestrator.config.model import Config
 
 HEAD = """# Every key
@@ -26,6 +27,15 @@ meant where a heading ends with `[]`; "none" is what holds where a key without a
 WORDS = {float: "number", int: "whole number", str: "text", bool: "true or false"}
 BOUNDS = {annotated_types.Gt: ("gt", ">"), annotated_types.Ge: ("ge", ">="),
           annotated_types.Lt: ("lt", "<"), annotated_types.Le: ("le", "<=")}
+
+
+def schema() -> str:
+    """The JSON schema as text: keys, types, bounds, descriptions. Rules that concern several keys are ``check``'s alone.
+
+    An entry that names a law or a code is any of their models; a solver of one's own takes any keys.
+    """
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$comment": "written by: orchestrator schema > configs/schema.json"}
+    return json.dumps({**head, **Config.model_json_schema()}, indent=1, ensure_ascii=False) + "\n"
 
 
 @dataclass(frozen=True)
@@ -73,9 +83,9 @@ def sections() -> list[Section]:
 
 def mappings(notes: list[Any], suffix: str = "") -> Iterator[tuple[str, str, type[Part]]]:
     """Models inside a type: what the path gets behind it, which of several, the model."""
-    by_name = next((note for note in notes if isinstance(note, ByName)), None)
-    if by_name is not None:
-        yield from ((suffix, f"{by_name.key}: {name}", by_name.model_of(thing)) for name, thing in by_name.registry.shipped().items())
+    chosen = next((note for note in notes if isinstance(note, Chosen)), None)
+    if chosen is not None:
+        yield from ((suffix, f"{chosen.key}: {name}" if name else "", model) for name, model in chosen.shipped().items())
         return
     kind = notes[0]
     if isinstance(kind, type) and issubclass(kind, Part):
@@ -107,7 +117,7 @@ def plain(field: FieldInfo) -> str | None:
 def takes(notes: list[Any]) -> str:
     """What a type accepts, in words."""
     kind, others = notes[0], notes[1:]
-    if any(isinstance(note, ByName) for note in others):
+    if any(isinstance(note, Chosen) for note in others):
         return "a mapping"
     for note in others:
         if isinstance(note, BeforeValidator) and note.json_schema_input_type is not PydanticUndefined:

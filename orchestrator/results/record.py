@@ -11,7 +11,7 @@ from types import TracebackType
 import numpy as np
 
 from orchestrator.blackbox.codes.foreign.results import OwnFields
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.method.start import Start
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.nodal import KEPT

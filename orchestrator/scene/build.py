@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config import Config, factors, steps
+from orchestrator.config.model import Config
 from orchestrator.errors import InputError, Problems
 from orchestrator.scene.conditions.agreement import check_agreement
 from orchestrator.scene.conditions.boundary import Held, acting, moving_as_one, prescribe, resolve_boundary
@@ -140,13 +140,13 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
     subdomains = _subdomains(config, body.mesh, cut, joints, _Fields(body.material, held, loads, thermal))
     fixed, prescribed = held.on_mesh()
     return Scene(config.name, body.mesh, cut.partition.subdomain, body.material, body.materials, subdomains, joints.interfaces, boundary,
-                 fixed, prescribed, _on_nodes(loads, cut.numbering), steps(config), problems.warnings, joints.near, joints.bolts, thermal,
+                 fixed, prescribed, _on_nodes(loads, cut.numbering), config.steps, problems.warnings, joints.near, joints.bolts, thermal,
                  probes=probes, element=body.choice)
 
 
 def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
     """What multiplies each entry at every load step."""
-    return [factors(entry, config) for entry in entries]
+    return [config.factors_of(entry.history) for entry in entries]
 
 
 def _meshed(config: Config, kept: Keeper, run_programs: bool, problems: Problems) -> Body:
@@ -162,7 +162,7 @@ def _meshed(config: Config, kept: Keeper, run_programs: bool, problems: Problems
         check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",
                      "use a coarser mesh, or element: P1")
         mesh, faces = quadratic(mesh, faces)
-    count = steps(config)
+    count = config.steps
     check_memory(STEP_BYTES * count * len(mesh.nodes), ("histories",), f"{count} load steps on {len(mesh.nodes)} nodes",
                  "give fewer load steps, or a coarser mesh")
     return Body(mesh, faces, *assign_materials(mesh, config.matter, problems), choice)
@@ -236,7 +236,7 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
     ----------
     plain : without grounds, on which nothing acts
     """
-    mesh, count = plain.mesh, steps(config)
+    mesh, count = plain.mesh, config.steps
     loads, thermal = np.zeros((count, len(cut.numbering.nodes), 3)), None
     for entry in boundary:  # a face loads the subdomain its tet belongs to
         if entry.forces and len(entry.triangles):
@@ -263,7 +263,7 @@ def _supported(config: Config, body: Body, cut: Cut, joints: Joints, boundary: l
     """What is prescribed, and whether that agrees: at nodes, across interfaces, with what grounds hold."""
     numbering, grounds = cut.numbering, joints.grounds
     label = moving_as_one(numbering, joints.interfaces)
-    held = prescribe(body.mesh, boundary, cut.partition.subdomain, numbering, label, steps(config), problems)
+    held = prescribe(body.mesh, boundary, cut.partition.subdomain, numbering, label, config.steps, problems)
     if not problems.found:
         of_entries = [(entry, i) for i in grounds for entry, at in joints.stands.items()
                       if at.start <= numbering.nodes[numbering.offsets[i.subdomains[1]]] < at.stop]

@@ -6,7 +6,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from orchestrator.config import Config
+from orchestrator.config.model import Config
 from orchestrator.method.acceleration.base import algorithm
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.energy import stored_energy

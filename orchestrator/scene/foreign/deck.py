@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.foreign_parts import DeckPart
+from orchestrator.config.parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.deck_cards import check_deck, check_kept, check_loads
 from orchestrator.scene.foreign.covering import forgotten

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.foreign_parts import ProgramPart
+from orchestrator.config.parts import ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.folders import temporary
 from orchestrator.parallel.launcher import without_launcher

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-from orchestrator.config import Config
-from orchestrator.config.foreign_parts import ForeignPart
+from orchestrator.config.model import Config
+from orchestrator.config.parts import ForeignPart
 from orchestrator.config.parts import OnePart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.joints import Joints

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.foreign_parts import MatrixPart, ProgramPart
+from orchestrator.config.parts import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.covering import check_surface, missing_faces
 from orchestrator.scene.foreign.flat import of_plane

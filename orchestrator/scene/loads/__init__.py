@@ -3,5 +3,3 @@
 ``base`` says what every kind tells of itself; ``registry.ON_FACES`` and ``registry.IN_VOLUMES`` name them. Nothing else asks for
 the name of a kind: what comes of an entry are forces at nodes, displacements that are prescribed, or a ground.
 """
-
-import orchestrator.config  # noqa: F401  whose models have those of the kinds among them: first, wherever one begins

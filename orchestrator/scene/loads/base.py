@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orchestrator.config.paths import get
-from orchestrator.config.turning import no_direction
+from orchestrator.config.base import no_direction
 from orchestrator.errors import KeyPath, Problem, Problems
 from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.mesh.mesh import Mesh

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from orchestrator.config.base import Part, Positive
-from orchestrator.config.turning import Axis, unit
+from orchestrator.config.base import Axis, Part, Positive, unit
 from orchestrator.scene.loads.base import Forces, Kind, OnFaces
 from orchestrator.scene.loads.pressure import against_normal
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, TRIANGLE_MOMENTS

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field as Key
 
-from orchestrator.config.base import Part, Vector
-from orchestrator.config.turning import Rotate, unit
+from orchestrator.config.base import Part, Rotate, Vector, unit
 from orchestrator.scene.loads.base import Field, Kind, OnFaces, Prescribed
 
 

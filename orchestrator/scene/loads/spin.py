@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from orchestrator.config.base import Part, Vector
-from orchestrator.config.turning import Axis, unit
+from orchestrator.config.base import Axis, Part, Vector, unit
 from orchestrator.scene.loads.base import Forces, InVolumes, Kind
 from orchestrator.scene.loads.gravity import DENSITY
 from orchestrator.scene.mesh.quadratic import TET_MOMENTS

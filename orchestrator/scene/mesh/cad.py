@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import gmsh
 import numpy as np
@@ -24,19 +23,6 @@ DELAUNAY = 1
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
 # on coarse curved surfaces; there finer circles help, where Delaunay does not.
 ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
-
-
-def step(mesh: Any) -> Mesh:
-    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
-
-    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it.
-    """
-    if getattr(mesh, "conforming", None) is False:
-        from orchestrator.scene.mesh.solids import step_apart
-
-        return step_apart(mesh)
-    return load(locate(str(mesh.step)), None if mesh.h is None else float(mesh.h), str(mesh.step),
-                getattr(mesh, "exclude", None) or [])
 
 
 def locate(name: str) -> Path:

@@ -21,7 +21,7 @@ import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems
-from orchestrator.scene.mesh.cad import ATTEMPTS, check_h, leave_out, locate, product, read_model
+from orchestrator.scene.mesh.cad import ATTEMPTS, check_h, leave_out, load, locate, product, read_model
 from orchestrator.scene.mesh.gmsh_session import TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.size import DENSITY
 from orchestrator.scene.mesh.mesh import Mesh
@@ -67,6 +67,17 @@ class Meshed:
     cells: np.ndarray = field(default_factory=lambda: np.empty((0, 4), dtype=int))
     surfaces: list[np.ndarray] = field(default_factory=list)
     complaint: str = ""
+
+
+def step(mesh: Any) -> Mesh:
+    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
+
+    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it.
+    """
+    if getattr(mesh, "conforming", None) is False:
+        return step_apart(mesh)
+    return load(locate(str(mesh.step)), None if mesh.h is None else float(mesh.h), str(mesh.step),
+                getattr(mesh, "exclude", None) or [])
 
 
 def step_apart(mesh: Any) -> Mesh:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from orchestrator.config.base import Rotate, unit
 from orchestrator.config.parts import Move
-from orchestrator.config.turning import Rotate, unit
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
 from orchestrator.scene.foreign.read import check_asked
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
 
 # key and name of the function → its module in ``orchestrator.scene``
 SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.files",
-           "polycrystal": "grains.polycrystal", "step": "mesh.cad"}
+           "polycrystal": "grains.polycrystal", "step": "mesh.solids"}
 
 
 # gives a mesh, asking the function for it if it has to be made

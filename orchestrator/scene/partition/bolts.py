@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from orchestrator.config.turning import unit
+from orchestrator.config.base import unit
 from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes

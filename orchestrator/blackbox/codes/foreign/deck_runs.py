@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.codes.calculix.code import CalculiX
-from orchestrator.config.foreign_parts import DeckPart
+from orchestrator.config.parts import DeckPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.folders import temporary
 from orchestrator.scene.foreign.deck import Deck

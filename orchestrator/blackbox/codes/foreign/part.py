@@ -11,7 +11,7 @@ from pydantic import Field, SerializeAsAny
 
 from orchestrator.blackbox.codes.code import Code
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.config.foreign_parts import ForeignPart
+from orchestrator.config.parts import ForeignPart
 from orchestrator.errors import InputError, Problem
 from orchestrator.processes import end_all
 

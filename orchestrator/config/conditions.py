@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from orchestrator.config.base import no_direction
 from orchestrator.config.entry import Entry
-from orchestrator.config.foreign_parts import KINDS
+from orchestrator.config.parts import KINDS
 from orchestrator.config.paths import dotted, find, get, is_number, is_per_step, is_vectors, law_of, shown
-from orchestrator.config.turning import no_direction
 from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import BOLT_LAW, DEFAULT_LAW, IN_VOLUMES, LAWS, ON_FACES
 
