@@ -10,6 +10,7 @@ missing is the process, its pipes and its files. That the real code gives the sa
 import time
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +23,7 @@ from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.config.blackbox import CodeSettings
-from orchestrator.method.interface.factor import Factorised, by_cholesky, by_superlu
+from orchestrator.method.interface.factor import by_cholesky, by_superlu
 from orchestrator.registry import CODES
 
 EXAMPLE = Path(__file__).parents[1] / "configs" / "elastoplastic.py"
@@ -42,10 +43,10 @@ class TemplateSolver(Solver):
     def prepare(self, model: Model):
         free = np.flatnonzero(~model.fixed)
         if not len(free):  # the layer that a foundation stands on
-            return free, Factorised(np.array, int)
+            return free, SimpleNamespace(solve=np.array)
         lower = sp.tril(self.stiffness(model)[free][:, free], format="csc")
         # scipy's SuperLU loses the memory of factors that another thread lets go than the one that made them
-        return free, by_cholesky(lower, "amd") or by_superlu(lower)
+        return free, SimpleNamespace(solve=by_cholesky(lower, "amd") or by_superlu(lower))
 
 
 class InProcessWorker(Worker):

@@ -10,6 +10,7 @@ from orchestrator.laws.points import Points
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs, Run
+from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer
 
 GAP, PUSH = 0.5, 0.1
@@ -19,11 +20,10 @@ def pushed_body(friction: float = 0.0) -> Body:
     """A body free along x and y, pushed by ``PUSH``, with a wall of stiffness 1 at the distance ``GAP`` in x."""
     normal = np.array([[1.0], [0], [0]])
     points = Points(normal, *np.ones((3, 1)), {"gap": np.full(1, GAP), "friction": np.full(1, friction)})
-    none, dofs, bounds = np.zeros(0), np.zeros((3, 1), int), np.array([0, 1])
-    transfer = Transfer(dofs, dofs, 1, 1, bounds, [(dofs[:, 0], dofs[:, 0])], np.ones(1, bool))
+    dofs, bounds = np.zeros((3, 1), int), np.array([0, 1])
+    transfer = Transfer(dofs, dofs, 1, 1, bounds, [(dofs[:, 0], dofs[:, 0])], np.ones(1, bool), np.zeros(1, bool))
     pairs = Pairs([SimpleNamespace(law=Contact(friction, np.full(1, GAP)))], transfer, None,
-                  [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], list(Contact.statuses), None,
-                  none.astype(int), np.zeros((1, 0)), none, np.arange(1))
+                  [Run(Contact, slice(0, 1), points)], np.ones(1, bool), [Contact], None, Prescribed.nothing(1), np.arange(1))
     fields = np.zeros((1, 3, 12))
     fields[0, 0, 0] = fields[0, 1, 1] = 1.0
     stiffness = np.diag(np.r_[0.0, 0.0, np.ones(10)])  # what the body lacks stays at rest

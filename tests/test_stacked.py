@@ -8,8 +8,8 @@ from method_case import box_of, config, prepared
 from orchestrator.blackbox.layers.layer import Layer
 from orchestrator.blackbox.start import with_layers
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.interface.placed import placed
-from orchestrator.method.interface.segments import Segments
+from orchestrator.method.interface.rows import placed
+from orchestrator.method.interface.rows import Segments
 from orchestrator.savings import Savings
 from orchestrator.scene.build import build_scene
 

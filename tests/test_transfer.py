@@ -25,7 +25,7 @@ from orchestrator.scene.build import build_scene
 def test_products_give_what_index_arrays_give(case, monkeypatch):
     picked = solve(case, build_scene(case))
     by_index = Transfer.of
-    monkeypatch.setattr(Transfer, "of", lambda *sides: replace(found := by_index(*sides), base=found.products))
+    monkeypatch.setattr(Transfer, "of", lambda *sides: replace(found := by_index(*sides), operators=found.products))
     multiplied = solve(case, build_scene(case))
     assert multiplied.summary["iterations"] == picked.summary["iterations"]
     size = np.abs(picked.displacement).max()

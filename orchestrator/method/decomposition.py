@@ -81,7 +81,7 @@ class Decomposition:
         return len(self.loading.boundary)
 
     def evaluated(self, s: np.ndarray) -> Admissible:
-        """The linear stage at a state (T, D); its traces are under way to other ranks."""
+        """The linear stage at a state (T, D); its traces have been exchanged with other ranks."""
         fields = self.stage(s)
         fields.send(None if self.bound is None else self.bound.continuity.weight)
         return fields
@@ -143,7 +143,7 @@ class Decomposition:
 
     def paired(self, place: np.ndarray) -> "Decomposition":
         """The same with sides paired where traces (1, D) have brought them."""
-        pairs = replace(self.following.pair(place), targets=self.local.pairs.targets, numbers=self.local.pairs.numbers)
+        pairs = self.following.pair(place).at_steps_of(self.local.pairs)
         local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.before), self.coarse
         if coarse is not None:
             coarse = coarse.paired(pairs)
@@ -162,7 +162,7 @@ class Decomposition:
         if other.springs != 1:
             other = other.weakened(1 / other.springs)
         local, coarse = copy(self.local), copy(other.coarse)
-        local.pairs = replace(other.local.pairs, targets=self.local.pairs.targets, numbers=self.local.pairs.numbers)
+        local.pairs = other.local.pairs.at_steps_of(self.local.pairs)
         if coarse is not None:
             coarse.radius = None
         return replace(self, local=local, coarse=coarse)

@@ -54,5 +54,5 @@ class Part:
             return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried)
 
         part = team.hand_out(made)
-        part.space.team = team
+        part.space.link.team = team
         return part

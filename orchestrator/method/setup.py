@@ -78,7 +78,7 @@ class _SetUp:
         """The decomposition, step by step."""
         scene, space, method, blackbox, watch, own = self.scene, self.space, self.method, self.blackbox, self.watch, self.own
         remembers = any(s.remembers for s in own)
-        perfect = all(space.perfect) and not remembers
+        perfect = space.transfer.perfect.all() and not remembers
         with watch("search_direction"):
             direction = assemble_search_direction(scene, space, self.soles, blackbox, workers, method.skip.congruent, savings)
             rims, stiffness = self._rims(perfect or space.ties is not None, workers, savings)
@@ -171,7 +171,7 @@ class _SetUp:
 
     def _coarse(self, stage: LinearStage, pairs: Pairs | None) -> CoarseCorrection | None:
         """The coarse contact problem, where laws are not perfect."""
-        if self.method.coarse == "none" or all(self.space.perfect):
+        if self.method.coarse == "none" or self.space.transfer.perfect.all():
             return None
         return CoarseCorrection(self.scene, stage, pairs, kind_of(self.method.coarse, self.scene, pairs, self.space.team))
 

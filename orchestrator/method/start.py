@@ -95,6 +95,6 @@ class Start:
 def numbers_of(d: Decomposition) -> Numbers:
     """Which columns of the whole scene's arrays are this rank's."""
     none = np.empty(0, dtype=int)
-    return {"trace": d.space.number, "boundary": d.space.boundary_number,
+    return {"trace": d.space.link.number, "boundary": d.space.link.boundary_number,
             "macro": none if d.stage.macro is None else d.stage.macro.number,
             "interface": none if d.coarse is None else d.coarse.interfaces}

@@ -39,8 +39,7 @@ class Ranks(Team):
         self.rank, self.size = self._world.rank, self._world.size
         node = self._world.Split_type(MPI.COMM_TYPE_SHARED)
         self._neighbours = node.allgather((self.rank, os.getpid(), sorted(os.sched_getaffinity(0))))
-        self._failed, self._over, self._heard = False, threading.Event(), None
-        self._told: list = []
+        self._failed, self._heard = False, None
         self._open: dict[int, Any] = {}  # requests under way, kept alive whatever happens: MPI writes into their memory
         atexit.register(self._end)
 
@@ -66,18 +65,14 @@ class Ranks(Team):
                 most = np.array(self.max(*most))
         return [total[a:b].reshape(x.shape) for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
 
-    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> Callable[[], dict[int, np.ndarray]]:
+    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
         requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in incoming.items()]
         requests += [self._world.Isend(array, rank, _TRACES) for rank, array in outgoing.items()]
         self._count(*outgoing.values())
         self._open |= {id(request): (request, outgoing, incoming) for request in requests}
-
-        def result() -> dict[int, np.ndarray]:
-            for request in requests:
-                self._wait(request)
-            return incoming
-
-        return result
+        for request in requests:
+            self._wait(request)
+        return incoming
 
     def gather(self, part: Any) -> list[Any] | None:
         if self.rank:
@@ -152,7 +147,8 @@ class Ranks(Team):
     def together(self) -> Iterator[None]:
         """The block all ranks run. Leaving it, they wait for each other, unless one has failed."""
         previous = signal.signal(signal.SIGUSR1, self._stop)
-        listener = threading.Thread(target=self._listen, name="failures elsewhere", daemon=True)
+        over = threading.Event()
+        listener = threading.Thread(target=self._listen, args=(over,), name="failures elsewhere", daemon=True)
         listener.start()
         try:
             yield
@@ -161,13 +157,13 @@ class Ranks(Team):
             self._tell(error)
             raise
         finally:
-            self._over.set()
+            over.set()
             listener.join()
             signal.signal(signal.SIGUSR1, previous)
 
-    def _listen(self) -> None:
+    def _listen(self, over: threading.Event) -> None:
         status = MPI.Status()
-        while not self._over.wait(_LISTENING):
+        while not over.wait(_LISTENING):
             if self._alarm.Iprobe(MPI.ANY_SOURCE, _FAILURE, status):
                 self._heard = Elsewhere(status.source, self._alarm.recv(source=status.source, tag=_FAILURE))
                 signal.pthread_kill(threading.main_thread().ident, signal.SIGUSR1)
@@ -196,7 +192,7 @@ class Ranks(Team):
             pickle.loads(pickle.dumps(error))
         except Exception:  # noqa: BLE001 - whatever an error carries, its text travels
             error = OrchestratorError(f"{type(error).__name__}: {error}")
-        self._told = [self._alarm.isend(error, rank, _FAILURE) for rank in range(self.size) if rank != self.rank]
+        self._open |= {-1 - rank: self._alarm.isend(error, rank, _FAILURE) for rank in range(self.size) if rank != self.rank}
 
     def cause(self, error: BaseException) -> BaseException:
         """What ended the run, as rank 0 shall say it."""

@@ -41,12 +41,9 @@ class Team:
         """Largest of each value over the ranks; nan where any is."""
         return self.both((), values)[1]
 
-    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> Callable[[], dict[int, np.ndarray]]:
-        """Begin to send contiguous arrays to some ranks, and to receive into others; calling what is returned waits for all.
-
-        Until then nobody may write into either. All ranks begin their exchanges in the same order.
-        """
-        return lambda: incoming
+    def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+        """Point to point: send an array to each of some ranks, and receive one of known size from each of some."""
+        return incoming
 
     def all_gather(self, part: Any) -> list[Any]:
         """Every rank's object, on all ranks."""

@@ -30,7 +30,7 @@ import numpy as np
 from orchestrator.method.acceleration.base import Acceleration, squared_weights
 from orchestrator.method.acceleration.carried import Carried
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.interface.rows import add, dots
+from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.memory import INTERVAL, Memory
 from orchestrator.parallel.team import ALONE, Team
@@ -96,7 +96,7 @@ class ResidualMinimisation(Acceleration):
             steps, norm, along = self._orthogonal(dr, size, scale, along, products)
             for (_, p), c in zip(self.directions, steps.T):
                 for a, b in zip(dp, p):
-                    add(a, -c, b)
+                    a -= c[:, None] * b
             norm, size = np.sqrt(np.maximum(norm, 0.0)), np.sqrt(size)
             good = (norm > DEPENDENT * size) & (scale > 0)
             inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
@@ -169,7 +169,7 @@ class ResidualMinimisation(Acceleration):
     def _without(self, dr: np.ndarray, c: np.ndarray) -> None:
         """Take the directions kept, times c (T, n), out of dr."""
         for (q, _), own in zip(self.directions, c.T):
-            add(dr, -own, q)
+            dr -= own[:, None] * q
 
     def _step(self, dr: np.ndarray, dp: list[np.ndarray]) -> None:
         """From the best point along a direction, by γ."""

@@ -17,7 +17,7 @@ which ``problem`` solves. U is made orthonormal in k. It costs no back-substitut
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -139,7 +139,7 @@ class CoarseCorrection:
 
     def start_from(self, local: LawStage) -> None:
         """Take over the jumps that a local stage starts from; perfect interfaces have none."""
-        steps = replace(self.pairs, numbers=local.pairs.numbers, targets=local.pairs.targets)
+        steps = self.pairs.at_steps_of(local.pairs)
         self.predict = LawStage(self.stage.direction, steps, local.before.among(len(self.pairs)))  # perfect ones come last
 
     def __call__(self, fields: Admissible) -> Admissible:

@@ -71,7 +71,7 @@ def _everyones(space: TraceSpace, pairs: Pairs, opens: np.ndarray) -> tuple[np.n
     interface = np.repeat([i.index for i in pairs.interfaces], np.diff(pairs.bounds)).astype(int)[opens]
     position = (np.arange(len(opens)) - np.repeat(pairs.bounds[:-1], np.diff(pairs.bounds)))[opens]
     number = np.full(space.size + 1, NONE)
-    number[:-1] = space.boundary_number[space.gather] if len(space.boundary_number) else HELD
+    number[:-1] = space.link.boundary_number[space.gather] if len(space.link.boundary_number) else HELD
     number[space.held] = HELD
     tables = []
     for side, dofs in enumerate((pairs.transfer.one, pairs.transfer.two)):

@@ -124,7 +124,7 @@ def fit(scene: Scene, direction: SearchDirection, guarded: Callable[[SearchDirec
 def _off(scene: Scene, blackbox: GuardedTraces, wanted: np.ndarray) -> float:
     """√(σ_min σ_max) over the best: the mean of the wanted interfaces, 1 where nothing can be said."""
     space = blackbox.direction.space
-    known, middle = of_all(space.team, space.subdomain_count, space.subdomains, _middles(scene, blackbox, wanted)).T
+    known, middle = of_all(space.team, space.link.subdomain_count, space.subdomains, _middles(scene, blackbox, wanted)).T
     mine = [i.subdomains for i in scene.interfaces
             if wanted[i.index] and i.subdomains[0] in space.subdomains and known[list(i.subdomains)].all()]
     one, two = middle[np.array(mine, dtype=int).reshape(-1, 2)].T

@@ -95,7 +95,7 @@ def support_forces(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> 
     """
     steps, space, result = d.scene.steps, d.space, []
     subdomain, dof = space.held_at.T
-    pushed = space.on_supports(f)
+    pushed = space.at_nodes(f)[:, space.held]
     for s, rim in zip(d.own, d.rims):
         if not s.fixed.any():
             result.append(None)

@@ -16,12 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.laws.status import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.ties import traced
 from orchestrator.scene.mesh.geometry import area_vectors
 from orchestrator.scene.mesh.patch import node_normals
@@ -61,7 +59,7 @@ def interface_resultants(d: Decomposition, f: np.ndarray) -> Resultants:
     centre, area = np.zeros((count, 3)), np.zeros(count)
     force, moment, weighted = np.zeros((3, steps, count, 3))
     pressed, size = np.zeros((2, steps, count))
-    f = f if space.ties is None else times(sp.csr_array(space.ties.change.T), f)
+    f = space.at_nodes(f)
     alike: dict[int, list[Interface]] = {}  # all with as many nodes to a facet at once
     for i in scene.interfaces:
         if i.subdomains[0] in here and len(i.nodes[0]):

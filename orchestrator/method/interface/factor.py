@@ -1,16 +1,14 @@
 """Solving with sparse symmetric matrices that are factorised once: the macro problem, repositioning, search directions.
 
-Cholesky's factorisation by CHOLMOD, which makes dense products of most of it, in METIS's elimination order: on the
-macro matrices of cubes three to eight times faster than SuperLU, with half the numbers. Its binding needs a compiler to
-be installed. Where it is missing SuperLU takes its place, in the same order; so it does for matrices that are not quite
-positive definite. Each is tried on one right-hand side before it is trusted.
+Cholesky's factorisation by CHOLMOD in METIS's elimination order: on the macro matrices of cubes three to eight times faster
+than SuperLU, with half the numbers. Its binding needs a compiler to be installed. Where it is missing SuperLU takes its place,
+in the same order; so it does for matrices that are not quite positive definite.
 """
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import pymetis
@@ -28,19 +26,7 @@ ORDERED = 2000
 # the matrix is conditioned.
 BACKWARD = 1e-11
 
-
-@dataclass(frozen=True)
-class Factorised:
-    """A factorisation of a matrix (n, n).
-
-    Parameters
-    ----------
-    solve : right-hand sides (n, T) to solutions
-    count : how many numbers the factors hold, counted when asked
-    """
-
-    solve: Callable[[np.ndarray], np.ndarray]
-    count: Callable[[], int]
+Solve = Callable[[np.ndarray], np.ndarray]  # right-hand sides (n, T) to solutions
 
 
 class Factor:
@@ -57,22 +43,15 @@ class Factor:
     """
 
     def __init__(self, lower: sp.sparray, patches: bool = False):
-        self._made = None
-        if lower.shape[0]:
-            lower = sp.tril(lower, format="csc")
-            self._made = by_cholesky(lower, "amd" if patches else "metis") or by_superlu(lower)
-
-    @property
-    def entries(self) -> int:
-        """Numbers that the factors hold."""
-        return self._made.count() if self._made else 0
+        lower = sp.tril(lower, format="csc")
+        self._solve = np.array if not lower.shape[0] else by_cholesky(lower, "amd" if patches else "metis") or by_superlu(lower)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Solutions (T, n) for rows (T, n) of right-hand sides."""
-        return np.ascontiguousarray(self._made.solve(rows.T).T) if self._made else np.array(rows)
+        return np.ascontiguousarray(self._solve(rows.T).T)
 
 
-def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Factorised | None:
+def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Solve | None:
     """CHOLMOD's factorisation in an order by ``metis`` or ``amd``; None where it is not installed, or the matrix is not
     positive definite."""
     if cholmod is None:
@@ -85,30 +64,19 @@ def by_cholesky(lower: sp.csc_array, order: str = "metis") -> Factorised | None:
             factor.cholesky_inplace(columns)
         except cholmod.CholmodError:
             return None
-    return Factorised(factor, lambda: factor.copy().L().nnz) if sound(lower, factor) else None
+    return factor if sound(lower, factor) else None
 
 
-def by_superlu(lower: sp.csc_array) -> Factorised:
-    """SuperLU's factorisation, symmetric in its order.
-
-    Raises
-    ------
-    RuntimeError : the matrix is singular
-    """
+def by_superlu(lower: sp.csc_array) -> Solve:
+    """SuperLU's factorisation, symmetric in its order; ``RuntimeError`` where the matrix is singular."""
     symmetric = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
     columns = whole(lower)
     if columns.shape[0] < ORDERED:
-        lu = sla.splu(columns, permc_spec="MMD_AT_PLUS_A", **symmetric)
-        return Factorised(lu.solve, lambda: lu.nnz)
+        return sla.splu(columns, permc_spec="MMD_AT_PLUS_A", **symmetric).solve
     order = dissection(columns)
     lu = sla.splu(sp.csc_array(columns[order][:, order]), permc_spec="NATURAL", **symmetric)
-
-    def solve(right: np.ndarray) -> np.ndarray:
-        result = np.empty_like(right)
-        result[order] = lu.solve(right[order])
-        return result
-
-    return Factorised(solve, lambda: lu.nnz)
+    back = np.argsort(order)
+    return lambda right: lu.solve(right[order])[back]
 
 
 def whole(lower: sp.csc_array) -> sp.csc_array:
@@ -116,8 +84,8 @@ def whole(lower: sp.csc_array) -> sp.csc_array:
     return sp.csc_array(lower + sp.tril(lower, -1).T)
 
 
-def sound(lower: sp.csc_array, solve: Callable[[np.ndarray], np.ndarray]) -> bool:
-    """Whether a solver solves: a processor that is newer than its linear algebra has been seen to get it wrong."""
+def sound(lower: sp.csc_array, solve: Solve) -> bool:
+    """Whether a solver solves one right-hand side: a processor newer than its linear algebra has been seen to get it wrong."""
     diagonal = lower.diagonal()
     right = np.random.default_rng(0).uniform(-1.0, 1.0, len(diagonal))
     found = solve(right)

@@ -6,20 +6,25 @@ the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import Points
-from orchestrator.laws.status import table
 from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_areas, pair_normals
 from orchestrator.method.interface.pairs import Pairs, Run
-from orchestrator.method.interface.node_compliance import NodeCompliance, inverses, node_blocks, search_stiffness
+from orchestrator.method.interface.point_traces import NodeCompliance
+from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles.nodal import stiffer
+
+# λ is known to a hundredth: what a step may overshoot by costs nothing.
+KNOWN = 1e-2
 
 
 def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: np.ndarray | None = None) -> Pairs:
@@ -50,10 +55,8 @@ def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: 
         stabilisation = _beside_laws(stabilisation, scene, wanted, bounds, points) if stabilisation.any() else None
     mine = np.repeat([i.subdomains[0] in here for i in wanted], np.diff(bounds)).astype(bool)
     laws = sorted({type(i.law) for i in scene.interfaces}, key=lambda law: law.name)
-    ties = (space.ties.dofs, space.ties.targets, space.ties.stiffness) if space.ties else \
-        (np.empty(0, int), np.empty((scene.steps, 0)), np.empty(0))
-    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, [law for law in laws if law.measures],
-                 table(laws), stabilisation, *ties, np.arange(scene.steps))
+    return Pairs(wanted, transfer, nodes, _runs(wanted, bounds, points, own), mine, laws, stabilisation,
+                 space.ties.prescribed if space.ties else Prescribed.nothing(scene.steps), np.arange(scene.steps))
 
 
 def _numbers(transfer: Transfer, interface: Interface, chosen: np.ndarray) -> np.ndarray:
@@ -70,35 +73,83 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
                       points: Points) -> NodeCompliance:
     """Sets the stiffness keq of points; returns C = (k⁺)⁻¹ of their nodes."""
     bounds, held = transfer.bounds, None if transfer.picks else space.held_everywhere  # all ranks ask
-    pair = np.flatnonzero(np.repeat([i.mortar is None for i in interfaces], np.diff(bounds)))
+    at_mortars = np.repeat([i.mortar is not None for i in interfaces], np.diff(bounds)).astype(bool)
+    pair = np.flatnonzero(~at_mortars)
     one, two = (np.ascontiguousarray(side[:, pair].T) for side in (transfer.one, transfer.two))
     normal, there = points.normal[:, pair].T, one >= 0
-    blocks = 0.5 * (node_blocks(k, one) + node_blocks(k, two))
+    blocks = 0.5 * (_node_blocks(k, one) + _node_blocks(k, two))
     # a missing component takes the mean of the others
     trace = np.trace(blocks, axis1=1, axis2=2) * 3 / np.maximum(there.sum(axis=1), 1)
     along = np.einsum("pi,pij,pj->p", normal, blocks, normal)
     along = np.where(there.all(axis=1), along, np.maximum(along, trace / 3))
     points.stiff_n[pair], points.stiff_t[pair] = along / 2, (trace - along) / 4
-    some = points.some(pair)
-    half = some.compliance(np.repeat(np.eye(3)[:, :, None], len(pair), axis=2)).transpose(2, 0, 1) / 2
+    half = points.some(pair).compliance(np.repeat(np.eye(3)[:, :, None], len(pair), axis=2)).transpose(2, 0, 1) / 2
     nodes = [(one, half), (two, half)]
-    mortars = [(i, slice(int(a), int(b))) for i, a, b in zip(interfaces, bounds[:-1], bounds[1:]) if i.mortar is not None]
-    for i, _ in mortars:
-        for side, own in enumerate(space.sides[i.index]):
-            at = own.reshape(-1, 3)
-            if i.tied:  # mid-edge nodes follow their corners
-                at = at[np.unique(i.triangles_on(side)[:, :3])]
-            nodes.append((at, inverses(node_blocks(k, at), ~held[at])))
+    for i in interfaces:
+        if i.mortar is not None:
+            for side, own in enumerate(space.sides[i.index]):
+                at = own.reshape(-1, 3)
+                if i.tied:  # mid-edge nodes follow their corners
+                    at = at[np.unique(i.triangles_on(side)[:, :3])]
+                nodes.append((at, _inverses(_node_blocks(k, at), ~held[at])))
     result = NodeCompliance.of(nodes, transfer)
-    if mortars:
-        chosen = np.concatenate([np.arange(part.start, part.stop) for _, part in mortars])
-        at = (np.arange(3)[:, None] * len(points) + chosen).ravel()
-        ends = np.cumsum([0] + [part.stop - part.start for _, part in mortars])
+    if at_mortars.any():
         gives = result.compliance.diagonal()
-        points.stiff_n[chosen], points.stiff_t[chosen] = search_stiffness(
-            sp.csr_array(result.coupling[at][:, at]), points.normal[:, chosen],
-            [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])], 2 * float(gives.sum() / max(np.count_nonzero(gives), 1)) or 1.0)
+        usual = 2 * float(gives.sum() / max(np.count_nonzero(gives), 1)) or 1.0
+        parts = [np.arange(a, b) for i, a, b in zip(interfaces, bounds[:-1], bounds[1:]) if i.mortar is not None]
+        search_stiffness(result.coupling, points, parts, usual)
     return result
+
+
+def _node_blocks(matrix: sp.csr_array, dofs: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) diagonal blocks of a matrix at nodes with dofs (n, 3); zero where there is none, −1."""
+    if not len(dofs):
+        return np.zeros((0, 3, 3))
+    row, column = np.repeat(dofs[:, :, None], 3, axis=2), np.repeat(dofs[:, None, :], 3, axis=1)
+    values = np.asarray(matrix[row.ravel(), column.ravel()]).reshape(-1, 3, 3)
+    return np.where((row >= 0) & (column >= 0), values, 0.0)
+
+
+def _inverses(blocks: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) inverses of symmetric blocks on the components that are free, (n, 3) bool; zero on the others."""
+    both = free[:, :, None] & free[:, None, :]
+    held = np.where(free, 0.0, 1.0)[:, :, None] * np.eye(3)
+    return np.where(both, np.linalg.inv(np.where(both, blocks, 0.0) + held), 0.0)
+
+
+def search_stiffness(S: sp.csr_array, points: Points, parts: Sequence[np.ndarray], usual: float) -> None:
+    """Sets keq along the normal and across it, from S (3P, 3P), so that keq S has no eigenvalue above 1 on any part.
+
+    Parameters
+    ----------
+    parts : points of each interface whose nodes do not match: one eigenvalue for each
+    usual : compliance of points where none carries anything, as of sides that have slid off each other
+    """
+    for at in parts:
+        dofs = (np.arange(3)[:, None] * len(points) + at).ravel()
+        own, normal, count = sp.csr_array(S[dofs][:, dofs]), points.normal[:, at], len(at)
+        blocks = _node_blocks(own, np.arange(3 * count).reshape(3, -1).T)
+        along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
+        across = (np.trace(blocks, axis1=1, axis2=2) - along) / 2
+        idle = along <= 0  # points that carry nothing: any stiffness does
+        along[idle], across[idle] = along.max(initial=0.0) or usual, across.max(initial=0.0) or usual
+        root = Points(normal, 1 / np.sqrt(along), 1 / np.sqrt(across), np.ones(count))
+        factor = 1.0 if idle.all() else max(1.0, _largest(own, root))
+        points.stiff_n[at], points.stiff_t[at] = 1 / (along * factor), 1 / (across * factor)
+
+
+def _largest(S: sp.csr_array, root: Points) -> float:
+    """The largest eigenvalue of keq^½ S keq^½; ``root`` applies keq^½."""
+    shape = (3, len(root))
+
+    def apply(x: np.ndarray) -> np.ndarray:
+        return root.stiffness(np.reshape(S @ root.stiffness(np.reshape(x, shape)).ravel(), shape)).ravel()
+
+    if len(root) < 3:
+        return float(np.linalg.eigvalsh(np.column_stack([apply(e) for e in np.eye(S.shape[0])]))[-1])
+    start = np.random.default_rng(0).standard_normal(S.shape[0])
+    operator = sla.LinearOperator(S.shape, matvec=apply, dtype=float)
+    return float(sla.eigsh(operator, k=1, which="LA", tol=KNOWN, v0=start, return_eigenvectors=False)[0])
 
 
 def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface], bounds: np.ndarray,

@@ -9,10 +9,10 @@ import numpy as np
 
 from orchestrator.laws.base import Law
 from orchestrator.laws.points import Answer, Collective, Points
-from orchestrator.laws.status import Status
+from orchestrator.laws.status import Status, table
 from orchestrator.method.history import History
-from orchestrator.method.interface.node_compliance import NodeCompliance
-from orchestrator.method.interface.point_traces import PointTraces
+from orchestrator.method.interface.point_traces import NodeCompliance, PointTraces
+from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.parallel.team import Team
 from orchestrator.scene.model import Interface
@@ -45,11 +45,9 @@ class Pairs:
     nodes : (k⁺)⁻¹ of all these interfaces
     runs : the laws and their points, in order
     mine : (P,) bool, points of interfaces whose first side is on this rank
-    laws : all laws of the scene that have measures
-    statuses : all that its laws know
+    laws : all laws of the scene, by name
     stabilisation : (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
-    tied : (q,) int, this rank's trace dofs that follow the points' (see ``ties``), with targets (T, q) and k⁺
-        tie_stiffness (q,)
+    tied : this rank's trace dofs that follow the points'
     numbers : (T,) int, which load steps of the scene these are
     slid : (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
     """
@@ -60,11 +58,8 @@ class Pairs:
     runs: list[Run]
     mine: np.ndarray
     laws: list[type[Law]]
-    statuses: list[Status]
     stabilisation: np.ndarray | None
-    tied: np.ndarray
-    targets: np.ndarray
-    tie_stiffness: np.ndarray
+    tied: Prescribed
     numbers: np.ndarray
     slid: np.ndarray | None = None
 
@@ -82,14 +77,22 @@ class Pairs:
         return self.transfer.exists
 
     @cached_property
+    def statuses(self) -> list[Status]:
+        """All that the laws know."""
+        return table(self.laws)
+
+    @cached_property
     def points(self) -> Points:
         """Geometry and search direction of all pairs."""
-        own = [run.points for run in self.runs]
-        if len(own) == 1:
-            return own[0]
-        none = Points(np.zeros((3, 0)), *np.zeros((3, 0)))
-        return Points(*(np.concatenate([getattr(points, name) for points in [none, *own]], axis=-1)
+        own = [Points(np.zeros((3, 0)), *np.zeros((3, 0))), *(run.points for run in self.runs)]
+        return Points(*(np.concatenate([getattr(points, name) for points in own], axis=-1)
                         for name in ("normal", "stiff_n", "stiff_t", "area")))
+
+    @cached_property
+    def _all_free(self) -> bool:
+        return bool(self.free.all())
+
+    # ---- traces and laws -----------------------------------------------------------------------
 
     def traces(self, w: np.ndarray, f: np.ndarray) -> PointTraces:
         """Traces (T, D + G) at the points."""
@@ -100,7 +103,7 @@ class Pairs:
         second = np.zeros(self.transfer.total, dtype=bool)
         for i in self.interfaces:
             second[self.transfer.sides[i.index][1]] = True
-        linear = self if self.slid is None else replace(self, slid=None)
+        linear = replace(self, slid=None)
         return tuple(linear.traces(np.where(side, W, 0.0), np.where(side, F, 0.0)).predicted() for side in (~second, second))
 
     def force(self, F: np.ndarray, before: History, step: int, derivative: bool = False) -> Answer:
@@ -113,19 +116,19 @@ class Pairs:
         """
         parts = [(run.part, run.law.force(run.points.at(step, self._own(run, before)), F[:, run.part],
                                           before.jump[:, run.part], derivative)) for run in self.runs]
-        if not parts:
-            return _nothing(derivative)
         if len(parts) == 1 and self._all_free:
             return parts[0][1]
-        force = np.where(self.free, np.concatenate([a.force for _, a in parts], axis=1), 0.0)
-        answer = Answer(force, np.concatenate([a.status for _, a in parts]), own={
+
+        def all_of(empty: np.ndarray, name: str) -> np.ndarray:
+            return np.concatenate([empty, *(getattr(answer, name) for _, answer in parts)], axis=-1)
+
+        answer = Answer(self.masked(all_of(np.zeros((3, 0)), "force")), all_of(np.zeros(0, int), "status"), own={
             name: np.concatenate([a.own.get(name, np.zeros(len(a.status))) for _, a in parts])
             for name in dict.fromkeys(name for _, a in parts for name in a.own)})
         if derivative:
-            answer.active = np.concatenate([a.active + part.start for part, a in parts])
+            answer.active = np.concatenate([np.zeros(0, int), *(a.active + part.start for part, a in parts)])
             free = self.free[:, answer.active]
-            slope = np.concatenate([a.derivative for _, a in parts], axis=2)
-            answer.derivative = np.where(free[:, None] & free, slope, 0.0)
+            answer.derivative = np.where(free[:, None] & free, all_of(np.zeros((3, 3, 0)), "derivative"), 0.0)
             answer.collective = self._collective([(part, a.collective) for part, a in parts if a.collective is not None])
         return answer
 
@@ -144,6 +147,17 @@ class Pairs:
         given, taken = (np.where(self.free[:, at], np.concatenate([getattr(c, name) for _, c in parts], axis=1), 0.0)
                         for name in ("given", "taken"))
         return Collective(np.concatenate([c.group + start for (_, c), start in zip(parts, first)]), at, given, taken)
+
+    def idle(self, F: np.ndarray, change: np.ndarray, step: int) -> np.ndarray:
+        """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
+        parts = [run.law.idle(run.points.at(step), F[:, run.part], change[run.part]) for run in self.runs]
+        return np.concatenate([np.zeros(0, dtype=bool), *parts])
+
+    def masked(self, x: np.ndarray) -> np.ndarray:
+        """(…, 3, P) values, zero where prescribed."""
+        return x if self._all_free else np.where(self.free, x, 0.0)
+
+    # ---- springs of stabilisation --------------------------------------------------------------
 
     def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_anchor), where anything is stabilised, and d = (F − f̂)/keq.
@@ -170,14 +184,16 @@ class Pairs:
         """The same with springs of stabilisation of that share of ε."""
         return replace(self, stabilisation=share * self.stabilisation)
 
+    # ---- parts ---------------------------------------------------------------------------------
+
     def some(self, chosen: np.ndarray) -> Pairs:
         """Some of the points (Q,) int, ascending, of the same interfaces, without ties."""
         ends = np.searchsorted(chosen, [run.part.stop for run in self.runs]).tolist()
         runs = [Run(run.law, slice(a, b), run.points.some(chosen[a:b] - run.part.start))
                 for run, a, b in zip(self.runs, [0, *ends], ends)]
-        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs,
-                       stabilisation=_at(self.stabilisation, chosen), slid=_at(self.slid, chosen),
-                       tied=self.tied[:0], targets=self.targets[:, :0], tie_stiffness=self.tie_stiffness[:0])
+        stabilisation, slid = (x if x is None else x[..., chosen] for x in (self.stabilisation, self.slid))
+        return replace(self, transfer=self.transfer.some(chosen), mine=self.mine[chosen], runs=runs, stabilisation=stabilisation,
+                       slid=slid, tied=self.tied.none)
 
     @cached_property
     def lawful(self) -> Pairs:
@@ -189,36 +205,15 @@ class Pairs:
         for i in self.interfaces[:count]:
             for side in self.transfer.sides[i.index]:
                 traces[side] = True
-        transfer = replace(self.transfer.some(first), bounds=self.bounds[: count + 1])
-        return replace(self, interfaces=self.interfaces[:count], transfer=transfer, mine=self.mine[first],
-                       nodes=self.nodes.some(traces, first, len(self)), stabilisation=_at(self.stabilisation, first),
-                       slid=_at(self.slid, first), runs=[run for run in self.runs if not run.law.perfect])
-
-    def idle(self, F: np.ndarray, change: np.ndarray, step: int) -> np.ndarray:
-        """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
-        parts = [run.law.idle(run.points.at(step), F[:, run.part], change[run.part]) for run in self.runs]
-        return np.concatenate([np.zeros(0, dtype=bool), *parts])
-
-    def masked(self, x: np.ndarray) -> np.ndarray:
-        """(…, 3, P) values, zero where prescribed."""
-        return x if self._all_free else np.where(self.free, x, 0.0)
+        some = self.some(first)
+        return replace(some, interfaces=self.interfaces[:count], transfer=replace(some.transfer, bounds=self.bounds[: count + 1]),
+                       nodes=self.nodes.some(traces, first, len(self)), runs=[run for run in some.runs if not run.law.perfect],
+                       tied=self.tied)
 
     def batch(self, steps) -> Pairs:
         """The same pairs for some of the load steps, a slice or indices."""
-        return replace(self, targets=self.targets[steps], numbers=self.numbers[steps])
+        return replace(self, tied=self.tied.batch(steps), numbers=self.numbers[steps])
 
-    @cached_property
-    def _all_free(self) -> bool:
-        return bool(self.free.all())
-
-
-def _nothing(derivative: bool) -> Answer:
-    """The answer of no pairs."""
-    answer = Answer(np.zeros((3, 0)), np.zeros(0, int))
-    if derivative:
-        answer.active, answer.derivative = np.zeros(0, int), np.zeros((3, 3, 0))
-    return answer
-
-
-def _at(values: np.ndarray | None, chosen: np.ndarray) -> np.ndarray | None:
-    return None if values is None else values[..., chosen]
+    def at_steps_of(self, other: Pairs) -> Pairs:
+        """The same pairs for the load steps of others."""
+        return replace(self, tied=other.tied, numbers=other.numbers)

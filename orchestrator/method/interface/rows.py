@@ -1,4 +1,4 @@
-"""Traces are rows, one per load step: (T, D) from the black box to the laws.
+"""Traces are rows, one per load step: (T, D) from the black box to the laws; and what is done to their columns.
 
 A row lies together in memory, as a right-hand side does in a message and as components do in the laws. Sparse matrices
 multiply columns, several of them in one go, so that ``times`` turns its argument for the product alone.
@@ -6,12 +6,10 @@ multiply columns, several of them in one go, so that ``times`` turns its argumen
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.blas import daxpy
-
-
-ROOM = 0.05  # share of a matrix's arrays that may be empty: less is not worth a copy
 
 
 def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
@@ -26,15 +24,9 @@ def dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("ti,ti->t", a, b)
 
 
-def add(rows: np.ndarray, factors: np.ndarray, others: np.ndarray) -> None:
-    """rows (T, n) += factors (T,) times others (T, n), where they are: nothing of their size is written in between."""
-    if not rows.size:
-        return
-    if not rows.flags.c_contiguous:  # of others BLAS would change a copy
-        rows += factors[:, None] * others
-        return
-    for row, factor, other in zip(rows, factors, others):
-        daxpy(other, row, a=factor)
+def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
+    """The parts one after the other; whole numbers of the shape ``empty`` where there are none."""
+    return np.concatenate(parts) if parts else np.empty(empty, int)
 
 
 def narrow(matrix: sp.csr_array) -> sp.csr_array:
@@ -47,7 +39,59 @@ def narrow(matrix: sp.csr_array) -> sp.csr_array:
 
 def fitting(matrix: sp.csr_array) -> sp.csr_array:
     """The same matrix in arrays no longer than its entries: a product's have room for zeros that it has left out."""
-    count = matrix.nnz
-    if len(matrix.data) - count <= ROOM * count:
-        return matrix
-    return sp.csr_array((matrix.data[:count].copy(), matrix.indices[:count].copy(), matrix.indptr), shape=matrix.shape)
+    return sp.csr_array((matrix.data[: matrix.nnz].copy(), matrix.indices[: matrix.nnz].copy(), matrix.indptr), shape=matrix.shape)
+
+
+def unit_rows(at: np.ndarray, size: int) -> sp.csr_array:
+    """(Q, size) unit rows with their entries at columns (Q,), empty ones for −1."""
+    there = at >= 0
+    return sp.csr_array((np.ones(there.sum()), at[there], np.concatenate([[0], np.cumsum(there)])), shape=(len(at), size))
+
+
+def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:
+    """(size, size) the blocks (n, n) on the dofs (n,) of each; no dof belongs to two blocks."""
+    slots = [np.asarray(at, np.int32) for at in slots]
+    row = joined([np.repeat(at, np.diff(block.indptr)) for block, at in zip(blocks, slots)])
+    column = joined([at[block.indices] for block, at in zip(blocks, slots)])
+    return narrow(sp.csr_array((np.concatenate([np.empty(0), *(block.data for block in blocks)]), (row, column)), shape=(size, size)))
+
+
+class Segments:
+    """Columns that belong to subdomains, one after the other.
+
+    Parameters
+    ----------
+    parts : columns of each subdomain, without gaps; those that have none are left out
+
+    Attributes
+    ----------
+    subdomains : (S,) int, the others
+    member : (columns,) int, place of each column's subdomain among these
+    slices : the columns of each of them
+    """
+
+    def __init__(self, parts: Sequence[slice]):
+        self.subdomains = np.array([e for e, part in enumerate(parts) if part.stop > part.start], dtype=int)
+        self.slices = [parts[e] for e in self.subdomains]
+        self.starts = np.array([part.start for part in self.slices], dtype=int)
+        self.member = np.repeat(np.arange(len(self.starts)), [part.stop - part.start for part in self.slices])
+
+    def sums(self, x: np.ndarray) -> np.ndarray:
+        """(…, S) of values (…, columns)."""
+        return np.add.reduceat(x, self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+
+    def products(self, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(rows, S) sums of a · b, (rows, columns) each, and of their magnitudes."""
+        return self.sums(a * b), self.sums(np.abs(a * b))
+
+    def largest(self, x: np.ndarray) -> np.ndarray:
+        """(rows, S) largest magnitude of values (rows, columns); nan where any is."""
+        return np.maximum.reduceat(np.abs(x), self.starts, axis=-1) if len(self.starts) else np.zeros((*x.shape[:-1], 0))
+
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """(…, columns) to each column what its subdomain has of (…, S)."""
+        return values.take(self.member, axis=-1)
+
+    def rows(self, x: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """(columns,) of values (rows, columns) another row for each subdomain, which (S,)."""
+        return x[self.spread(which), np.arange(x.shape[1])]

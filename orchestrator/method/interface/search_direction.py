@@ -17,8 +17,7 @@ from orchestrator.blackbox.models.assembly import assembled, cut
 from orchestrator.blackbox.models.extended import both_alike, sole_models
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.placed import placed
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import placed, times
 from orchestrator.method.interface.ties import traced
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings
@@ -36,16 +35,15 @@ class SearchDirection:
     Attributes
     ----------
     k : (D, D) the part without ghosts
+    diagonal, whole_diagonal : their diagonals, (D,) and (D + G,)
     """
 
     def __init__(self, whole: sp.csr_array, space: TraceSpace):
-        self.whole, self.space = whole, space
-        d = space.size
-        # own rows come first and meet no ghosts: the same numbers, not a copy
-        own = whole.indptr[d]
-        self.k = whole if whole.shape[0] == d else sp.csr_array(
-            (whole.data[:own], whole.indices[:own], whole.indptr[: d + 1]), shape=(d, d))
-        self.diagonal = self.k.diagonal()
+        self.whole, self.space, d = whole, space, space.size
+        own = whole.indptr[d]  # own rows come first and meet no ghosts: the same numbers, not a copy
+        self.k = sp.csr_array((whole.data[:own], whole.indices[:own], whole.indptr[: d + 1]), shape=(d, d))
+        self.whole_diagonal = whole.diagonal()
+        self.diagonal = self.whole_diagonal[:d]
 
     def scaled(self, factors: np.ndarray) -> SearchDirection:
         """That of soles whose moduli are multiplied by factors (interfaces of the scene,)."""
@@ -53,12 +51,10 @@ class SearchDirection:
         for factor, sides in zip(factors, self.space.sides):
             for dofs in sides:
                 each[dofs] = factor
-        # no entry couples two interfaces
-        return SearchDirection(sp.csr_array((self.whole.data * np.repeat(each, np.diff(self.whole.indptr)), self.whole.indices,
-                                             self.whole.indptr), shape=self.whole.shape), self.space)
+        return SearchDirection(sp.csr_array(sp.diags_array(each) @ self.whole), self.space)  # no entry couples two interfaces
 
     @cached_property
-    def solve(self):
+    def solve(self) -> Factor:
         """k⁻¹ applied to rows (T, D), by a factorisation made at the first call."""
         return Factor(self.k, patches=True)
 
@@ -71,37 +67,10 @@ class SearchDirection:
         return self.space.loads(self.times(self.space.trace(u)))
 
     def robin_blocks(self, subdomains: Sequence[int]) -> list[sp.csr_array]:
-        """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in ``space.subdomains``.
-
-        Formed for all at once: no entry couples two subdomains.
-        """
-        parts = [self.space.boundary[e] for e in subdomains]
-        if not parts:
-            return []
-        rows, k, starts = self.space.scatter, self.k, [part.start for part in parts]
-        if sum(part.stop - part.start for part in parts) < rows.shape[0]:
-            starts = np.cumsum([0] + [part.stop - part.start for part in parts]).tolist()
-            rows = sp.csr_array(rows[np.concatenate([np.arange(part.start, part.stop) for part in parts])])
-            own = np.unique(rows.indices)
-            rows, k = rows[:, own], k[own][:, own]
-        all_of_them = sp.csr_array(rows @ k @ rows.T)
-        ends, blocks = all_of_them.indptr, []
-        for part, first in zip(parts, starts):
-            last = first + part.stop - part.start
-            entries = slice(ends[first], ends[last])
-            blocks.append(sp.csr_array((all_of_them.data[entries], all_of_them.indices[entries] - first,
-                                        ends[first : last + 1] - ends[first]), shape=(last - first,) * 2))
-        return blocks
-
-    @cached_property
-    def whole_diagonal(self) -> np.ndarray:
-        """(D + G,) the diagonal of k⁻, ghosts included."""
-        return self.diagonal if self.whole is self.k else self.whole.diagonal()
-
-    @cached_property
-    def other_diagonal(self) -> np.ndarray:
-        """(D,) the diagonal of the neighbour's k⁻, seen from this side."""
-        return self.space.transfer.across(self.whole_diagonal)
+        """(t, t) NᵀkN on the boundary dofs of each of these, numbered as they are in ``space.subdomains``."""
+        rows = self.space.scatter
+        whole = sp.csr_array(rows @ self.k @ rows.T) if len(subdomains) else None  # no entry couples two subdomains
+        return [sp.csr_array(whole[part, part]) for part in (self.space.boundary[e] for e in subdomains)]
 
     @cached_property
     def other(self) -> sp.csr_array:
@@ -126,11 +95,10 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     for stiffness, (_, (index, side)) in zip(found, requests):
         free = traced(scene.interfaces[index], side).ravel()
         key = id(stiffness), free.tobytes()  # congruent soles share their stiffness
-        if key not in different:
-            different[key] = len(different), stiffness, np.flatnonzero(free)  # the outer nodes are clamped
+        number = different.setdefault(key, (len(different), stiffness, np.flatnonzero(free)))[0]  # the outer nodes are clamped
         both = both_alike(scene, index, soles[index])
         for slot in space.sides[index] if both else (space.sides[index][side],):
-            numbers.append(different[key][0])
+            numbers.append(number)
             slots.append(slot)
     blocks = cut([stiffness for _, stiffness, _ in different.values()], [chosen for *_, chosen in different.values()])
     k = placed([blocks[number] for number in numbers], slots, len(space.owner))
@@ -139,17 +107,48 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
     return SearchDirection(k, space)
 
 
+class Nearest:
+    """Traces without jump that are nearest to given ones, on interfaces that do not couple:
+
+        min ½ ‖ŵ − w‖²_k + fᵀŵ   where   B ŵ = 0
+
+    What is prescribed stays what it is. One sparse factorisation, in which no side is to be inverted and no mesh need be the
+    finer one,
+
+        [k  Bᵀ] [ŵ − w]   [ −f ]
+        [B  0 ] [  q  ] = [−B w]
+
+    Parameters
+    ----------
+    k : (n, n) sparse, stiffness of both sides' soles
+    B : (Q, n) sparse
+    held : (n,) bool, what is prescribed
+    """
+
+    def __init__(self, k: sp.csr_array, B: sp.csr_array, held: np.ndarray):
+        self.k, self.B, self.free = k, B, np.flatnonzero(~held)
+        self.unit = float(k.diagonal().mean())  # forces in units of displacements: pivots are compared with each other
+        inside, across = k[self.free][:, self.free] / self.unit, B[:, self.free]
+        self.factor = sla.splu(sp.csc_array(sp.block_array([[inside, across.T], [across, None]])))
+
+    def moves(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """ŵ − w and f̂ = −Bᵀq, (T, n) each, of traces (T, n) and forces; f̂ = f + k(ŵ − w) but for what is prescribed."""
+        right = np.hstack([-f[:, self.free] / self.unit, -times(self.B, w)])
+        found = self.factor.solve(np.ascontiguousarray(right.T))
+        move = np.zeros_like(w)
+        move[:, self.free] = found[: len(self.free)].T
+        return move, -self.unit * times(self.B.T, np.ascontiguousarray(found[len(self.free):].T))
+
+
 def conditioning(k: sp.csr_array, root: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
     """Extreme eigenvalues λ of k⁻ x = λ k⁺ x, to about one per cent.
+
+    The fixed point is stable for relaxations α < 2/(1 + max(λ_max, 1/λ_min)) or so.
 
     Parameters
     ----------
     k : (D, D) k⁻
     root : applies (k⁺)^-½ to (D,)
-
-    Notes
-    -----
-    The fixed point is stable for relaxations α < 2/(1 + max(λ_max, 1/λ_min)) or so.
     """
     if k.shape[0] < 3:
         return 1.0, 1.0

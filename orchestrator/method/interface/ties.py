@@ -1,9 +1,8 @@
 """Contact on ten-node tets: the nodes in the middle of edges are tied to the corners.
 
-Node-wise laws do not suit quadratic faces. A constant pressure gives no nodal force at all to the
-corners of a six-node triangle and a third of its resultant to each mid-edge node: corners would count as
-open, Coulomb's cone would be a point there, and a linear pressure would even pull at them. Therefore,
-on interfaces that press (``Interface.tied``), both sides' traces are kept linear on every face,
+Node-wise laws do not suit quadratic faces: a constant pressure gives no nodal force at all to the corners of a six-node
+triangle, and a linear one would pull at them. Therefore, on interfaces that press (``Interface.tied``), both sides' traces are
+kept linear on every face,
 
     u_m = ½ (u_a + u_b)      for the node m in the middle of the edge ab,
 
@@ -11,8 +10,7 @@ by reaction forces that the interface exerts on each body alone. What is left ar
 forces g = g_corner + ½ Σ g_middle do the traces' whole work, as on four-node tets: pressure is a P1
 field, with a third of the facets' area per corner, and constant and linear pressures pass unchanged.
 The solution of a contact problem is no smoother than H^(5/2−ε) (Moussaoui & Khodja 1992), so that
-linear traces cost no order of convergence where the contact's border is (Hild & Laborde, Appl. Numer.
-Math. 41, 2002, discuss quadratic displacements with linear contact conditions).
+linear traces cost no order of convergence where the contact's border is (Hild & Laborde, Appl. Numer. Math. 41, 2002).
 
 The tie is pointwise in a hierarchical basis of the traces: w_m − ½(w_a + w_b) takes the place of w_m,
 
@@ -26,6 +24,7 @@ error shrinks by (σ − k⁺)/(σ + k⁻), so that k⁺ is taken from the body.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,27 +37,56 @@ from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
 SHARE = 0.25
 
 
+class Prescribed(NamedTuple):
+    """Trace dofs that the local stage prescribes, each side by itself: f̂ = f − k⁺ (w − target).
+
+    Parameters
+    ----------
+    dofs : (q,) int
+    targets : (T, q) displacements
+    stiffness : (q,) k⁺
+    """
+
+    dofs: np.ndarray
+    targets: np.ndarray
+    stiffness: np.ndarray
+
+    @classmethod
+    def nothing(cls, steps: int) -> Prescribed:
+        return cls(np.empty(0, int), np.empty((steps, 0)), np.empty(0))
+
+    @property
+    def none(self) -> Prescribed:
+        """None of these."""
+        return self.nothing(len(self.targets))
+
+    def batch(self, steps) -> Prescribed:
+        """At some of the load steps, a slice or indices."""
+        return self._replace(targets=self.targets[steps])
+
+
 @dataclass
 class Ties:
     """The tied dofs of a scene.
 
     Parameters
     ----------
-    dofs : (q,) int, trace dofs of the mid-edge nodes
-    targets : (T, q) what their hierarchical displacement must be: not zero beside prescribed corners
+    prescribed : trace dofs of the mid-edge nodes; hierarchical displacements are not zero beside prescribed corners
     change : (D, D) sparse Q
     whole : (D + G, D + G) sparse Q, ghosts included
-    stiffness : (q,) the search direction k⁺; ones until ``stiffen`` has been called
-    supports : (p, 4) int rows (tied dof's position in ``dofs``, subdomain, local node, component): prescribed
+    supports : (p, 4) int rows (tied dof's position in these, subdomain, local node, component): prescribed
         corners, which take half of the tied dof's force
     """
 
-    dofs: np.ndarray
-    targets: np.ndarray
+    prescribed: Prescribed
     change: sp.csr_array
     whole: sp.csr_array
-    stiffness: np.ndarray
     supports: np.ndarray
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """(q,) int, trace dofs of the mid-edge nodes."""
+        return self.prescribed.dofs
 
     @property
     def inverse(self) -> sp.csr_array:
@@ -79,13 +107,13 @@ class Ties:
         supports = self.supports[np.isin(self.supports[:, 0], kept)]
         supports = np.column_stack([np.searchsorted(kept, supports[:, 0]), supports[:, 1:]])
         whole = sp.csr_array(self.change[held][:, held])
-        return Ties(place[self.dofs[kept]], self.targets[:, kept], sp.csr_array(whole[:size][:, :size]), whole,
-                    self.stiffness[kept], supports)
+        prescribed = Prescribed(place[self.dofs[kept]], self.prescribed.targets[:, kept], self.prescribed.stiffness[kept])
+        return Ties(prescribed, sp.csr_array(whole[:size][:, :size]), whole, supports)
 
     def stiffen(self, diagonal: np.ndarray) -> None:
         """Take k⁺ from the diagonal (D,) of the bodies' stiffness on the trace dofs; zero where they are held."""
         own = diagonal[self.dofs]
-        self.stiffness = SHARE * np.where(own > 0, own, own.max(initial=0.0) or 1.0)
+        self.prescribed = self.prescribed._replace(stiffness=SHARE * np.where(own > 0, own, own.max(initial=0.0) or 1.0))
 
 
 def traced(interface: Interface, side: int) -> np.ndarray:
@@ -134,4 +162,4 @@ def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: in
     half = sp.csr_array((np.full(len(rows), 0.5), (rows, columns)), shape=(size, size))
     tied = np.concatenate(dofs)
     change = sp.csr_array(sp.eye_array(size) - half)
-    return Ties(tied, np.hstack(targets), change, change, np.ones(len(tied)), np.concatenate(supports))
+    return Ties(Prescribed(tied, np.hstack(targets), np.ones(len(tied))), change, change, np.concatenate(supports))

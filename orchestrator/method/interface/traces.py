@@ -11,7 +11,6 @@ The trace operator of eq. 1 is then a gather, ``w = u[gather]``; its transpose a
 tets are in contact, a change of basis follows (see ``ties``). A component that is prescribed on one side of an opening
 interface is no unknown of its body: *held* trace dofs have no boundary dof, their displacement is ``known``, and their
 force acts on the support. All fields are rows, one per load step: (T, B), (T, D).
-How the two sides of an interface meet, the operators of eq. 5, is the ``transfer``'s business.
 
 Where several ranks share a scene, each holds the part of its own subdomains: its boundary dofs, its D trace
 dofs, and after those its G *ghosts*, the trace dofs of the neighbours' sides of its interfaces. ``extended``
@@ -20,18 +19,40 @@ brings the ghosts' values, point to point; fields are kept without them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.rows import narrow, times
+from orchestrator.method.interface.rows import joined, narrow, times
 from orchestrator.method.interface.ties import Ties, make_ties, traced
-from orchestrator.method.interface.transfer import Transfer
+from orchestrator.method.interface.transfer import Sides, Transfer
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.scene.model import Scene, Subdomain
+
+
+@dataclass
+class Link:
+    """What a rank's part exchanges with others.
+
+    Parameters
+    ----------
+    number, boundary_number : (D,) and (B,) int, its trace dofs and boundary dofs in the numbering of the whole scene
+    total, subdomain_count : trace dofs and subdomains of the whole scene
+    sends, receives : per neighbouring rank, trace dofs to send and ghosts to receive
+    shared : per rank that has boundary dofs of the same classes, these classes
+    """
+
+    number: np.ndarray
+    boundary_number: np.ndarray
+    total: int
+    subdomain_count: int
+    sends: dict[int, np.ndarray] = field(default_factory=dict)
+    receives: dict[int, np.ndarray] = field(default_factory=dict)
+    shared: dict[int, np.ndarray] = field(default_factory=dict)
+    team: Team = ALONE
 
 
 @dataclass
@@ -43,51 +64,32 @@ class TraceSpace:
     subdomains : those numbered here, ascending
     boundary : for each, the slice of its boundary dofs
     global_dof : (B,) int, 3 * node of the scene, or of the rank's part of it, + component
-    gather : (D,) int, boundary dof of each trace dof; anything where it is held
-    held : (h,) int, ascending, trace dofs whose displacement is prescribed
-    held_at : (h, 2) int, the subdomain of each of these, and its dof there, 3 * node + component
+    gather : (D,) int, boundary dof of each trace dof; −1 where it is held
     dof : (D,) int, 3 * node + component of each trace dof, in the same numbering
-    transfer : how the two sides of all interfaces meet, with a point for every component that is free on both
-    sides : per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2; empty where neither
-        is of this part
     owner : (D + G,) int, subdomain of each trace dof
-    perfect : per interface of the scene, whether it is perfect
-    ties : mid-edge nodes tied to their corners, if there are any
-    number : (D,) int, trace dofs in the numbering of the whole scene
-    boundary_number : (B,) int, boundary dofs in the numbering of the whole scene
-    total, subdomain_count : trace dofs and subdomains of all parts
-    label : (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same
+    held_at : (h, 2) int, of each held trace dof, ascending, the subdomain, and the dof there, 3 * node + component
+    transfer : how the two sides of all interfaces meet, with a point for every component that is free on both
+    label : (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
     labels : (classes,) int, ascending, what these are called in the numbering of the whole scene
-    team : whom the other parts belong to
-    sends, receives : per neighbouring rank, trace dofs to send and ghosts to receive
-    shared : per rank that has boundary dofs of the same labels, these labels
+    ties : mid-edge nodes tied to their corners, if there are any
+    link : what other parts have of it
     """
 
     subdomains: list[int]
     boundary: list[slice]
     global_dof: np.ndarray
     gather: np.ndarray
-    transfer: Transfer
-    sides: list[tuple[np.ndarray, np.ndarray]]
+    dof: np.ndarray
     owner: np.ndarray
-    perfect: list[bool]
-    number: np.ndarray
-    boundary_number: np.ndarray
-    total: int
-    subdomain_count: int
+    held_at: np.ndarray
+    transfer: Transfer
     label: np.ndarray
     labels: np.ndarray
-    held: np.ndarray
-    held_at: np.ndarray
-    dof: np.ndarray
-    ties: Ties | None = None
-    team: Team = ALONE
-    sends: dict[int, np.ndarray] = field(default_factory=dict)
-    receives: dict[int, np.ndarray] = field(default_factory=dict)
-    shared: dict[int, np.ndarray] = field(default_factory=dict)
+    ties: Ties | None
+    link: Link
 
     @classmethod
-    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> "TraceSpace":
+    def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> TraceSpace:
         """Number the traces.
 
         Parameters
@@ -95,40 +97,33 @@ class TraceSpace:
         sides : per subdomain, its (interface, side) pairs
         traces : per subdomain, its (t,) boundary dofs in local numbering, ascending
         """
-        ends = np.cumsum([0] + [len(t) for t in traces])
-        boundary = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
-        global_dof = [3 * s.nodes[t // 3] + t % 3 for s, t in zip(scene.subdomains, traces)]
+        subdomains, ends = scene.subdomains, np.cumsum([0] + [len(t) for t in traces])
         listed = [(e, scene.interfaces[index], side) for e, pairs in enumerate(sides) for index, side in pairs]
-        free = _joined([traced(i, side) for _, i, side in listed], (0, 3)).astype(bool)
-        at = np.repeat([e for e, _, _ in listed], [len(i.nodes[side]) for _, i, side in listed]).astype(int)
-        nodes = _joined([i.nodes[side] for _, i, side in listed])
+        free = joined([traced(i, side) for _, i, side in listed], (0, 3)).astype(bool)
+        nodes, counts = joined([i.nodes[side] for _, i, side in listed]), [len(i.nodes[side]) for _, i, side in listed]
+        at = np.repeat([e for e, _, _ in listed], counts).astype(int)
         dofs, owner = (3 * nodes[:, None] + np.arange(3))[free], np.broadcast_to(at[:, None], free.shape)[free]
         # all subdomains' own dofs, one after the other
-        starts = np.cumsum([0] + [3 * len(s.nodes) for s in scene.subdomains])
+        starts = np.cumsum([0] + [3 * len(s.nodes) for s in subdomains])
         everywhere = starts[owner] + dofs
-        fixed = _joined([s.fixed.ravel() for s in scene.subdomains]).astype(bool)[everywhere]
+        held = np.flatnonzero(joined([s.fixed.ravel() for s in subdomains]).astype(bool)[everywhere])
         place = np.zeros(starts[-1], dtype=int)
-        place[_joined([start + trace for start, trace in zip(starts, traces)])] = np.arange(ends[-1])
-        gather, held = place[everywhere], np.flatnonzero(fixed)
-        gather[held] = 0
-        held_at = np.column_stack([owner[held], dofs[held]])
-        trace_dof = 3 * _joined([s.nodes for s in scene.subdomains])[everywhere // 3] + dofs % 3
-        count, stop = len(dofs), np.cumsum([0] + [len(i.nodes[side]) for _, i, side in listed])
-        stop = np.concatenate([[0], np.cumsum(free.sum(axis=1))])[stop]
-        number = np.arange(count)
-        own_sides: list[list] = [[None, None] for _ in scene.interfaces]
-        for (_, interface, side), a, b in zip(listed, stop[:-1].tolist(), stop[1:].tolist()):
-            own_sides[interface.index][side] = number[a:b]
-        perfect = [i.law.perfect for i in scene.interfaces]
-        transfer = Transfer.of(scene.interfaces, own_sides, count)
-        label = _labels(transfer, perfect, gather, int(ends[-1]))
-        return cls(list(range(len(sides))), boundary, _joined(global_dof), gather, transfer,
-                   [tuple(s) for s in own_sides], owner, perfect, np.arange(count),
-                   np.arange(ends[-1]), count, len(sides),
-                   label, np.arange(label.max(initial=-1) + 1), held, held_at, trace_dof,
-                   make_ties(scene, own_sides, count))
+        place[joined([start + trace for start, trace in zip(starts, traces)])] = np.arange(ends[-1])
+        gather, count = place[everywhere], len(dofs)
+        gather[held] = -1
+        stops = np.concatenate([[0], np.cumsum(free.sum(axis=1))])[np.cumsum([0] + counts)]
+        own: list[list] = [[None, None] for _ in scene.interfaces]
+        for (_, i, side), a, b in zip(listed, stops[:-1], stops[1:]):
+            own[i.index][side] = np.arange(a, b)
+        transfer = Transfer.of(scene.interfaces, [tuple(s) for s in own], count)
+        label = _labels(transfer, gather, int(ends[-1]))
+        global_dof = joined([3 * s.nodes[t // 3] + t % 3 for s, t in zip(subdomains, traces)])
+        return cls(list(range(len(sides))), _slices(ends), global_dof, gather,
+                   3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs % 3, owner,
+                   np.column_stack([owner[held], dofs[held]]), transfer, label, np.arange(label.max(initial=-1) + 1),
+                   make_ties(scene, transfer.sides, count), Link(np.arange(count), np.arange(ends[-1]), count, len(sides)))
 
-    def part(self, rank_of: np.ndarray, this: int, nodes: np.ndarray) -> "TraceSpace":
+    def part(self, rank_of: np.ndarray, this: int, nodes: np.ndarray) -> TraceSpace:
         """A rank's part of the numbering of a whole scene; the rank itself enters its ``team``.
 
         Parameters
@@ -141,92 +136,84 @@ class TraceSpace:
         -----
         Both sides of a message list its dofs in the order of the whole numbering: nothing has to be agreed on.
         """
-        mine = np.flatnonzero(rank_of == this)
-        rank = rank_of[self.owner]
+        mine, rank = np.flatnonzero(rank_of == this), rank_of[self.owner]
         own = np.flatnonzero(rank == this)
         far = self.transfer.opposite(own)
         far = far[rank[far] != this]
-        held = np.concatenate([own, far])
+        here = np.concatenate([own, far])
         place = np.full(self.size, -1)
-        place[held] = np.arange(len(held))
+        place[here] = np.arange(len(here))
         theirs = {int(r): far[rank[far] == r] for r in np.unique(rank[far])}
-        receives = {r: place[ghosts] for r, ghosts in theirs.items()}
         met = {r: self.transfer.opposite(ghosts) for r, ghosts in theirs.items()}
-        sends = {r: place[dofs[rank[dofs] == this]] for r, dofs in met.items()}
-        none = np.empty(0, int)
-        sides = [(place[a], place[b]) if len(a) and place[a[0]] >= 0 else (none, none) for a, b in self.sides]
 
-        chosen = _joined([np.arange(s.start, s.stop) for s in (self.boundary[e] for e in mine)])
-        ends = np.cumsum([0] + [self.boundary[e].stop - self.boundary[e].start for e in mine])
-        position = np.zeros(len(self.global_dof), dtype=int)  # held trace dofs have no boundary dof to be found
+        counts = np.array([part.stop - part.start for part in self.boundary])
+        rank_of_dof = np.repeat(rank_of, counts)
+        chosen = np.flatnonzero(rank_of_dof == this)
+        position = np.full(len(self.global_dof) + 1, -1)  # held trace dofs have no boundary dof: the last one's, −1
         position[chosen] = np.arange(len(chosen))
         labels, label = np.unique(self.label[chosen], return_inverse=True)
-        shared = {}
-        rank_of_dof = np.repeat(rank_of, [s.stop - s.start for s in self.boundary])
-        for r in range(int(rank_of.max()) + 1):
-            if r != this:
-                common = np.flatnonzero(np.isin(labels, self.label[rank_of_dof == r]))
-                if len(common):
-                    shared[r] = common
-        return TraceSpace(mine.tolist(), [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])],
-                          _on_nodes(self.global_dof[chosen], nodes), position[self.gather[own]],
-                          self.transfer.renumbered(place, len(own), len(held)), sides, self.owner[held], self.perfect, own,
-                          chosen, self.total, self.subdomain_count, label, labels, np.flatnonzero(np.isin(own, self.held)),
-                          self.held_at[np.isin(self.held, own)], _on_nodes(self.dof[own], nodes),
-                          self.ties and self.ties.part(held, len(own)), ALONE, sends, receives, shared)
+        shared = {r: np.flatnonzero(np.isin(labels, self.label[rank_of_dof == r])) for r in np.unique(rank_of).tolist() if r != this}
+        link = Link(own, chosen, self.link.total, self.link.subdomain_count, {r: place[dofs[rank[dofs] == this]] for r, dofs in met.items()},
+                    {r: place[ghosts] for r, ghosts in theirs.items()}, {r: common for r, common in shared.items() if len(common)})
+        return TraceSpace(mine.tolist(), _slices(np.cumsum([0, *counts[mine]])), _on_nodes(self.global_dof[chosen], nodes),
+                          position[self.gather[own]], _on_nodes(self.dof[own], nodes), self.owner[here],
+                          self.held_at[np.isin(self.held, own)], self.transfer.renumbered(place, len(own), len(here)),
+                          label, labels, self.ties and self.ties.part(here, len(own)), link)
 
     @property
     def size(self) -> int:
         """Number D of trace dofs, both sides counted, ghosts not."""
         return len(self.gather)
 
+    @property
+    def team(self) -> Team:
+        """The ranks that have the other parts."""
+        return self.link.team
+
+    @property
+    def sides(self) -> Sides:
+        """Per interface of the scene, the trace dofs (below D + G) of side 1 and of side 2."""
+        return self.transfer.sides
+
+    @cached_property
+    def held(self) -> np.ndarray:
+        """(h,) int, ascending, trace dofs whose displacement is prescribed."""
+        return np.flatnonzero(self.gather < 0)
+
+    # ---- other ranks ---------------------------------------------------------------------------
+
     def extended(self, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
         """Fields (rows, D) with the values of the ghosts behind, (rows, D + G): one message per neighbour."""
-        return self.extended_later(*fields)()[0]
+        return self.exchanged(fields)[0]
 
-    def extended_later(self, *fields: np.ndarray, values: np.ndarray | None = None
-                       ) -> Callable[[], tuple[tuple[np.ndarray, ...], np.ndarray | None]]:
-        """Begin what ``extended`` does; calling what is returned waits for it.
-
-        Parameters
-        ----------
-        values : (T, B) boundary values whose ``class_sums`` are returned too, and travel in the same messages; all ranks
-            give them, or none does
-        """
+    def exchanged(self, fields: Sequence[np.ndarray], values: np.ndarray | None = None) -> tuple[tuple[np.ndarray, ...], np.ndarray | None]:
+        """``extended`` fields, and ``class_sums`` of boundary values (T, B) in the same messages; all ranks give them, or none."""
+        link, none = self.link, np.empty(0, int)
         summed = None if values is None else times(self.classes, values)
-        met = {} if values is None else self.shared
-        if not self.receives and not met:
-            return lambda: (fields, summed)
-        counts, none = [len(f) for f in fields], np.empty(0, int)
-        rows, steps = sum(counts), 0 if values is None else len(values)
-        ends, outgoing, incoming = {}, {}, {}
-        for r in sorted({*self.receives, *met}):
-            ghosts, dofs, classes = self.receives.get(r, none), self.sends.get(r, none), met.get(r, none)
-            ends[r] = rows * len(ghosts)
-            outgoing[r], incoming[r] = np.empty(rows * len(dofs) + steps * len(classes)), np.empty(ends[r] + steps * len(classes))
-            own, begin = outgoing[r], 0
-            for sent, at in [*((f, dofs) for f in fields), *([] if summed is None else [(summed, classes)])]:
-                stop = begin + len(sent) * len(at)
-                np.take(sent, at, axis=1, out=own[begin:stop].reshape(len(sent), len(at)), mode="clip")
-                begin = stop
-        wait = self.team.exchange(outgoing, incoming)
-
-        def result() -> tuple[tuple[np.ndarray, ...], np.ndarray | None]:
-            arrived = wait()
-            ghosts = np.empty((rows, len(self.owner) - self.size))
-            for r, dofs in self.receives.items():
-                ghosts[:, dofs - self.size] = arrived[r][: ends[r]].reshape(rows, len(dofs))
-            total = summed
-            if met:
-                total = np.zeros_like(summed)
-                for r in sorted([*met, self.team.rank]):  # in one order, for the same bits on all ranks
-                    if r == self.team.rank:
-                        total += summed
-                    else:
-                        total[:, met[r]] += arrived[r][ends[r] :].reshape(steps, len(met[r]))
-            return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, np.cumsum(counts)[:-1]))), total
-
-        return result
+        met = {} if values is None else link.shared
+        if not link.receives and not met:
+            return tuple(fields), summed
+        mine, rows = np.vstack([*fields, np.empty((0, self.size))]), sum(map(len, fields))
+        outgoing, incoming, ends = {}, {}, {}
+        for r in sorted({*link.receives, *met}):
+            sums = summed[:, met[r]].ravel() if r in met else np.empty(0)
+            outgoing[r] = np.concatenate([mine[:, link.sends.get(r, none)].ravel(), sums])
+            ends[r] = rows * len(link.receives.get(r, none))
+            incoming[r] = np.empty(ends[r] + len(sums))
+        arrived = self.team.exchange(outgoing, incoming)
+        ghosts = np.empty((rows, len(self.owner) - self.size))
+        for r, dofs in link.receives.items():
+            ghosts[:, dofs - self.size] = arrived[r][: ends[r]].reshape(rows, len(dofs))
+        total = summed
+        if met:
+            total = np.zeros_like(summed)
+            for r in sorted([*met, self.team.rank]):  # in one order, for the same bits on all ranks
+                if r == self.team.rank:
+                    total += summed
+                else:
+                    total[:, met[r]] += arrived[r][ends[r]:].reshape(len(summed), -1)
+        stops = np.cumsum([len(f) for f in fields])[:-1]
+        return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, stops))), total
 
     def across(self, field: np.ndarray) -> np.ndarray:
         """(rows, D) what the other sides have where a field (rows, D) has its own."""
@@ -235,16 +222,25 @@ class TraceSpace:
     @cached_property
     def held_everywhere(self) -> np.ndarray:
         """(D + G,) bool, trace dofs whose displacement is prescribed, ghosts included; all ranks have to ask."""
-        mask = np.zeros((1, self.size))
-        mask[:, self.held] = 1.0
-        return self.extended(mask)[0][0] > 0
+        return self.extended((self.gather < 0).astype(float)[None])[0][0] > 0
+
+    @cached_property
+    def classes(self) -> sp.csr_array:
+        """(classes, B) 0/1 matrix: boundary dofs that perfect interfaces make one and the same."""
+        b = len(self.label)
+        return narrow(sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(len(self.labels), b)))
+
+    def class_sums(self, values: np.ndarray) -> np.ndarray:
+        """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""
+        return self.exchanged((), values)[1]
+
+    # ---- traces and forces ---------------------------------------------------------------------
 
     @cached_property
     def scatter(self) -> sp.csr_array:
         """(B, D) transpose of the trace operator: sums trace forces into boundary forces; held ones load no body."""
-        d = self.size
-        loose = np.delete(np.arange(d), self.held)
-        sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), d))
+        loose = np.flatnonzero(self.gather >= 0)
+        sums = sp.csr_array((np.ones(len(loose)), (self.gather[loose], loose)), shape=(len(self.global_dof), self.size))
         return narrow(sums if self.ties is None else sp.csr_array(sums @ self.ties.change.T))
 
     def trace(self, boundary: np.ndarray) -> np.ndarray:
@@ -280,24 +276,17 @@ class TraceSpace:
             traces[:, self.held[mine]] = subdomains[e].prescribed.reshape(steps, -1)[:, self.held_at[mine, 1]]
         return self.changed(traces)
 
-    def on_supports(self, forces: np.ndarray) -> np.ndarray:
-        """(T, h) what trace forces (T, D) do at the nodes of held trace dofs."""
-        forces = forces if self.ties is None else times(sp.csr_array(self.ties.change.T), forces)
-        return forces[:, self.held]
+    def at_nodes(self, forces: np.ndarray) -> np.ndarray:
+        """(T, D) what trace forces (T, D) do at the nodes."""
+        return forces if self.ties is None else times(sp.csr_array(self.ties.change.T), forces)
 
     def loads(self, forces: np.ndarray) -> np.ndarray:
         """(T, B) boundary forces Nᵀ f of trace forces (T, D)."""
         return times(self.scatter, forces)
 
-    @cached_property
-    def classes(self) -> sp.csr_array:
-        """(classes, B) 0/1 matrix: boundary dofs that perfect interfaces make one and the same."""
-        b = len(self.label)
-        return narrow(sp.csr_array((np.ones(b), (self.label, np.arange(b))), shape=(self.label.max(initial=-1) + 1, b)))
 
-    def class_sums(self, values: np.ndarray) -> np.ndarray:
-        """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""
-        return self.extended_later(values=values)()[1]
+def _slices(ends: np.ndarray) -> list[slice]:
+    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:])]
 
 
 def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
@@ -305,13 +294,9 @@ def _on_nodes(dofs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
     return 3 * np.searchsorted(nodes, dofs // 3) + dofs % 3
 
 
-def _labels(transfer: Transfer, perfect: list[bool], gather: np.ndarray, size: int) -> np.ndarray:
+def _labels(transfer: Transfer, gather: np.ndarray, size: int) -> np.ndarray:
     """(B,) int, number of the class of each boundary dof."""
-    bonded = np.repeat(np.array(perfect, bool), np.diff(transfer.bounds)) & transfer.at_pairs
+    bonded = np.repeat(transfer.perfect, np.diff(transfer.bounds)) & transfer.at_pairs
     one, two = (gather[side[bonded]] for side in (transfer.one, transfer.two))
     graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(size, size))
     return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)
-
-
-def _joined(parts: list[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.empty(empty, int)

@@ -1,12 +1,12 @@
 """How the two sides of interfaces meet: jumps at points, forces of the points on either side (paper, eq. 5).
 
-Whatever crosses an interface goes through a transfer. With the traces w of all sides in one vector and Q points,
+With the traces w of all sides in one vector and Q points,
 
     first(w) = G₁ w,    second(w) = G₂ w,    jump(w) = G₂ w − G₁ w = B w,    opposed(q) = −Bᵀ q
 
 so that a force q on the first side and −q on the second works in the jump alone. Where nodes match, the points are the
-common nodes, and every row of G₁ and G₂ has one entry, which is 1. Where they match on all interfaces no product is formed:
-rows pick by index. Elsewhere G₁ and G₂ are sparse (dual mortar, see ``scene.interfaces.mortar``).
+common nodes, and every row of G₁ and G₂ has one entry, which is 1; where they match on all interfaces rows pick by index.
+Elsewhere G₁ and G₂ are sparse (dual mortar, see ``scene.interfaces.mortar``).
 """
 
 from __future__ import annotations
@@ -14,16 +14,56 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.method.interface.products import Products, of_mortar, of_pairs, stacked, unit_rows
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import joined, times, unit_rows
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.model import Interface
 
 Sides = Sequence[tuple[np.ndarray, np.ndarray]]
+
+# Forces of points are read from mass matrices that condition well: their solutions' far entries fade below this.
+FADED = 1e-14
+
+
+class Products(NamedTuple):
+    """Sparse operators (Q, D + G) of all points: G₁, G₂, and E, which reads the points' forces, E (−Bᵀ) = 1."""
+
+    G1: sp.csr_array
+    G2: sp.csr_array
+    E: sp.csr_array
+
+    @classmethod
+    def of_pairs(cls, one: np.ndarray, two: np.ndarray, size: int) -> Products:
+        """Of an interface whose nodes match, on the trace dofs of its sides."""
+        first, second = unit_rows(one, size), unit_rows(two, size)
+        return cls(first, second, 0.5 * (first - second))
+
+    @classmethod
+    def of_mortar(cls, mortar: Mortar, one: np.ndarray, two: np.ndarray, size: int) -> Products:
+        """Of an interface whose nodes do not match; E is own⁻ᵀ hatsᵀ, empty rows where a point carries nothing now."""
+        own = mortar.own
+        if mortar.diagonal:
+            share = own.diagonal()
+            inverse = sp.diags_array(np.divide(1, share, out=np.zeros_like(share), where=share > 0))
+        else:
+            dense = np.linalg.inv(own[::3, ::3].toarray()).T  # the same for every component
+            dense[np.abs(dense) < FADED * np.abs(dense).max()] = 0.0
+            inverse = sp.kron(dense, sp.eye_array(3), format="csr")
+        return cls(*(sp.csr_array((G.data, dofs[G.indices], G.indptr), shape=(G.shape[0], size)) for G, dofs in (
+            (mortar.first, one), (mortar.second, two), (sp.csr_array(inverse @ mortar.hats.T), one))))
+
+    @classmethod
+    def stacked(cls, blocks: Sequence[Products]) -> Products:
+        return cls(*(sp.csr_array(sp.vstack(same)) for same in zip(*blocks)))
+
+    def rows(self, chosen: np.ndarray) -> Products:
+        """Some of the points by number; −1: one that is not there."""
+        chosen = unit_rows(chosen.ravel(), self.G1.shape[0])
+        return Products(*(sp.csr_array(chosen @ G) for G in self))
 
 
 @dataclass(frozen=True)
@@ -37,10 +77,9 @@ class Transfer:
     two : the same on side 2 where nodes match, and once more that on side 1 elsewhere
     size, total : number of trace dofs D, and with ghosts D + G
     bounds : (interfaces + 1,) int, where the points of each interface start, along the last axis
-    sides : per interface of the scene, the trace dofs of side 1 and of side 2
-    matched : (interfaces of the scene,) bool, whose nodes match
-    base : operators of flat points; None where nodes match everywhere
-    row : shape Q, which of these each point is, −1 for none; None: all, as they come
+    sides : per interface of the scene, the trace dofs of side 1 and of side 2; empty where neither is this rank's
+    matched, perfect : (interfaces of the scene,) bool, whose nodes match, and whose law is the perfect one
+    operators : of these points; None where nodes match everywhere
     """
 
     one: np.ndarray
@@ -50,31 +89,26 @@ class Transfer:
     bounds: np.ndarray
     sides: Sides
     matched: np.ndarray
-    base: Products | None = None
-    row: np.ndarray | None = None
+    perfect: np.ndarray
+    operators: Products | None = None
 
     @classmethod
     def of(cls, interfaces: Sequence[Interface], sides: Sides, size: int) -> Transfer:
         """Of all interfaces of a scene, with a flat point for every component that both sides share."""
-        one, two, blocks, none = [np.empty(0, int)], [np.empty(0, int)], [], np.empty(0, int)
-        matched = np.array([i.mortar is None for i in interfaces], dtype=bool)
-        for interface, (first, second) in zip(interfaces, sides):
-            own = first if interface.mortar is None else first[interface.mortar.dofs]
-            one.append(own)
-            two.append(second if interface.mortar is None else own)
-            if not matched.all():
-                blocks.append(of_pairs(first, second, size) if interface.mortar is None else
-                              of_mortar(interface.mortar, first, second, size))
-        base = None if matched.all() else stacked(blocks)
-        bounds = np.cumsum([0] + [len(a) for a in one[1:]])
-        return cls(np.concatenate([none, *one]), np.concatenate([none, *two]), size, size, bounds, list(sides), matched, base)
+        matched, perfect = (np.array(x, dtype=bool) for x in ([i.mortar is None for i in interfaces], [i.law.perfect for i in interfaces]))
+        one = [a if i.mortar is None else a[i.mortar.dofs] for i, (a, _) in zip(interfaces, sides)]
+        two = [b if i.mortar is None else own for i, (_, b), own in zip(interfaces, sides, one)]
+        operators = None if matched.all() else Products.stacked([
+            Products.of_pairs(a, b, size) if i.mortar is None else Products.of_mortar(i.mortar, a, b, size)
+            for i, (a, b) in zip(interfaces, sides)])
+        return cls(joined(one), joined(two), size, size, np.cumsum([0] + [len(a) for a in one]), sides, matched, perfect, operators)
 
     def paired(self, mortars: dict[int, Mortar]) -> Transfer:
         """The same with other operators of some interfaces, of as many points, by their place in the scene."""
-        blocks = [self.base.rows(np.arange(a, b)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
+        blocks = [Products(*(G[a:b] for G in self.operators)) for a, b in zip(self.bounds[:-1], self.bounds[1:])]
         for index, mortar in mortars.items():
-            blocks[index] = of_mortar(mortar, *self.sides[index], self.total)
-        return replace(self, base=stacked(blocks))
+            blocks[index] = Products.of_mortar(mortar, *self.sides[index], self.total)
+        return replace(self, operators=Products.stacked(blocks))
 
     # ---- fields --------------------------------------------------------------------------------
 
@@ -99,12 +133,9 @@ class Transfer:
         """(…, D + G) G₁ᵀ one + G₂ᵀ two of values (…, Q)."""
         if not self.picks:
             return self._turned(self.products.G1, one) + self._turned(self.products.G2, two)
-        result = np.zeros((*one.shape[: one.ndim - self.one.ndim], self.total))
+        result, there = np.zeros((*one.shape[: one.ndim - self.one.ndim], self.total)), self.exists
         for at, values in ((self.one, one), (self.two, two)):
-            if self._whole:
-                result[..., at] = values
-            else:
-                result[..., at[self.exists]] = values[..., self.exists]
+            result[..., at if self._whole else at[there]] = values if self._whole else values[..., there]
         return result
 
     def opposed(self, q: np.ndarray) -> np.ndarray:
@@ -113,7 +144,7 @@ class Transfer:
 
     def across(self, x: np.ndarray) -> np.ndarray:
         """(…, D) what the other side has there, of traces (…, D + G), where nodes match; zero elsewhere."""
-        there = x.take(self.partner, axis=-1)
+        there = x.take(self.partner[: self.size], axis=-1)
         return there if self.picks else np.where(self._met, there, 0.0)
 
     def mismatch(self, w: np.ndarray) -> np.ndarray:
@@ -121,7 +152,7 @@ class Transfer:
         apart = self.across(w) - w[..., : self.size]
         if self.picks:
             return apart
-        points = self._turned(self.own_nodes, np.where(self.at_pairs, 0.0, self.jump(w)))
+        points = self._turned(unit_rows(self.one.ravel(), self.total), np.where(self.at_pairs, 0.0, self.jump(w)))
         return np.where(self._met, apart, np.sqrt(2.0) * points[..., : self.size])
 
     def imbalance(self, f: np.ndarray) -> np.ndarray:
@@ -131,35 +162,42 @@ class Transfer:
             return both
         return np.where(self._met, both, np.sqrt(2.0) * (f - self.opposed(self.carried(f)))[..., : self.size])
 
+    def _picked(self, x: np.ndarray, at: np.ndarray) -> np.ndarray:
+        there = x.take(at, axis=-1)
+        return there if self._whole else np.where(self.exists, there, 0.0)
+
+    def _times(self, G: sp.csr_array, x: np.ndarray) -> np.ndarray:
+        return times(G, x.reshape(-1, self.total)).reshape(*x.shape[:-1], *self.one.shape)
+
+    def _turned(self, G: sp.csr_array, q: np.ndarray) -> np.ndarray:
+        leading = q.shape[: q.ndim - self.one.ndim]
+        rows = int(np.prod(leading))  # said, since a rank may have no points
+        return times(G.T, q.reshape(rows, G.shape[0])).reshape(*leading, self.total)
+
     # ---- matrices ------------------------------------------------------------------------------
 
     @property
     def picks(self) -> bool:
         """Whether nodes match on all interfaces, so that rows pick by index."""
-        return self.base is None
+        return self.operators is None
+
+    @cached_property
+    def products(self) -> Products:
+        """Operators of these points, flat."""
+        return Products.of_pairs(self.one.ravel(), self.two.ravel(), self.total) if self.picks else self.operators
 
     @cached_property
     def B(self) -> sp.csr_array:
         """(Q, D + G) G₂ − G₁."""
         return sp.csr_array(self.products.G2 - self.products.G1)
 
-    @cached_property
-    def own_nodes(self) -> sp.csr_array:
-        """(Q, D + G) 0/1: the points' own dofs on the first side."""
-        return unit_rows(self.one.ravel(), self.total)
-
     def seen_across(self, matrix: sp.csr_array) -> sp.csr_array:
         """(D, D) a matrix (D + G, D + G) of all sides, as the other sides see it where nodes match; zero elsewhere."""
-        there = sp.csr_array(matrix[self.partner][:, self.partner])
-        if self.picks:
-            return there
-        kept = sp.diags_array(self._met.astype(float))
-        return sp.csr_array(kept @ there @ kept)
+        partner, kept = self.partner[: self.size], sp.diags_array(self._met.astype(float))
+        return sp.csr_array(kept @ sp.csr_array(matrix[partner][:, partner]) @ kept)
 
     def rows(self, fields: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
         """Q × m of sparse columns (D + G, m), on side 1 and on side 2."""
-        if self.picks:
-            return fields[self.one], fields[self.two]
         return sp.csr_array(self.products.G1 @ fields), sp.csr_array(self.products.G2 @ fields)
 
     def at_points(self, matrix: sp.csr_array) -> tuple[sp.csr_array, sp.csr_array]:
@@ -168,6 +206,15 @@ class Transfer:
         Elsewhere twice of side 1, whose nodes the points are: a stiffness cannot be carried over from other nodes.
         """
         return tuple(sp.csr_array(matrix[side][:, side]) for side in (self.one, self.two))
+
+    def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2, up to a common factor where nodes
+        do not match: there, moduli. n nodes on an area A have a sum of about E A/h, h² = A/n."""
+        one, two = self.first(diagonal), self.second(diagonal)
+        for index in np.flatnonzero(~self.matched):
+            points = slice(self.bounds[index], self.bounds[index + 1])
+            one[points], two[points] = (diagonal[side].sum() / np.sqrt(max(len(side), 1)) for side in self.sides[index])
+        return one, two
 
     # ---- parts ---------------------------------------------------------------------------------
 
@@ -188,23 +235,25 @@ class Transfer:
 
     @cached_property
     def partner(self) -> np.ndarray:
-        """(D,) int, the trace dof that each one meets; itself where nodes do not match."""
-        return self._partner[: self.size]
+        """(D + G,) int, the trace dof that each one meets; itself where nodes do not match."""
+        result, there = np.arange(self.total), self.exists
+        result[self.one[there]], result[self.two[there]] = self.two[there], self.one[there]
+        return result
 
-    def stiffnesses(self, diagonal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(Q,) what a diagonal stiffness (D + G,) is at the points, on side 1 and on side 2, up to a common factor where nodes
-        do not match: there, moduli. n nodes on an area A have a sum of about E A/h, h² = A/n."""
-        one, two = self.first(diagonal), self.second(diagonal)
-        for index in np.flatnonzero(~self.matched):
-            points = slice(self.bounds[index], self.bounds[index + 1])
-            one[points], two[points] = (diagonal[side].sum() / np.sqrt(max(len(side), 1)) for side in self.sides[index])
-        return one, two
+    @cached_property
+    def _met(self) -> np.ndarray:
+        """(D,) bool, whether nodes match there."""
+        return self.partner[: self.size] != np.arange(self.size)
+
+    @cached_property
+    def _whole(self) -> bool:
+        return bool(self.exists.all())
 
     def opposite(self, dofs: np.ndarray) -> np.ndarray:
         """Trace dofs, ascending, that meet some of the given ones; where nodes do not match, whole sides do."""
         chosen = np.zeros(self.total, bool)
         chosen[dofs] = True
-        met = self._partner[dofs]
+        met = self.partner[dofs]
         found = [met[met != dofs]]
         for index in np.flatnonzero(~self.matched):
             one, two = self.sides[index]
@@ -218,19 +267,17 @@ class Transfer:
         ----------
         place : (D + G,) int, new number of each trace dof, −1 for those that are left out
         """
-        known = place >= 0
+        known, none = place >= 0, np.empty(0, int)
         whole = np.array([known[a].all() and known[b].all() for a, b in self.sides], dtype=bool)
         kept = np.where(self.at_pairs, known[self.one] & known[self.two], np.repeat(whole, np.diff(self.bounds)))
-        base = None
-        if self.base is not None:
+        operators = self.operators
+        if operators is not None:
             columns = np.zeros(total, int)
             columns[place[known]] = np.flatnonzero(known)
-            some = self.base.rows(np.flatnonzero(kept))
-            base = Products(*(sp.csr_array(G[:, columns]) for G in (some.G1, some.G2, some.E)))
-        none = np.empty(0, int)
+            operators = Products(*(sp.csr_array(G[kept][:, columns]) for G in operators))
         sides = [(place[a], place[b]) if w else (none, none) for (a, b), w in zip(self.sides, whole)]
-        return Transfer(place[self.one[kept]], place[self.two[kept]], size, total, np.concatenate([[0], np.cumsum(kept)])[self.bounds],
-                        sides, self.matched, base)
+        return replace(self, one=place[self.one[kept]], two=place[self.two[kept]], size=size, total=total, sides=sides,
+                       bounds=np.concatenate([[0], np.cumsum(kept)])[self.bounds], operators=operators)
 
     def at(self, row: np.ndarray, bounds: np.ndarray) -> Transfer:
         """Points made of the flat ones that this one has.
@@ -241,44 +288,10 @@ class Transfer:
         bounds : where the points of each interface that is meant start, along the last axis
         """
         one, two = (np.append(side, -1)[row] for side in (self.one, self.two))
-        return replace(self, one=one, two=two, bounds=bounds, row=row)
+        return replace(self, one=one, two=two, bounds=bounds, operators=None if self.picks else self.operators.rows(row))
 
     def some(self, chosen: np.ndarray) -> Transfer:
         """Some of the points along the last axis, ascending."""
-        row = None if self.row is None else self.row[..., chosen]
-        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen], row=row, bounds=np.searchsorted(chosen, self.bounds))
-
-    @cached_property
-    def products(self) -> Products:
-        """Operators of these points, flat."""
-        if self.base is None:
-            return of_pairs(self.one.ravel(), self.two.ravel(), self.total)
-        return self.base if self.row is None else self.base.rows(unit_rows(self.row.ravel(), self.base.G1.shape[0]))
-
-    @cached_property
-    def _partner(self) -> np.ndarray:
-        result = np.arange(self.total)
-        there = self.exists
-        result[self.one[there]], result[self.two[there]] = self.two[there], self.one[there]
-        return result
-
-    @cached_property
-    def _met(self) -> np.ndarray:
-        """(D,) bool, whether nodes match there."""
-        return self.partner != np.arange(self.size)
-
-    @cached_property
-    def _whole(self) -> bool:
-        return bool(self.exists.all())
-
-    def _picked(self, x: np.ndarray, at: np.ndarray) -> np.ndarray:
-        there = x.take(at, axis=-1)
-        return there if self._whole else np.where(self.exists, there, 0.0)
-
-    def _times(self, G: sp.csr_array, x: np.ndarray) -> np.ndarray:
-        return times(G, x.reshape(-1, self.total)).reshape(*x.shape[:-1], *self.one.shape)
-
-    def _turned(self, G: sp.csr_array, q: np.ndarray) -> np.ndarray:
-        leading = q.shape[: q.ndim - self.one.ndim]
-        rows = int(np.prod(leading))  # said, since a rank may have no points
-        return times(G.T, q.reshape(rows, G.shape[0])).reshape(*leading, self.total)
+        number = np.arange(self.one.size).reshape(self.one.shape)[..., chosen]
+        return replace(self, one=self.one[..., chosen], two=self.two[..., chosen], bounds=np.searchsorted(chosen, self.bounds),
+                       operators=None if self.picks else self.operators.rows(number))

@@ -15,8 +15,7 @@ import scipy.sparse as sp
 from orchestrator.blackbox.models.assembly import Assembled, assembled, cut
 from orchestrator.blackbox.models.extended import Rim, rim_model
 from orchestrator.blackbox.protocol import BlackBox, Model
-from orchestrator.method.interface.placed import placed
-from orchestrator.method.interface.rows import dots
+from orchestrator.method.interface.rows import dots, placed
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.savings import Savings

@@ -26,8 +26,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.linear.macro_basis import as_given
-from orchestrator.method.interface.nearest import Nearest
-from orchestrator.method.interface.search_direction import SearchDirection
+from orchestrator.method.interface.search_direction import Nearest, SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 
 SOFT = 0.05  # σ below which a mode belongs to the macro problem
@@ -115,7 +114,7 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox,
                     done |= dict.fromkeys(same, own.modes)
         under_way = left
     total, = space.team.sum(spent)
-    return done, float(total) / space.subdomain_count
+    return done, float(total) / space.link.subdomain_count
 
 
 def _by_answer(members: list[int], answers: Mapping[int, np.ndarray]) -> list[list[int]]:
@@ -139,7 +138,7 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
     -----
     Between ranks, the rank of the first side makes the basis and gives it to the other, see ``as_given``.
     """
-    team, counts = space.team, np.zeros(space.subdomain_count)
+    team, counts = space.team, np.zeros(space.link.subdomain_count)
     counts[space.subdomains] = [modes[e].shape[1] if e in modes else 0 for e in range(len(space.boundary))]
     counts = team.sum(counts)[0].astype(int)
     if not counts.any():

@@ -12,7 +12,7 @@ so that affine combinations of its results are its results for the combined stat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -55,7 +55,6 @@ class Admissible:
     robin: np.ndarray | None = field(default=None, init=False, repr=False)
     sums: np.ndarray | None = field(default=None, init=False, repr=False)
     pull: np.ndarray | None = field(default=None, init=False, repr=False)
-    _arrive: Callable | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
@@ -66,23 +65,14 @@ class Admissible:
         return fields
 
     def send(self, weight: np.ndarray | None = None) -> None:
-        """Let traces travel to other ranks while this one goes on; ``extended`` waits for theirs.
-
-        Parameters
-        ----------
-        weight : (B,) of the displacements whose class sums travel in the same messages
-        """
+        """Exchange traces with other ranks, and in the same messages the class sums of displacements times ``weight`` (B,)."""
         if self.space.team.size > 1:
-            self._arrive = self.space.extended_later(self.w, self.f, values=None if weight is None else weight * self.u)
+            self.extended, self.sums = self.space.exchanged((self.w, self.f), None if weight is None else weight * self.u)
 
     @cached_property
     def extended(self) -> tuple[np.ndarray, np.ndarray]:
         """w and f with the neighbours' values behind, (T, D + G) each: they travel once, whoever asks."""
-        if self._arrive is None:
-            return self.space.extended(self.w, self.f)
-        arrive, self._arrive = self._arrive, None
-        traces, self.sums = arrive()
-        return traces
+        return self.space.extended(self.w, self.f)
 
     @property
     def rows(self) -> tuple[np.ndarray, ...]:

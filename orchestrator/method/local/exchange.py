@@ -11,7 +11,8 @@ Three choices of k⁺:
 - ``full``: one's own sole, k⁺ = k⁻; a factorisation per interface.
 - ``diagonal``: its diagonal, which makes the stage pointwise, as the paper does.
 
-Where nodes do not match there is no exchange; see ``tied``, whose k⁺ is one's own sole whatever is chosen here.
+Where nodes do not match there is no exchange, and k⁺ = k⁻ whatever is chosen: ŵ are the traces without jump that are
+``Nearest``, f̂ = −Bᵀ q. Where nodes match and both sides have the same sole that is the exchange.
 """
 
 from __future__ import annotations
@@ -22,11 +23,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.rows import times
-from orchestrator.method.interface.search_direction import SearchDirection, conditioning
+from orchestrator.method.interface.rows import joined, times
+from orchestrator.method.interface.search_direction import Nearest, SearchDirection, conditioning
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.local.state import LocalState
-from orchestrator.method.local.tied import Tied
 
 
 class Exchange:
@@ -39,7 +39,9 @@ class Exchange:
     """
 
     def __init__(self, direction: SearchDirection, kplus: str = "exchange"):
-        self.direction, self.kplus, self.tied = direction, kplus, Tied(direction)
+        self.direction, self.kplus, transfer = direction, kplus, direction.space.transfer
+        self._apart = [i for i in np.flatnonzero(transfer.perfect & ~transfer.matched) if len(transfer.sides[i][0])]
+        self._held = None if transfer.picks else direction.space.held_everywhere  # all ranks ask
 
     def __call__(self, fields: Admissible) -> LocalState:
         """Next state s = f̂ + k⁻ŵ from the traces of the linear stage."""
@@ -52,43 +54,53 @@ class Exchange:
     def exchanged(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(T, D) s = k⁻ w' − f' of ``exchange``, w' and f', from traces with ghosts (T, D + G).
 
-        Where nodes do not match, s is that of ``tied``, and w' = 2ŵ − w, f' = f − 2f̂ as they are elsewhere.
+        Where nodes do not match w' = 2ŵ − w, f' = f − 2f̂, as they are elsewhere.
         """
         across = self.direction.space.transfer.across
         w_other, f_other = across(w), across(f)
         s = self.direction.times(w_other) - f_other
-        if len(self.tied):
-            own, at = self.tied.own, self.tied.dofs[self.tied.own]
-            s[:, at], w_hat, f_hat = (x[:, own] for x in self.tied(w, f))
+        if self._apart:
+            at, s[:, at], w_hat, f_hat = self._nearest_to(w, f)
             w_other[:, at], f_other[:, at] = 2 * w_hat - w[:, at], f[:, at] - 2 * f_hat
         return s, w_other, f_other
 
     def hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂, each (T, D), eq. 10, from traces with ghosts (T, D + G)."""
         k, other, solve = self._factors
-        size = self.direction.space.size
-        own_w, own_f = w[:, :size], f[:, :size]
-        kw, across = times(k, own_w) - own_f, self.direction.space.transfer.across
-        # the other side's, of ghosts too without a message: what they know is k⁺ of their side, seen from here
-        theirs = across(kw) if w.shape[1] == size else times(other, across(w)) - across(f)
-        w_hat = solve(kw + theirs)
-        return self._with_tied(w, f, w_hat, own_f - times(k, own_w - w_hat))
+        own_w, own_f = (x[:, : k.shape[0]] for x in (w, f))
+        across = self.direction.space.transfer.across
+        w_hat = solve(times(k, own_w) - own_f + times(other, across(w)) - across(f))
+        return self._with_apart(w, f, w_hat, own_f - times(k, own_w - w_hat))
 
     def lumped_hats(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """ŵ and f̂ for the diagonal of k⁻ in the place of k⁺: no factorisation; parameters as of ``hats``."""
-        k, theirs = self.direction.diagonal, self.direction.other_diagonal
+        k, across = self.direction.diagonal, self.direction.space.transfer.across
         own_w, own_f = w[:, : len(k)], f[:, : len(k)]
-        kw = self.direction.whole_diagonal * w - f  # of ghosts too: nothing has to travel
-        w_hat = (kw[:, : len(k)] + self.direction.space.transfer.across(kw)) / (k + theirs)
-        return self._with_tied(w, f, w_hat, own_f - k * (own_w - w_hat))
+        kw = self.direction.whole_diagonal * w - f
+        w_hat = (kw[:, : len(k)] + across(kw)) / (k + across(self.direction.whole_diagonal))
+        return self._with_apart(w, f, w_hat, own_f - k * (own_w - w_hat))
 
-    def _with_tied(self, w: np.ndarray, f: np.ndarray, w_hat: np.ndarray,
-                   f_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _with_apart(self, w: np.ndarray, f: np.ndarray, w_hat: np.ndarray, f_hat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same with what belongs to interfaces whose nodes do not match."""
-        if len(self.tied):
-            own, at = self.tied.own, self.tied.dofs[self.tied.own]
-            _, w_hat[:, at], f_hat[:, at] = (x[:, own] for x in self.tied(w, f))
+        if self._apart:
+            at, _, w_hat[:, at], f_hat[:, at] = self._nearest_to(w, f)
         return w_hat, f_hat
+
+    def _nearest_to(self, w: np.ndarray, f: np.ndarray) -> tuple[np.ndarray, ...]:
+        """This rank's trace dofs of interfaces whose nodes do not match, and s, ŵ and f̂ there."""
+        dofs, nearest = self._nearest
+        own = dofs < self.direction.space.size
+        move, f_hat = nearest.moves(w[:, dofs], f[:, dofs])
+        w_hat = w[:, dofs] + move
+        return dofs[own], *(x[:, own] for x in (f_hat + times(nearest.k, w_hat), w_hat, f_hat))
+
+    @cached_property
+    def _nearest(self) -> tuple[np.ndarray, Nearest]:
+        """Trace dofs of interfaces whose nodes do not match, ghosts included, and their problem."""
+        transfer = self.direction.space.transfer
+        dofs = joined([side for i in self._apart for side in transfer.sides[i]])
+        points = joined([np.arange(transfer.bounds[i], transfer.bounds[i + 1]) for i in self._apart])
+        return dofs, Nearest(sp.csr_array(self.direction.whole[dofs][:, dofs]), sp.csr_array(transfer.B[points][:, dofs]), self._held[dofs])
 
     def counts(self, local: LocalState) -> dict[str, int]:
         """Nothing to count: perfect interfaces have one status."""

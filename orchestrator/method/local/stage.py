@@ -58,7 +58,7 @@ class LawStage:
         """(q,) int, trace dofs of this rank that no law and no tie deals with: those of perfect interfaces."""
         pairs = self.pairs
         rest = ~pairs.nodes.there
-        rest[pairs.tied] = False
+        rest[pairs.tied.dofs] = False
         return np.flatnonzero(rest[: self.direction.space.size])
 
     def __call__(self, fields: Admissible) -> LocalState:
@@ -78,9 +78,9 @@ class LawStage:
             before = History(jump[t], answer.own)
             own.append(answer.own)
         w_hat, f_hat = at.hats(force)
-        tied = pairs.tied
-        w_hat[:, tied] = pairs.targets
-        f_hat[:, tied] = f[:, tied] - pairs.tie_stiffness * (w[:, tied] - pairs.targets)
+        tied, targets, stiffness = pairs.tied
+        w_hat[:, tied] = targets
+        f_hat[:, tied] = f[:, tied] - stiffness * (w[:, tied] - targets)
         alone = self.perfect
         if len(alone):
             exchanged, w_other, f_other = (x[:, alone] for x in self.exchange.exchanged(w, f))

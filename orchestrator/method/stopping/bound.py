@@ -186,9 +186,9 @@ class ErrorBound:
         """(classes, modes) what rigid motions add to the class sums of weighted displacements; all ranks have to ask."""
         space = self.space
         mine = sp.csr_array(space.classes @ sp.diags_array(self.weight) @ self.modes.boundary)
-        if not space.shared:
+        if not space.link.shared:
             return mine
-        met = np.unique(np.concatenate(list(space.shared.values())))
+        met = np.unique(np.concatenate(list(space.link.shared.values())))
         total = None
         for rank, (labels, rows) in enumerate(self.team.all_gather((space.labels[met], mine[met]))):
             if rank != self.team.rank:

@@ -35,10 +35,10 @@ class Continuity:
         self.space, self.weight = space, weight
         self.class_weight = space.class_sums(weight[None])
         transfer, none = space.transfer, np.empty(0, int)
-        self.tied = bool((np.array(space.perfect, dtype=bool) & ~transfer.matched).any())
+        self.tied = bool((transfer.perfect & ~transfer.matched).any())
         if self.tied:
             counts = [b - a if p and not m else 0 for a, b, p, m in zip(
-                transfer.bounds[:-1], transfer.bounds[1:], space.perfect, transfer.matched)]
+                transfer.bounds[:-1], transfer.bounds[1:], transfer.perfect, transfer.matched)]
             here = [np.arange(transfer.bounds[i], transfer.bounds[i + 1]) for i in np.flatnonzero(counts)]
             self.points = np.concatenate([none, *here])
             self.points = self.points[transfer.mine[self.points]]  # theirs is the first side

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.method.interface.segments import Segments
+from orchestrator.method.interface.rows import Segments
 from orchestrator.method.linear.stage import LinearStage
 
 RELATIVE_TAIL = 0.02  # the conjugate gradients stop when neither a step nor what is to come adds more of the bound's square

@@ -103,7 +103,7 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
     direction, w, f = stage.direction, fields.w, fields.f
-    exact = exact or direction.space.total <= EXACT_LIMIT
+    exact = exact or direction.space.link.total <= EXACT_LIMIT
     kw = stage.robin_of(fields) - f  # known: no product with k
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats

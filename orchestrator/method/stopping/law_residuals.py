@@ -94,9 +94,8 @@ class LawMeasure:
         self.pairs, points = pairs, pairs.points
         top, bottom, unbalanced = at.squares(local.force)
         stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
-        tied = pairs.tied
-        if len(tied):
-            top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tie_stiffness))
+        tied = pairs.tied.dofs
+        top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tied.stiffness))
         self.sums, self.largest = np.array([top, bottom, unbalanced, stiff]), self._largest(at, local, before)
 
     def _largest(self, at: PointTraces, local: LocalState, before: History) -> list[float]:

@@ -30,7 +30,7 @@ class RigidModes:
     """
 
     def __init__(self, space: TraceSpace, modes: list[np.ndarray]):
-        counts = np.zeros(space.subdomain_count)
+        counts = np.zeros(space.link.subdomain_count)
         counts[space.subdomains] = [m.shape[1] for m in modes]
         counts, = space.team.sum(counts)
         starts = np.concatenate([[0], np.cumsum(counts)]).astype(int)

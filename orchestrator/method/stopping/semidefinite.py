@@ -20,9 +20,9 @@ def semidefinite_solver(matrix: sp.sparray) -> Callable[[np.ndarray], np.ndarray
         return lambda rows: np.zeros((len(rows), 0))
     scale = matrix.diagonal()
     shifted = sp.tril(matrix + sp.diags_array(np.where(scale > 0, scale, 1.0) * SHIFT), format="csc")
-    factorised = by_cholesky(shifted) or by_superlu(shifted)
-    # where rounding has made it indefinite, pivots have to be chosen
-    solve = factorised.solve if sound(shifted, factorised.solve) else sla.splu(whole(shifted)).solve
+    solve = by_cholesky(shifted) or by_superlu(shifted)
+    if not sound(shifted, solve):  # where rounding has made it indefinite, pivots have to be chosen
+        solve = sla.splu(whole(shifted)).solve
     return lambda rows: np.ascontiguousarray(solve(rows.T).T)
 
 
