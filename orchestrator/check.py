@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.start import find_codes
 from orchestrator.config.model import Config
 from orchestrator.config.method import Method
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions

@@ -245,7 +245,7 @@ def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its
 def doctor() -> None:
     """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes are there."""
     def action() -> int:
-        from orchestrator.blackbox.codes.finding import doctor as examine
+        from orchestrator.blackbox.start import doctor as examine
 
         lines = examine()
         print("\n".join(lines))

@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 from blackbox_case import box, settings
 
-from orchestrator.blackbox import cost
-from orchestrator.blackbox.cost import Request, compliance_pays, copies, to_come
+from orchestrator.blackbox.shared import copies
 from orchestrator.blackbox.start import make_blackbox
-
-
-def spent(requests: int, trace: int, cases: int, request: Request, unit_loads: Request, expected: int = 0) -> float:
-    """Seconds of a run of so many requests that follows the model."""
-    seconds = 0.0
-    for done in range(requests):
-        if compliance_pays(trace, to_come(done, expected), cases, request, unit_loads):
-            return seconds + unit_loads.of(trace)
-        seconds += request.of(cases)
-    return seconds
+from orchestrator.blackbox.transport import runs
+from orchestrator.blackbox.transport.runs import Request, Tally
 
 
 @pytest.mark.parametrize("start, each, factor", [(0.0, 1e-3, 1.0), (0.3, 1e-3, 1.0), (0.0, 0.2, 0.01), (0.05, 0.01, 30.0)],
@@ -28,19 +19,15 @@ def test_at_most_twice_the_cheaper_way(start, each, factor):
     request, unit_loads = Request(start, each), Request(start, factor * each)
     for trace in (9, 150, 1500):
         for cases in (1, 7):
-            formed = unit_loads.of(trace)
             for requests in (1, 2, 5, 17, 60, 400, 5000):
-                found = spent(requests, trace, cases, request, unit_loads)
-                solved = requests * request.of(cases)
-                assert found <= 2 * min(solved, formed) + request.of(cases)
-
-
-def test_what_is_expected_decides_before_anything_has_been():
-    """Twenty stages are worth twenty solves of each load case, less nothing more; forty dofs are not."""
-    request = Request(0.0, 1.0)
-    assert [compliance_pays(trace, to_come(0, 20), 2, request, request) for trace in (39, 40, 41)] == [True, False, False]
-    assert not compliance_pays(39, to_come(0), 2, request, request), "nothing is expected of who was never asked"
-    assert [to_come(done, 20) for done in (0, 5, 10, 19, 30)] == [20, 15, 11, 20, 31]
+                tally, seconds = Tally("one", trace, request, unit_loads), 0.0
+                for _ in range(requests):
+                    if tally.due(cases):
+                        seconds += unit_loads.of(trace)
+                        break
+                    tally.spent += request.of(cases)
+                    seconds += request.of(cases)
+                assert seconds <= 2 * min(requests * request.of(cases), unit_loads.of(trace)) + request.of(cases)
 
 
 def test_copies_pay_by_the_solves_they_take_off_others():
@@ -59,7 +46,7 @@ def test_no_compliance_without_room_for_it(code, monkeypatch):
         plain.load([model])
         expected = plain.traces({0: forces})[0]
     for room, formed in ((0.0, False), (math.inf, True)):
-        monkeypatch.setattr(cost, "room", lambda: room)
+        monkeypatch.setattr(runs, "room", lambda: room)
         with make_blackbox(settings(**code)) as blackbox:
             blackbox.load([model])
             answers = [blackbox.traces({0: forces})[0] for _ in range(2)]

@@ -50,7 +50,7 @@ def test_a_killed_process():
     with make_blackbox(settings(workers=2)) as blackbox:
         blackbox.load(models)
         pids = blackbox.usage.pids()
-        os.kill(pids[blackbox.inner._holders(1)[0]], signal.SIGKILL)
+        os.kill(pids[blackbox.inner._home[1]], signal.SIGKILL)
         with pytest.raises(BlackBoxError) as caught:
             blackbox.traces({i: forces(m) for i, m in enumerate(models)})
         assert caught.value.subdomain == "second"

@@ -8,7 +8,7 @@ import scipy.sparse.linalg as spla
 from blackbox_case import assemble, box, chain, difference, forces, on_all, settings
 
 from orchestrator.blackbox.codes.freefem.installation import report
-from orchestrator.blackbox.pool.pool import longest_first
+from orchestrator.blackbox.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 
 

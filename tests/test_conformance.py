@@ -13,9 +13,8 @@ from typer.testing import CliRunner
 from quick import quick
 
 from orchestrator.blackbox.trial import conformance
-from orchestrator.blackbox.codes.finding import find_codes
-from orchestrator.blackbox.pool.pool import Pool
-from orchestrator.blackbox.start import make_blackbox
+from orchestrator.blackbox.start import find_codes, make_blackbox
+from orchestrator.blackbox.pool import Pool
 from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError
 

@@ -9,10 +9,10 @@ from blackbox_case import assemble, box, difference, settings
 from in_process import IN_PROCESS, InProcess, InProcessWorker
 from quadratic_case import assemble_ten
 
-from orchestrator.blackbox.layers.guarded import PATCH, GuardedCode, imbalance, patch_errors, wrong_stiffness
+from orchestrator.blackbox.guarded import PATCH, GuardedCode, imbalance, patch_errors, wrong_stiffness
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.blackbox.pool.pool import Pool
+from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.errors import BlackBoxError

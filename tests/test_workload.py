@@ -8,7 +8,7 @@ import results_case as case
 from blackbox_case import box, forces, settings
 from rich.console import Console
 
-from orchestrator.blackbox.pool.pool import longest_first
+from orchestrator.blackbox.pool import longest_first
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.parallel.team import Team

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,12 +21,9 @@ from orchestrator.blackbox.usage import Usage
 class Origin:
     """What a model is in the user's mesh. It refers to the scene's arrays and copies none.
 
-    Parameters
-    ----------
     nodes : (b,) int, numbers in the user's mesh of the model's first nodes; −1, and those after them: soles'
     cells : (c,) int, numbers there of its first tets; −1, and those after them: soles'
-    volume : (all tets of the mesh,) int, index into ``volumes``
-    volumes : names of volumes
+    volume : (all tets of the mesh,) int, index into ``volumes``, names
     """
 
     nodes: np.ndarray
@@ -43,26 +40,10 @@ class Origin:
         return {"number": number, "volume": volume, "sole": volume < 0, "volumes": np.array(list(self.volumes), dtype=str)}
 
 
-    @staticmethod
-    def side_by_side(models: Sequence[Model]) -> Origin | None:
-        """That of one model that holds all these, in order."""
-        known = [model.origin for model in models if model.origin is not None]
-        if not known:
-            return None
-        nodes, cells = [], []
-        for model in models:
-            for numbers, of_origin, count in ((nodes, "nodes", len(model.nodes)), (cells, "cells", len(model.cells))):
-                own = getattr(model.origin, of_origin) if model.origin is not None else np.empty(0, int)
-                numbers += [own, np.full(count - len(own), -1)]
-        return Origin(np.concatenate(nodes), np.concatenate(cells), known[0].volume, known[0].volumes)
-
-
 @dataclass
 class Model:
     """A finite element model as plain data. Dof = 3 * node + component.
 
-    Parameters
-    ----------
     name : for messages and logs
     nodes : (n, 3) float
     cells : (m, 4 or 10) int, positively oriented tets; with ten nodes, those in the middle of the edges 01, 12, 02,
@@ -72,7 +53,7 @@ class Model:
     fixed : (n, 3) bool, dofs clamped to zero
     trace : (t,) int, dofs on which traces are exchanged; none of them fixed, no repetition
     code : which black box of the configuration it is for, where there are several
-    origin : what it is in the user's mesh; None: nothing but a sole, or several models in one
+    origin : what it is in the user's mesh; None: nothing but a sole
     """
 
     name: str
@@ -90,8 +71,6 @@ class Model:
 class Traits:
     """What may be relied on with a code, and what not.
 
-    Parameters
-    ----------
     translation_invariant : its answers depend neither on where a model is nor on its name, so that one model may
         answer for others that differ by a translation
     own_matter : its material is its own, not ``Model.materials``: nothing is known of its stiffness but that it is
@@ -108,13 +87,14 @@ class Traits:
     nonlinear: bool = False
 
 
-@runtime_checkable
 class BlackBox(Protocol):
     """A pool of finite element processes that hosts many models and keeps all cores busy.
 
     All methods raise BlackBoxError when the code fails, hangs or answers nonsense.
     Used as a context manager: leaving the block ends every process and removes every file.
     """
+
+    usage: Usage  # what it has taken of the machine so far
 
     def load(self, models: Sequence[Model]) -> None:
         """Assemble and factorise every model; model i is known as ``i`` from then on, those before are forgotten."""
@@ -134,14 +114,10 @@ class BlackBox(Protocol):
     def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
         """What nonlinear models truly do from the end of the last committed load step.
 
-        Parameters
-        ----------
         forces : model → (3n,) nodal forces on free dofs, prescribed displacements on those that are clamped
         commit : this is the end of the load step, which the next one starts from
 
-        Returns
-        -------
-        model → (2, 3n): displacements u, and K u − r, K being the elastic stiffness and r the forces that u needs
+        Returns model → (2, 3n): displacements u, and K u − r, K being the elastic stiffness and r the forces that u needs.
         """
 
     def traits(self, code: int = 0) -> Traits:
@@ -150,10 +126,56 @@ class BlackBox(Protocol):
     def close(self) -> None:
         """End all processes and remove all files; may be called twice."""
 
+    def __enter__(self) -> BlackBox: ...
+
+    def __exit__(self, *exc: object) -> None: ...
+
+
+class Layer:
+    """A black box around an inner one, itself a layer perhaps, to which it leaves what it does not do itself."""
+
+    def __init__(self, inner: BlackBox):
+        self.inner = inner
+
+    def all_traces(self, forces: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+        """Answers (rows, B) to trace forces (rows, B) of all subdomains at once, side by side; zero for other columns.
+
+        parts : per subdomain, its columns
+        """
+        asked = {e: np.ascontiguousarray(forces[:, part]) for e, part in enumerate(parts) if part.stop > part.start}
+        result = np.zeros(forces.shape)
+        for e, answer in self.traces(asked).items():
+            result[:, parts[e]] = answer
+        return result
+
     @property
     def usage(self) -> Usage:
-        """What it has taken of the machine so far."""
+        return self.inner.usage
 
-    def __enter__(self) -> "BlackBox": ...
+    def load(self, models: Sequence[Model]) -> None:
+        self.inner.load(models)
 
-    def __exit__(self, *exc) -> None: ...
+    def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        return self.inner.traces(forces)
+
+    def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
+        return self.inner.fields(forces)
+
+    def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
+        return self.inner.stiffness(models)
+
+    def advance(self, forces: Mapping[int, np.ndarray], commit: bool) -> dict[int, np.ndarray]:
+        return self.inner.advance(forces, commit)
+
+    def traits(self, code: int = 0) -> Traits:
+        return self.inner.traits(code)
+
+    def close(self) -> None:
+        self.inner.close()
+
+    def __enter__(self) -> Layer:
+        self.inner.__enter__()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.inner.__exit__(*exc)

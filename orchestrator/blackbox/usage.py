@@ -6,9 +6,15 @@ them anew.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from orchestrator.blackbox.codes.code import Code
+    from orchestrator.blackbox.transport.worker import Worker
 
 STAGES = ("start", "assemble", "factorise", "solve")  # of a code's own clock
 
@@ -19,9 +25,6 @@ class Activity:
 
     The code's own seconds, messages, waiting and idleness make up the wall clock.
 
-    Parameters
-    ----------
-    worker : its number
     models, dofs : that it holds now; dofs that are not clamped
     calls : tasks it was given; all subdomains of a linear stage are one
     start, assemble, factorise, solve : CPU seconds on the code's own clock
@@ -43,59 +46,64 @@ class Activity:
     waiting: float
     idle: float
 
-    def since(self, before: "Activity") -> "Activity":
+    def since(self, before: Activity) -> Activity:
         """What was added since an earlier moment."""
-        kept = {name: getattr(self, name) for name in ("worker", "models", "dofs")}
-        return Activity(**kept, **{f.name: getattr(self, f.name) - getattr(before, f.name)
-                                   for f in fields(self) if f.name not in kept})
-
-    @property
-    def code(self) -> float:
-        """All seconds of the code."""
-        return self.start + self.assemble + self.factorise + self.solve
+        return Activity(self.worker, self.models, self.dofs, *(
+            getattr(self, f.name) - getattr(before, f.name) for f in fields(self)[3:]))
 
     @property
     def seconds(self) -> float:
         """All seconds."""
-        return self.code + self.messages + self.waiting + self.idle
+        return self.start + self.assemble + self.factorise + self.solve + self.messages + self.waiting + self.idle
 
 
 class Usage:
     """What a pool has taken so far; to be read between two requests, from the thread that makes them.
 
-    Parameters
-    ----------
-    crew : the pool's ``Crew``
     codes : its ``Code`` of each number
-    teams : the workers of each code
-    place : its folder
+    teams : the numbers of the workers of each code
+    folder : where meshes and messages are written; removed with the black box
+    asked : seconds of wall clock in which it had something to do, in all
     """
 
-    def __init__(self, crew, codes: Mapping, teams: Mapping[int, Sequence[int]], place: Path):
-        self._crew, self._codes, self._teams, self._folder = crew, codes, teams, place
-        self._held: list[tuple[int, int]] = []  # worker, model
-        self._dofs: Sequence[int] = []
+    def __init__(self, codes: Mapping[int, Code], teams: Mapping[int, range], folder: Path):
+        self._codes, self._teams, self._folder = dict(codes), teams, folder
+        self.workers: list[Worker] = []
+        self.asked = self._since = self._before = 0.0
+        self.hold([], [])
 
-    def hold(self, places: Iterable, dofs: Sequence[int]) -> None:
-        """Take in the ``Sharing`` of each code, and how many free dofs each model has."""
-        self._held = [(worker, model) for place in places for model, workers in place.holders.items() for worker in workers]
-        self._dofs = dofs
+    def begin(self, workers: Sequence[Worker]) -> None:
+        """These work from now on."""
+        self.workers, self._since, self._before = list(workers), time.perf_counter(), self.asked
 
-    @property
-    def asked(self) -> float:
-        """Seconds of wall clock in which it had something to do, in all."""
-        return self._crew.asked
+    def hold(self, home: Sequence[int], dofs: Sequence[int]) -> None:
+        """Take in which worker has each model, and how many free dofs that has."""
+        self._home, self._dofs = home, dofs
+
+    def timed(self, number: int, work: Callable[[Worker, Any], dict], argument: Any) -> dict:
+        """Do a worker's task, in its own thread."""
+        begin, worker = time.perf_counter(), self.workers[number]
+        try:
+            return work(worker, argument)
+        finally:
+            worker.calls += 1
+            worker.working += time.perf_counter() - begin
+
+    def asked_for(self, seconds: float) -> None:
+        """Somebody had a task for so long."""
+        self.asked += seconds
 
     def clock(self) -> dict[str, float]:
         """The codes' own CPU seconds, summed over workers, for each of ``STAGES``."""
-        return _summed(self._crew.workers)
+        return _summed(self.workers)
 
     def activity(self) -> list[Activity]:
         """What each worker has done with its time."""
-        idle, found = self._crew.idle(), []
-        for number, worker in enumerate(self._crew.workers):
-            dofs = [self._dofs[model] for holder, model in self._held if holder == number]
-            found.append(Activity(number, len(dofs), sum(dofs), worker.calls, **worker.seconds, waiting=self._crew.waited(worker),
+        asked, found = self.asked - self._before, []
+        idle = time.perf_counter() - self._since - asked
+        for number, worker in enumerate(self.workers):
+            dofs = [n for n, home in zip(self._dofs, self._home) if home == number]
+            found.append(Activity(number, len(dofs), sum(dofs), worker.calls, **worker.seconds, waiting=asked - worker.working,
                                   messages=worker.working - sum(worker.seconds.values()), idle=idle))
         return found
 
@@ -108,11 +116,11 @@ class Usage:
         """
         entries = []
         for number, code in self._codes.items():
-            workers = [self._crew.workers[worker] for worker in self._teams[number]]
+            workers = [self.workers[worker] for worker in self._teams[number]]
             seconds = _summed(workers)
             entries.append({
                 "code": code.name, "transport": code.settings.transport, "version": code.version(),
-                "models": len({model for worker, model in self._held if worker in self._teams[number]}),
+                "models": sum(home in self._teams[number] for home in self._home),
                 "workers": len(workers), "seconds": {**seconds, "total": sum(seconds.values())},
                 "compliances": [note for worker in workers for note in worker.compliances()],
                 "own_matter": workers[0].traits().own_matter})
@@ -120,11 +128,11 @@ class Usage:
 
     def memory_peak_mb(self) -> float:
         """Largest resident memory of the codes' processes, MB, summed over workers."""
-        return float(sum(worker.note_memory() for worker in self._crew.workers))
+        return float(sum(worker.note_memory() for worker in self.workers))
 
     def pids(self) -> list[int]:
         """Process ids of the codes' processes that run now."""
-        processes = [worker.process for worker in self._crew.workers]
+        processes = [worker.process for worker in self.workers]
         return [p.pid for p in processes if p is not None and p.returncode is None]
 
     def folders(self) -> list[Path]:
@@ -132,6 +140,6 @@ class Usage:
         return [self._folder]
 
 
-def _summed(workers: Sequence) -> dict[str, float]:
+def _summed(workers: Sequence[Worker]) -> dict[str, float]:
     """Seconds per stage of workers together."""
     return {stage: sum(worker.seconds[stage] for worker in workers) for stage in STAGES}

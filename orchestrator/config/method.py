@@ -102,8 +102,7 @@ class Skip(Part):
     """What a scene does not need is not done; true leaves it to the program where it pays."""
 
     congruent: bool = Field(True, description=(
-        "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation; so do "
-        "subdomains that are turned or mirrored by quarter turns"))
+        "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation"))
     repeated: bool = Field(True, description=(
         "right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
     superposition: bool = Field(True, description=(

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.cost import Request
+from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
 from orchestrator.blackbox.protocol import Model
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.links import Files, Pipes
 from orchestrator.blackbox.transport.messages import BadReply, Buffers, Reply
-from orchestrator.blackbox.transport.runs import RunWorker, Tally
 from orchestrator.blackbox.transport.worker import Ended
 
 

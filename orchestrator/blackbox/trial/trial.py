@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.start import find_codes
 from orchestrator.blackbox.codes.foreign.condensed import judged
 from orchestrator.blackbox.codes.foreign.program import Answers
-from orchestrator.blackbox.pool.pool import Pool
+from orchestrator.blackbox.pool import Pool
 from orchestrator.blackbox.trial.conformance import run_checks
 from orchestrator.config.blackbox import settings_class
 from orchestrator.config.parts import ProgramPart

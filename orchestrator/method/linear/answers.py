@@ -16,8 +16,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.layers.layer import Layer
-from orchestrator.blackbox.protocol import BlackBox
+from orchestrator.blackbox.protocol import BlackBox, Layer
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection

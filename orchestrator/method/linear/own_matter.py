@@ -5,7 +5,7 @@
 - K is a sum over tets: its rows on supports and interfaces, which energies, bound and reactions use, are those of the tets
   there alone.
 
-Symmetry and rigid motions are tested where stiffness arrives, see ``blackbox.layers.guarded``.
+Symmetry and rigid motions are tested where stiffness arrives, see ``blackbox.guarded``.
 """
 
 from __future__ import annotations

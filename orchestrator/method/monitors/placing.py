@@ -14,12 +14,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.blackbox.cost import STAGES, to_come
-from orchestrator.blackbox.pool.sharing import IMBALANCE, LEAST, NOTICED
+from orchestrator.cost import STAGES
 from orchestrator.method.evaluation import Evaluation, Verdict
 from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.parallel.team import Team
 
+IMBALANCE = 1.3  # seconds of the slowest rank over the mean
+LEAST = 3  # requests before that is judged: the first answers take longer
+NOTICED = 1.0  # seconds that are to be saved at least: below that the clock tells noise
 CERTAIN = 2.0  # times the set-up's seconds that are to be saved: on a machine with others seconds repeat no better than that
 
 
@@ -74,7 +76,7 @@ class Placing(Monitor):
         if self._requests < LEAST or not sound.any() or busy.min() <= 0 or busy.max() <= IMBALANCE * busy.mean():
             return Verdict()
         speeds = load / busy
-        gain = (busy.max() - load.sum() / speeds.sum()) / self._requests * to_come(self._requests, STAGES)
+        gain = (busy.max() - load.sum() / speeds.sum()) / self._requests * max(STAGES - self._requests, self._requests + 1)
         if gain > max(NOTICED, CERTAIN * set_up.max()):
             raise Unbalanced(speeds / speeds.sum(), float(busy.max() / busy.mean()), now.number)
         return Verdict()

@@ -18,8 +18,7 @@ from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.codes.calculix import files
 from orchestrator.blackbox.transport.messages import BadReply
 from orchestrator.blackbox.protocol import Model
-from orchestrator.blackbox.cost import Request
-from orchestrator.blackbox.transport.runs import RunWorker, Tally
+from orchestrator.blackbox.transport.runs import Request, RunWorker, Tally
 from orchestrator.blackbox.transport.worker import Ended
 from orchestrator.errors import InputError, Problem
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.blackbox.codes.finding import find_codes
+from orchestrator.blackbox.start import find_codes
 from orchestrator.config.blackbox import CodeSettings
 from orchestrator.errors import InputError
 from orchestrator.scene.model import Scene, Subdomain

@@ -15,9 +15,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.layers.layer import Layer
+from orchestrator.blackbox.protocol import BlackBox, Layer, Model
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.compiled import cores, together
 from orchestrator.errors import BlackBoxError
 

@@ -1,1 +1,0 @@
-"""Layers around a black box that route, share and remember."""

@@ -1,1 +1,0 @@
-"""Workers, their processes and files: started, kept busy, ended."""
