@@ -131,7 +131,7 @@ GROUND = Registry({"support": "orchestrator.laws.support:Support", "coupling": "
 
 ACCELERATIONS = Registry({
     "none": "orchestrator.method.acceleration.relaxation:Relaxation",
-    "aitken": "orchestrator.method.acceleration.aitken:Aitken",
+    "aitken": "orchestrator.method.acceleration.relaxation:Aitken",
     "anderson": "orchestrator.method.acceleration.anderson:Anderson",
     "gmres": "orchestrator.method.acceleration.residual_minimisation:ResidualMinimisation",
 })

@@ -17,14 +17,13 @@ from orchestrator.method.events import Subscriber
 from orchestrator.method.monitors.placing import Unbalanced
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.registry import LAWS
+from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.figures.artist import Artist
 from orchestrator.results.folder import ResultsFolder, of_parts
-from orchestrator.results.kept_mesh import kept_mesh
 from orchestrator.results.lock import locked
 from orchestrator.results.record import Record
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.checkpoint import begun
 from orchestrator.results.subscribers.progress import Progress
 from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.subscribers.remains import unexpected
@@ -57,7 +56,7 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
             progress.stage("meshing")
             _make_ready(folder, config, resume)
             with watch("mesh"):
-                scene = build_scene(config, kept_mesh(folder, config.parts or [config.mesh], resume), run_programs=True)
+                scene = build_scene(config, run_programs=True)
             with Record(folder, config, scene, watch, resume=resume) as record:
                 team.share((config, reference))
                 solution = _balanced(config, [*record.subscribers, progress], record, reference, team)

@@ -13,6 +13,7 @@ from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loa
 from orchestrator.config.model import Config
 from orchestrator.cost import predicted_cost
 from orchestrator.memory import trim
+from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
 from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
@@ -24,8 +25,6 @@ from orchestrator.method.load_cases import LoadCases, common_load_cases
 from orchestrator.method.monitors.placing import Placing, Unbalanced
 from orchestrator.method.part import Part
 from orchestrator.method.setup import prepare
-from orchestrator.method.start import Start, numbers_of
-from orchestrator.method.stopping.delivered_bound import bound_of
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.refused import by_keys
@@ -207,7 +206,7 @@ class _Solving:
             trim()
             if d.nonlinear is not None:
                 d = chosen = chosen.reloaded()
-                iterated = replace(iterated, bound=bound_of(d, iterated.fields))  # under the pseudo-loads that matter has by now
+                iterated = replace(iterated, bound=d.bounded(iterated.fields))  # under the pseudo-loads that matter has by now
             delivered = deliver(d, chosen, self.cases, iterated, watch)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
@@ -215,9 +214,8 @@ class _Solving:
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """From where the run begins to where iterations end; ``monitors``: what some of them are given."""
-        team, numbers = self.ranks.team, numbers_of(chosen)
-        begin = Start.handed_out(self.start, chosen, numbers)
-        return iterate(chosen, self.config.method, whole_states(self.told.all, numbers, team), self.watch, begin,
+        told = whole_states(self.told.all, numbers_of(chosen), self.ranks.team)
+        return iterate(chosen, self.config.method, told, self.watch, Start.handed_out(self.start, chosen),
                        [int(step) + 1 for step in self.cases.chosen], monitors)
 
     def _placing(self, d: Decomposition) -> Placing:

@@ -79,11 +79,13 @@ def opened(status: dict[int, list[int]] | None = None, steps: int = 2) -> Fields
 
 
 def iteration(i: int, **changes) -> Iteration:
-    values = dict(iteration=i, sweeps=float(i + 5), seconds=0.1 * i, indicator=100.0**-i,
+    known = dict(iteration=i, sweeps=float(i + 5), seconds=0.1 * i, indicator=100.0**-i,
                   displacement_jump=10.0**-i / 3, force_imbalance=10.0**-i / 7, residual=10.0**-i,
                   error_bound=np.float64(2 * 10.0**-i) if i > 2 else np.nan, counts={"open": 0, "stick": i, "slip": 2},
                   target=("error_bound", 1e-6), state=np.full((4, 2), float(i)))
-    return Iteration(**values | changes)
+    known |= changes
+    own = {name: known.pop(name) for name in ("target", "state", "counts", "laws", "coarse_ends") if name in known}
+    return Iteration(known, **own)
 
 
 def history(count: int = 7) -> dict[str, np.ndarray]:

@@ -10,8 +10,7 @@ from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.results.answers.interfaces import work as work_of
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.resume import load_checkpoint
-from orchestrator.results.subscribers.checkpoint import Checkpoint
+from orchestrator.results.checkpoint import CheckpointWriter, load_checkpoint
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import area_vectors
@@ -170,11 +169,10 @@ def test_where_pairs_cannot_follow(changes, told):
 def test_a_run_that_had_too_few_iterations_goes_on_with_its_pairing(tmp_path, most):
     """After the fifth iteration the sides are to be paired anew, before the seventeenth they have been."""
     made = sliding([[2.4, 0, -0.002]], error=1e-8)
-    scene, keeper = build_scene(made), Checkpoint(ResultsFolder(tmp_path), "key")
+    scene, keeper = build_scene(made), CheckpointWriter(ResultsFolder(tmp_path), "key")
     whole = solve(made, scene)
     few = Config.model_validate({**made.complete(), "method": {**made.complete()["method"], "max_iterations": most}})
     assert solve(few, scene, [keeper]).stop_reason == "max_iterations"
-    keeper.close()
     resumed = solve(made, scene, start=load_checkpoint(tmp_path, "key"))
     assert whole.iterations <= resumed.iterations <= whole.iterations + 1 and whole.iterations > most
     assert max(np.abs(u - v).max() for u, v in zip(whole.parts, resumed.parts)) < 1e-12

@@ -238,17 +238,16 @@ def test_modules_of_the_current_folder_are_not_ours(tmp_path):
 
 # ---- results folders
 
-def test_kept_meshes_and_fields_hold_no_objects(tmp_path):
+def test_checkpoints_and_fields_hold_no_objects(tmp_path):
     class Evil:
         def __reduce__(self):
             return os.system, (f"touch {tmp_path / MARK}",)
 
     path, results = written(tmp_path), tmp_path / "results" / "stranger"
     (results / "checkpoint").mkdir(parents=True)
-    for name in ("fields.npz", "checkpoint-mesh.npz"):
+    for name in ("fields.npz", "checkpoint/iteration-000001.npz"):
         np.savez(results / name, about=np.array([Evil()], dtype=object), nodes=np.array([Evil()], dtype=object))
-    for name in ("iterations-000001.log", "batch-000.log"):
-        (results / "checkpoint" / name).write_bytes(pickle.dumps(Evil()))
+    (results / "checkpoint" / "increment-000.npz").write_bytes(pickle.dumps(Evil()))
     (results / "summary.json").write_bytes(pickle.dumps(Evil()))
     assert call("report", results).exit_code == 2
     for more in (["--resume"], []):  # they are in the way

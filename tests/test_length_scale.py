@@ -7,7 +7,7 @@ from method_case import box_of, prepared
 
 from orchestrator.config.load import config_from
 from orchestrator.method.events import Subscriber
-from orchestrator.method.start import Start
+from orchestrator.method.checkpoint import Start
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -9,12 +9,11 @@ from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, layered,
 from quick import quick
 
 from orchestrator.blackbox.models.extended import extended_model
-from orchestrator.method.acceleration.aitken import Aitken
+from orchestrator.method.acceleration.relaxation import Aitken
 from orchestrator.method.acceleration.anderson import Anderson
 from orchestrator.method.acceleration.base import algorithm
 from orchestrator.method.acceleration.relaxation import Relaxation
 from orchestrator.method.acceleration.residual_minimisation import ResidualMinimisation
-from orchestrator.method.memory import Memory
 from orchestrator.method.linear.macro_basis import interface_basis
 from orchestrator.method.delivery.reference import solve_reference
 from orchestrator.method.linear.stage import Admissible
@@ -243,15 +242,14 @@ def test_aitken_finds_where_a_single_mode_ends():
     """With one mode, two residuals tell the fixed point; with a resumed one in between, too."""
     rng = np.random.default_rng(3)
     mode, end, weight = rng.normal(size=(1, 5)), rng.normal(size=(1, 5)), rng.uniform(1, 2, 5)
-    s, aitken = end + mode, Aitken(0.7, weight)
-    for number in range(2):
-        aitken.take(SimpleNamespace(s=s), end + 0.6 * (s - end))
-        arrays, notes, back = aitken.told(True)
-        assert back == 1
-        aitken = Aitken(0.1, weight)
-        aitken.recall([Memory(number, 0, 1, arrays, {"acceleration": notes})])
+    s, aitken, resumed, taken = end + mode, Aitken(0.7, weight), Aitken(0.1, weight), []
+    for _ in range(2):
+        taken.append((SimpleNamespace(s=s), end + 0.6 * (s - end)))
+        aitken.take(*taken[-1])
         s = aitken.next()
-    assert s == pytest.approx(end, abs=1e-12)
+    for evaluation in taken[-Aitken.depth:]:
+        resumed.take(*evaluation)
+    assert s == pytest.approx(end, abs=1e-12) and resumed.next() == pytest.approx(end, abs=1e-12)
 
 
 def test_gmres_solves_a_linear_problem_in_its_dimension():

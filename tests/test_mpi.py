@@ -22,7 +22,7 @@ from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
 from orchestrator.results.solution import Solution
 from orchestrator.results.subscribers.history import read_history
-from orchestrator.results.record_file import read_record
+from orchestrator.results.checkpoint import read_file
 from orchestrator.results.summary.summary import read_summary
 
 pytestmark = pytest.mark.xdist_group("ranks")  # more ranks than cores already; what one process finds is found once
@@ -141,9 +141,9 @@ def iterating(run: subprocess.Popen, results: Path, count: int = 5) -> None:
 def saved_iteration(results: Path) -> int:
     """The last one in the checkpoint; 0: none yet."""
     latest = 0
-    for path in (results / "checkpoint").glob("iterations-*"):
+    for path in (results / "checkpoint").glob("iteration-*"):
         with suppress(FileNotFoundError):  # one that is needed no more has gone meanwhile
-            latest = max(latest, read_record(path).header["iteration"])
+            latest = max(latest, read_file(path)[1].iteration)
     return latest
 
 

@@ -1,7 +1,7 @@
 """Faults: runs that are killed at random moments, and disks that are full at every stage; then ``--resume``.
 
-A killed run must go on as if nothing had happened: the same iterations, the same displacements, and no more than one
-iteration, or two seconds of them, computed twice. What a full disk keeps from being written must be written once there is room.
+A killed run must end as an undisturbed one does: as many iterations but one, the same displacements to its tolerance, and no more
+than one iteration computed twice. What a full disk keeps from being written must be written once there is room.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.kit.commands import BAD_INPUT, CONVERGED, orchestrate, without_ranks
-from benchmarks.kit.drawing import BLUE, ORANGE, level, panels
+from benchmarks.kit.drawing import BLUE, ORANGE, panels
 from benchmarks.kit.study import Study
 from benchmarks.problems.cases import bolted_apart, cube, pressed_cubes
 
 KILLS = 10  # per problem and number of ranks: 60 in all
 STAGES = 12  # of a disk that fills up, per problem
 SAME = 1e-12  # relative difference of displacements
-LOST = 2.0  # seconds of iterations, or one iteration, whichever is longer
+LOST = 1  # iterations computed twice, and more or fewer than an undisturbed run's
 PATIENCE = 600.0  # seconds a run may take
 
 
@@ -96,7 +96,7 @@ class _Run:
         with np.load(self.folder / "fields.npz") as mine, np.load(folder / "fields.npz") as theirs:
             one, other = mine["displacement"], theirs["displacement"]
         mine, theirs = history(self.folder), history(folder)
-        return {"iterations": len(theirs), "same_iterations": [row["iteration"] for row in theirs] == [row["iteration"] for row in mine],
+        return {"iterations": len(theirs), "same_iterations": abs(len(theirs) - len(mine)) <= LOST and [row["iteration"] for row in theirs] == [str(i + 1) for i in range(len(theirs))],
                 "difference": float(np.abs(one - other).max() / np.abs(one).max())}
 
 
@@ -213,12 +213,12 @@ def _targets(study: Study, missing: str | None) -> None:
             continue
         study.target(f"{fault}: exit code 0 once resumed", f"{len(rows)}", sum(r["exit"] == CONVERGED for r in rows),
                      all(r["exit"] == CONVERGED for r in rows))
-        study.target(f"{fault}: the same iterations", f"{len(rows)}", sum(bool(r.get("same_iterations")) for r in rows),
+        study.target(f"{fault}: the same iterations, one more or fewer", f"{len(rows)}", sum(bool(r.get("same_iterations")) for r in rows),
                      all(r.get("same_iterations") for r in rows))
         worst = max(r["difference"] for r in rows)
         study.target(f"{fault}: difference of displacements", f"≤ {SAME:g}", f"{worst:.1e}", worst <= SAME)
-        late = [r for r in rows if r["lost"] > 1 and r["lost_seconds"] > LOST]
-        study.target(f"{fault}: one iteration or {LOST:g} s lost at most", "0 beyond", len(late), not late)
+        late = [r for r in rows if r["lost"] > LOST]
+        study.target(f"{fault}: one iteration lost at most", "0 beyond", len(late), not late)
     left = sum(r["left"] for r in study.rows if r["fault"] == "killed" and "left" in r)
     study.target("killed: folders and processes of codes left after the next run", "0", left, left == 0)
     if missing:
@@ -232,6 +232,5 @@ def _picture(study: Study):
         rows = [r for r in study.rows if r["fault"] == "killed" and r["ranks"] == ranks]
         axes.plot([r["at"] for r in rows], [r["lost_seconds"] for r in rows], "o", color=colour,
                   label=f"{ranks} rank{'s' if ranks > 1 else ''}")
-    level(axes, LOST)
     axes.set(xlabel="killed after [s]", ylabel="iterations computed twice [s]")
     return figure

@@ -102,6 +102,14 @@ def _in_volumes() -> type[Acting]:
             "name of the factors per load step, of the force or the temperature; none: the same at every step"))))
 
 
+def __getattr__(name: str) -> type[Acting]:
+    """The two models by name: other processes find them so in what they are sent."""
+    made = {"BoundaryCondition": _on_faces, "BodyForce": _in_volumes}.get(name)
+    if made is None:
+        raise AttributeError(name)
+    return made()
+
+
 Boundary = list[Made(OnFaces, _on_faces).mapping]
 Loads = list[Made(InVolumes, _in_volumes).mapping]
 Interfaces = list[ByName(Entry, "law", LAWS, lambda law: law.Parameters).mapping]

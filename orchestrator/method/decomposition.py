@@ -11,7 +11,8 @@ import numpy as np
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.following import Following
 from orchestrator.method.history import History
-from orchestrator.method.stopping.bound import ErrorBound
+from orchestrator.method.stopping.bound import Bound, ErrorBound
+from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.local.stage import LawStage
@@ -82,7 +83,10 @@ class Decomposition:
 
     def evaluated(self, s: np.ndarray) -> Admissible:
         """The linear stage at a state (T, D); its traces have been exchanged with other ranks."""
-        fields = self.stage(s)
+        return self.sent(self.stage(s))
+
+    def sent(self, fields: Admissible) -> Admissible:
+        """Fields whose traces, and what the bound asks of them, have been exchanged with other ranks."""
         fields.send(None if self.bound is None else self.bound.continuity.weight)
         return fields
 
@@ -94,19 +98,26 @@ class Decomposition:
         at_nodes = self.self_stress() if self.resting else None
         return fields if at_nodes is None else at_nodes(fields, self.local)
 
+    def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
+        """Energy, continuity and error bound of fields; where laws are not perfect no bound.
+
+        Parameters
+        ----------
+        known : what judging has found already, if anything: it costs no back-substitutions then
+        """
+        if known is not None and (not self.all_perfect or np.isfinite(known.relative)):
+            return known
+        if self.all_perfect:
+            return self.bound(fields)
+        space = self.space
+        delta = Continuity(space, np.ones(len(space.global_dof)))(fields.u, self.stage.known)
+        energy, = space.team.sum(self.loading.energy_of(space.loads(self.stage.robin_of(fields)), fields.u, space.loads(fields.f)))
+        return Bound(np.nan, np.nan, energy, np.zeros((len(fields.u), sum(m.shape[1] for m in self.modes))), delta)
+
     def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
         """What the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
         changed is extrapolated."""
         return fields if self.nonlinear is None else replace(fields, s=s)
-
-    @property
-    def told(self) -> dict[str, object]:
-        """What events say of the coarse contact problem, where there is one."""
-        if self.coarse is None:
-            return {}
-        problem = self.coarse.problem
-        return {"newton_steps": problem.newton_steps, "coarse_left": max(problem.left.values(), default=0.0),
-                "coarse_ends": dict(problem.ends)}
 
     def batch(self, steps: slice | np.ndarray, before: History | None = None) -> "Decomposition":
         """The same decomposition for some of the load steps.

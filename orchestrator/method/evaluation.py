@@ -65,6 +65,7 @@ class Evaluation:
     number : linear stages after set-up, this one included
     last : no other is allowed
     problem : what was solved
+    point : what the acceleration has taken in
     fields : of the linear stage, with the coarse contact problem
     best : the fields that would be delivered
     local : the local stage
@@ -76,6 +77,7 @@ class Evaluation:
     number: int
     last: bool
     problem: Decomposition
+    point: Admissible
     fields: Admissible
     best: Admissible
     local: LocalState

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
-from orchestrator.method.memory import Memory
+
+# What every history has; columns for further statuses, for the laws' measures and for what else monitors tell follow.
+COUNTED = ("open", "stick", "slip")
+HISTORY_COLUMNS = [
+    "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
+    "residual", "error_bound", *COUNTED,
+    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error", "newton_steps", "coarse_left",
+    "far_bodies",
+]
+_UNTOLD = dict.fromkeys(HISTORY_COLUMNS, math.nan) | {"newton_steps": 0, "far_bodies": 0}
 
 
 @dataclass(frozen=True)
@@ -17,52 +27,55 @@ class Iteration:
 
     Parameters
     ----------
-    iteration : linear stages after set-up
-    sweeps : back-substitutions per subdomain and load step so far, set-up included
-    seconds : since the run began
-    indicator : the paper's η, eq. 16, a squared ratio
-    displacement_jump : ‖B w‖ relative, weighted by the search direction
-    force_imbalance : ‖A f‖ relative, weighted by the inverse search direction
-    residual : ‖s_new − s‖ relative
-    error_bound : guaranteed bound on the relative energy error; nan when not evaluated
-    counts : name of a status → node pairs that have it, summed over the steps
+    values : name → number, each an attribute too:
+
+        - iteration: linear stages after set-up; sweeps: back-substitutions per subdomain and load step so far, set-up included;
+          seconds: since the run began
+        - indicator: the paper's η, eq. 16, a squared ratio; displacement_jump: ‖B w‖ relative, weighted by the search direction;
+          force_imbalance: ‖A f‖ relative, weighted by its inverse; residual: ‖s_new − s‖ relative
+        - macro_imbalance: largest size of Cᵀf over the interfaces, relative; 0 to rounding, eq. 17
+        - error_bound: guaranteed bound on the relative energy error; true_error: against the undecomposed solution;
+          law_residual: the largest measure of ``law_residuals``; discretisation_error: latest estimate, relative, energy norm;
+          nan where there is none
+        - coarse_left: imbalance that the coarse contact problem left, over that at its start, of the worst load step;
+          newton_steps: of it so far, all load steps together
+        - far_bodies: bodies that have moved further than small displacements allow, and still are there
+        - what further monitors tell; each has a column
     target : name and value of what the run waits for, e.g. ("error_bound", 1e-6)
-    macro_imbalance : largest size of Cᵀf over the interfaces, relative; 0 to rounding, eq. 17
-    true_error : against the undecomposed solution, relative energy norm; nan without one
-    law_residual : where interfaces are not perfect, the largest measure of ``law_residuals``
-    laws : the interface laws' own measures among these, by name
-    far_bodies : bodies that have moved further than small displacements allow, and still are there
-    discretisation_error : latest estimate of it, relative, energy norm; nan where there is none yet
-    coarse_left : imbalance that the coarse contact problem left, over that at its start, of the worst load step
-    coarse_ends : how its solves have ended so far → how many, see ``CoarseProblem``
-    newton_steps : of the coarse contact problem so far, all load steps together
     state : (steps, dofs) the best state s so far
-    more : name → number, what further monitors tell; each has a column
-    memory : all that has to be known to go on after this iteration as if nothing had happened
+    counts : name of a status → node pairs that have it, summed over the steps
+    laws : the interface laws' own measures, by name
+    coarse_ends : how the coarse contact problem's solves have ended so far → how many, see ``CoarseProblem``
+    checkpoint : all that has to be known to go on after this iteration, see ``checkpoint.Checkpoint``
     """
 
-    iteration: int
-    sweeps: float
-    seconds: float
-    indicator: float
-    displacement_jump: float
-    force_imbalance: float
-    residual: float
-    error_bound: float
+    values: Mapping[str, float]
     target: tuple[str, float]
     state: np.ndarray
-    macro_imbalance: float = math.nan
-    true_error: float = math.nan
-    law_residual: float = math.nan
-    discretisation_error: float = math.nan
-    newton_steps: int = 0
-    coarse_left: float = math.nan
-    far_bodies: int = 0
-    coarse_ends: Mapping[str, int] = field(default_factory=dict)
     counts: Mapping[str, int] = field(default_factory=dict)
     laws: Mapping[str, float] = field(default_factory=dict)
-    more: Mapping[str, float] = field(default_factory=dict)
-    memory: Memory | None = None
+    coarse_ends: Mapping[str, int] = field(default_factory=dict)
+    checkpoint: object = None
+
+    def __getattr__(self, name: str) -> float:
+        known = _UNTOLD | dict(self.__dict__.get("values", {}))
+        if name not in known:
+            raise AttributeError(f"an iteration has no {name}")
+        return known[name]
+
+    @classmethod
+    def of_content(cls, content: Mapping[str, Any], state: np.ndarray) -> Iteration:
+        """From ``content``."""
+        return cls(**{**content, "target": tuple(content["target"])}, state=state)
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """All but state and checkpoint: numbers and texts."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("state", "checkpoint")}
+
+    def without_state(self) -> Iteration:
+        """The same without arrays, which are large, and views hold them."""
+        return replace(self, state=self.state[:0].copy(), checkpoint=None)
 
     @property
     def tolerance(self) -> float:
@@ -72,19 +85,8 @@ class Iteration:
     @property
     def row(self) -> dict[str, float]:
         """Column → value: ``HISTORY_COLUMNS``, then other statuses that the laws know, their measures, what else monitors tell."""
-        counts = dict.fromkeys(COUNTED, 0) | dict(self.counts)
-        fixed = {name: counts.pop(name) if name in COUNTED else getattr(self, name) for name in HISTORY_COLUMNS}
-        return {**fixed, **counts, **self.laws, **self.more}
-
-
-# What every history has; columns for further statuses and for the laws' measures follow.
-COUNTED = ("open", "stick", "slip")
-HISTORY_COLUMNS = [
-    "iteration", "sweeps", "seconds", "indicator", "displacement_jump", "force_imbalance",
-    "residual", "error_bound", *COUNTED,
-    "macro_imbalance", "true_error", "law_residual", "tolerance", "discretisation_error", "newton_steps", "coarse_left",
-    "far_bodies",
-]
+        known = {**dict.fromkeys(COUNTED, 0), **self.counts, **self.laws, **self.values}
+        return {**{name: known[name] if name in known else getattr(self, name) for name in HISTORY_COLUMNS}, **known}
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,8 @@ class Subscriber:
 
     Attributes
     ----------
-    wants_states : whether ``Iteration.state`` and ``Iteration.memory`` are needed. With several ranks, they are
-        brought together for those alone who want them
-    wants_memory : whether the latter is: of states such a one may hear rank 0's part alone
+    wants_states, wants_checkpoints : whether ``Iteration.state`` and ``Iteration.checkpoint`` are needed: with several ranks,
+        they are brought together for those alone who want them
 
     Examples
     --------
@@ -127,7 +128,7 @@ class Subscriber:
     converged after 12
     """
 
-    wants_states = wants_memory = False
+    wants_states = wants_checkpoints = False
 
     def stage(self, name: str) -> None:
         """Something begins that is no iteration, such as "meshing" or "assembling and factorising"."""
@@ -151,22 +152,21 @@ class Subscribers(Subscriber):
     def __init__(self, subscribers: Iterable[Subscriber] = ()):
         self.all = list(subscribers)
 
-    def stage(self, name: str) -> None:
+    def _tell(self, what: str, word: object) -> None:
         for subscriber in self.all:
-            subscriber.stage(name)
+            getattr(subscriber, what)(word)
+
+    def stage(self, name: str) -> None:
+        self._tell("stage", name)
 
     def iteration(self, event: Iteration) -> None:
-        for subscriber in self.all:
-            subscriber.iteration(event)
+        self._tell("iteration", event)
 
     def warned(self, sentence: str) -> None:
-        for subscriber in self.all:
-            subscriber.warned(sentence)
+        self._tell("warned", sentence)
 
     def finished(self, event: Finished) -> None:
-        for subscriber in self.all:
-            subscriber.finished(event)
+        self._tell("finished", event)
 
     def failed(self, error: BaseException) -> None:
-        for subscriber in self.all:
-            subscriber.failed(error)
+        self._tell("failed", error)

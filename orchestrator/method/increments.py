@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from orchestrator.method.checkpoint import Checkpoint, Start, ended, go_on
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
-from orchestrator.method.iterated import Iterated
-from orchestrator.method.journal import Journal, ended, finished
+from orchestrator.method.iterated import Iterated, delivered, event_of
 from orchestrator.method.latin import Latin
 from orchestrator.method.monitors.monitor import Case, monitors_of
 from orchestrator.method.refusal import Refusal
-from orchestrator.method.start import Start
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.timing import Stopwatch
 
@@ -49,8 +48,8 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
     told, batches = Subscribers(subscribers), batches_of(d, method)
     # a load step may unload: what its residuals are relative to is what the scene was told in all of them
     run.told = LengthScale(d).told if len(batches) > 1 and not d.all_perfect else 0.0
-    for number, steps in enumerate(batches):
-        run.solve(number, batches, steps, told)
+    for number in range(len(batches)):
+        run.solve(number, batches, told)
     result = Iterated.joined(run.ended)
     told.finished(Finished(result.converged, result.stop_reason, result.iterations))
     return result
@@ -70,27 +69,25 @@ class _Run:
         self.ended: list[Iterated] = []
         self.told, self.begun = 0.0, start.before  # iterations of earlier runs
 
-    def solve(self, number: int, batches: Sequence[slice], steps: slice, told: Subscriber) -> None:
+    def solve(self, number: int, batches: Sequence[slice], told: Subscriber) -> None:
         """One increment of load steps."""
-        start, before, several = self.start, self.ended[-1] if self.ended else None, len(batches) > 1
-        view = self._view(number, steps, several)
-        case = Case(view, self.method, self.numbers[steps], self.told, self.given)
-        latin = Latin(view, self.method, monitors_of(case), self.watch)
-        journal = Journal((number, len(batches), self.d.steps), start.seconds)
+        start, steps, left = self.start, batches[number], len(batches) - 1 - number
+        view = self._view(number, steps, len(batches) > 1)
+        latin = Latin(view, self.method, monitors_of(Case(view, self.method, self.numbers[steps], self.told, self.given)), self.watch)
         if number < len(start.ended):
             result = ended(latin, start.ended[number])
         else:
-            if before is not None and start.state is None:
-                self.state[steps] = before.fields.s[-1:]
+            if self.ended and start.state is None:
+                self.state[steps] = self.ended[-1].fields.s[-1:]
             if number == len(start.ended) and start.latest:
-                journal.go_on(latin, start.latest)
+                go_on(latin, start.latest)
             else:
-                self._begin(latin, journal, number, steps)
+                self._begin(latin, number, steps)
             if self.begun is None:
                 self.begun = latin.number
             # one is left to each that follows, and one to this: it gives the fields
-            latin.last = max(self.begun + self.method.max_iterations - (len(batches) - 1 - number), latin.number + 1)
-            result = iterations(latin, journal, _PartOfAll(told, self.state, steps) if view is not self.d else told)
+            latin.last = max(self.begun + self.method.max_iterations - left, latin.number + 1)
+            result = self._iterated(latin, number, steps, left, told)
         self.state[steps] = result.fields.s
         self.ended.append(result)
         if self.d.following is not None:
@@ -106,31 +103,37 @@ class _Run:
             d = d.foreseen(number)
         return d.batch(steps, history) if several or d.nonlinear is not None else d
 
-    def _begin(self, latin: Latin, journal: Journal, number: int, steps: slice) -> None:
+    def _begin(self, latin: Latin, number: int, steps: slice) -> None:
         """From the state, after so many iterations and sweeps as have been done."""
         start, before = self.start, self.ended[-1:]
-        latin.number = journal.whole_at = max([start.iteration, *(b.iterations for b in before)])
-        latin.sweeps = max([start.sweeps, *(b.sweeps for b in before)])
-        journal.whole_at += 1
+        latin.number = max([start.iteration, *(x.iterations for x in before)])
+        latin.sweeps = max([start.sweeps, *(x.sweeps for x in before)])
         if before and number == len(start.ended) and latin.problem.coarse is not None:
-            latin.problem.coarse.problem.recall(start.ended[-1])
+            latin.problem.coarse.problem.restore(start.ended[-1].state_of("coarse"))
         if latin.problem.nonlinear is not None:
             self.state[steps] = foreseen(latin.problem, self.method, self.state[steps], self.numbers[steps], self.watch)
         latin.s = self.state[steps].copy()  # those who listen write into what they were given
 
-
-def iterations(latin: Latin, journal: Journal, told: Subscriber) -> Iterated:
-    """Iterate to the end: eq. 6 is solved."""
-    history: list[Iteration] = []
-    while True:
-        now = latin.iterate()
-        for sentence in now.verdict.warnings:
-            told.warned(sentence)
-        event = journal.event(latin, now)
-        history.append(replace(event, state=event.state[:0].copy(), memory=None))  # states are large, and views hold them
-        told.iteration(event)
-        if now.verdict.reason:
-            return finished(latin, now, event, history)
+    def _iterated(self, latin: Latin, number: int, steps: slice, left: int, told: Subscriber) -> Iterated:
+        """Iterate to the end: eq. 6 is solved."""
+        history: list[Iteration] = []
+        while True:
+            now = latin.iterate()
+            for sentence in now.verdict.warnings:
+                told.warned(sentence)
+            event = event_of(now, latin.sweeps, self.start.seconds + self.watch.total)
+            history.append(event.without_state())
+            state, kept = event.state, Checkpoint.of(latin, now, event, number, not left, self.d.steps)
+            if latin.problem is not self.d:
+                self.state[steps], state = state, self.state
+            told.iteration(replace(event, state=state, checkpoint=kept))
+            if now.verdict.reason:
+                break
+        with self.watch("linear_stage"):
+            best = now.problem.stage.ended(now.best)
+        with self.watch("bound"):
+            known = now.verdict.bound if best is now.best else None
+            return delivered(latin, (best, now.local, event), (bool(now.verdict.met), now.verdict.reason), history, known)
 
 
 def foreseen(view: Decomposition, method, s: np.ndarray, numbers: Sequence[int], watch: Stopwatch) -> np.ndarray:
@@ -176,17 +179,3 @@ def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False
     count = len(_batches(steps, perfect and not one_by_one, 1 if one_by_one else method.increment))
     if count > method.max_iterations:
         raise Refusal("too few iterations", allowed=method.max_iterations, count=count)
-
-
-class _PartOfAll(Subscriber):
-    """Hears of the states of an increment and tells of whole ones."""
-
-    def __init__(self, told: Subscriber, state: np.ndarray, steps: slice):
-        self.told, self.state, self.steps = told, state, steps
-
-    def iteration(self, event: Iteration) -> None:
-        self.state[self.steps] = event.state
-        self.told.iteration(replace(event, state=self.state))
-
-    def warned(self, sentence: str) -> None:
-        self.told.warned(sentence)

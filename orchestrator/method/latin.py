@@ -19,6 +19,7 @@ import numpy as np
 from orchestrator.method.acceleration.base import make_acceleration
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.evaluation import Evaluation
+from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.monitors.monitor import Monitor
 from orchestrator.method.stopping.indicator import measure
 from orchestrator.timing import Stopwatch
@@ -39,12 +40,13 @@ class Latin:
     s : (T, D) state to evaluate next
     number, sweeps : iterations, and back-substitutions per subdomain and load step, done so far
     last : iteration after which there is no other
+    taken : evaluations that the acceleration has taken in
     """
 
     def __init__(self, problem: Decomposition, method, monitors: Sequence[Monitor], watch: Stopwatch):
         self.problem, self.method, self.monitors, self.watch = problem, method, monitors, watch
         self.acceleration = make_acceleration(problem, method)
-        self.s, self.number, self.sweeps, self.last = np.empty(0), 0, 0.0, 0
+        self.s, self.number, self.sweeps, self.last, self.taken = np.empty(0), 0, 0.0, 0, 0
 
     def iterate(self) -> Evaluation:
         """One iteration; ``s`` then is the state of the next one, if another follows (``verdict.reason``)."""
@@ -58,9 +60,10 @@ class Latin:
         with watch("local_stage"):
             local = problem.local(fields)
         with watch("acceleration"):
-            residual = self.acceleration.take(problem.point(s, fields), local.s)
+            point = problem.point(s, fields)
+            residual = self.take(point, local.s)
             best = self.acceleration.best(fields)
-        now = Evaluation(self.number, self.number >= self.last, problem, fields, best, local)
+        now = Evaluation(self.number, self.number >= self.last, problem, point, fields, best, local)
         with watch("bound"):
             self.judge(now, residual, ends)
         share = problem.steps / problem.scene.steps  # of a sweep through all load steps
@@ -68,6 +71,16 @@ class Latin:
         if not now.verdict.reason:
             self.go_on(now)
         return now
+
+    def take(self, point: Admissible, image: np.ndarray) -> np.ndarray:
+        """Have the acceleration take in an evaluation; the residual at its best point."""
+        self.taken += 1
+        return self.acceleration.take(point, image)
+
+    @property
+    def evaluations(self) -> int:
+        """How many of the last evaluations decide about what follows."""
+        return self.taken if self.acceleration.depth is None else min(self.taken, self.acceleration.depth)
 
     def judge(self, now: Evaluation, residual: np.ndarray, ends: Sequence[float]) -> None:
         """Measure, and ask all monitors, each of which sees what those before it have said; ranks need one message for it."""
@@ -88,6 +101,6 @@ class Latin:
         self.problem = now.problem
         with self.watch("acceleration"):
             if now.verdict.anew:
-                self.acceleration, self.s = make_acceleration(self.problem, self.method), now.fields.s.copy()
+                self.acceleration, self.taken, self.s = make_acceleration(self.problem, self.method), 0, now.fields.s.copy()
             else:
                 self.s = self.acceleration.next()

@@ -12,8 +12,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.results.manifest import FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, Manifest
-from orchestrator.results.record_file import UNFINISHED
+from orchestrator.results.manifest import FOLDERS, NAME as LIST, OWN, PARTS, RESULTS, UNFINISHED, Manifest
 
 DIRECTORY_KEY = ("output", "directory")
 SHOWN = 5  # names in a message
@@ -119,18 +118,15 @@ class ResultsFolder:
             if foreign := self.manifest.foreign(pattern):
                 raise InputError(_in_the_way(self.path, foreign))
 
-    def clear(self, but: str = "") -> None:
-        """Removes what earlier runs left here but for files of this name, and nothing else: call it before a fresh run.
+    def clear(self) -> None:
+        """Removes what earlier runs left here, and nothing else: call it before a fresh run.
 
         Raises
         ------
         InputError : files that are not this program's are in the way; nothing is removed then
         """
         self.check_free()
-        for name in self._mine():
-            if name != but:
-                with self.guarded(name):
-                    (self.path / name).unlink(missing_ok=True)
+        self.remove("*")
         for place in ("", *FOLDERS):  # of a run that was killed while it wrote
             for path in (self.path / place).glob(f".*{UNFINISHED}"):
                 with self.guarded(path.name):

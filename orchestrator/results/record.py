@@ -12,19 +12,17 @@ import numpy as np
 
 from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.config.model import Config
-from orchestrator.method.start import Start
+from orchestrator.method.checkpoint import Start
+from orchestrator.results.checkpoint import NAME as CHECKPOINT
+from orchestrator.results.checkpoint import PROBLEM, CheckpointWriter, begun, load_checkpoint
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.nodal import KEPT
 from orchestrator.results.figures.artist import Artist, CannotDraw
 from orchestrator.results.figures.deformed import shown_steps
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.kept_mesh import NAME as MESH
 from orchestrator.results.solution import Solution
 from orchestrator.results.fingerprint import digest_of, problem_of
-from orchestrator.results.resume import load_checkpoint
-from orchestrator.results.subscribers.checkpoint import NAME as CHECKPOINT
-from orchestrator.results.subscribers.checkpoint import PROBLEM, Checkpoint, begun
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.results.subscribers.remains import Remains
 from orchestrator.results.summary.content import note_time
@@ -59,11 +57,11 @@ class Record:
         if resume and self.start is None:
             print(f"No iteration is kept in {folder.path}: the run begins at its beginning.", file=sys.stderr)
         if not resume:
-            folder.clear(but=MESH)
+            folder.clear()
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
         self.scene, self.watch, self._folder, self._key = scene, watch, folder, key
-        self._checkpoint = Checkpoint(folder, key, self.start)
+        self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
         self._remains = Remains(folder, config, scene, watch)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
@@ -101,7 +99,6 @@ class Record:
 
     def latest(self) -> Start | None:
         """Where the run stands, to go on from: all that it has told is in the checkpoint."""
-        self._checkpoint.write()
         found = load_checkpoint(self._folder, self._key)
         # this run's clock goes on, and so does its count of iterations
         return found and replace(found, seconds=0.0, before=0 if self.start is None else self.start.iteration)
@@ -114,7 +111,6 @@ class Record:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._checkpoint.close()
         self._history.close()
 
 

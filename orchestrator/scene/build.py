@@ -30,7 +30,7 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.patch import node_areas
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
-from orchestrator.scene.mesh.sources import Keeper, make_mesh, make_parts
+from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import BoundaryEntry, Interface, Material, PlacedBolt, Scene, Subdomain
 from orchestrator.scene.names import look_alike
 from orchestrator.scene.partition.bolts import BoltCut, cut_bolts
@@ -94,12 +94,11 @@ class Joints:
     stands: dict[int, slice] = field(default_factory=dict)
 
 
-def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs: bool = False) -> Scene:
+def build_scene(config: Config, run_programs: bool = False) -> Scene:
     """Everything the method needs to know of the problem.
 
     Parameters
     ----------
-    kept : may know the mesh from an earlier run
     run_programs : whether parts that are programs are started; they alone know their joints
 
     Raises
@@ -120,7 +119,7 @@ def build_scene(config: Config, kept: Keeper = lambda make: make(), run_programs
     [(0, 1), (1, 2), (2, 3)]
     """
     problems = Problems()
-    body = _meshed(config, kept, run_programs, problems)
+    body = _meshed(config, run_programs, problems)
     boundary = resolve_boundary(body.mesh, body.faces, config.boundary, _times(config, config.boundary), problems)
     resolved = all(problem.path[0] != "boundary" for problem in problems.found)
     cut = _divided(config, body, problems)
@@ -149,9 +148,9 @@ def _times(config: Config, entries: Sequence[Any]) -> list[list[float]]:
     return [config.factors_of(entry.history) for entry in entries]
 
 
-def _meshed(config: Config, kept: Keeper, run_programs: bool, problems: Problems) -> Body:
+def _meshed(config: Config, run_programs: bool, problems: Problems) -> Body:
     """The mesh, of four- or ten-node tets, and which matter each has."""
-    mesh, faces = make_mesh(config.mesh, kept) if config.mesh else make_parts(config.parts, kept, run_programs)
+    mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs)
     element, choice = config.codes[0].element, None
     if element == "auto":
         from orchestrator.scene.mesh.element import choose_element

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.memory import Memory
 from orchestrator.registry import ACCELERATIONS
 
 
@@ -20,9 +17,12 @@ class Acceleration(ABC):
     Attributes
     ----------
     title : of the algorithm, for people
+    depth : of how many of the last evaluations it makes the next state; None: all. A resumed run begins a new one, which takes in
+        as many once more: where all is bonded as they were, elsewhere s and its image alone
     """
 
     title: str
+    depth: int | None = 1
 
     @classmethod
     def suiting(cls, all_perfect: bool) -> type[Acceleration]:
@@ -36,42 +36,21 @@ class Acceleration(ABC):
 
     @abstractmethod
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
-        """Take in an evaluation.
+        """Take in an evaluation; return F(s) − s at the best point known so far.
 
         Parameters
         ----------
         evaluated : the linear stage at s
         image : F(s), what the local stage has made of it
-
-        Returns
-        -------
-        F(s) − s at the best point known so far
         """
 
     def best(self, evaluated: Admissible) -> Admissible:
-        """The linear stage at the best point known so far, once an evaluation has been taken in; ``next`` does not wait for it."""
+        """The linear stage at the best point known so far, once an evaluation has been taken in."""
         return evaluated
 
     @abstractmethod
     def next(self) -> np.ndarray:
         """State to evaluate next; the caller's to change."""
-
-    @abstractmethod
-    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, Any], int]:
-        """Arrays and notes for the ``Memory`` of an iteration: what the last evaluation has added.
-
-        Parameters
-        ----------
-        whole : tell also what no later evaluation tells again; so every ``INTERVAL`` iterations
-
-        Returns
-        -------
-        arrays, notes, and how many iterations, the last one included, have to be known to go on after it
-        """
-
-    @abstractmethod
-    def recall(self, memories: Sequence[Memory]) -> None:
-        """Take back what was told of at least that many iterations, in order; ``next`` then gives what it would have."""
 
 
 def algorithm(name: str, all_perfect: bool) -> type[Acceleration]:

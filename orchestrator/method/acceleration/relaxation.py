@@ -1,27 +1,25 @@
-"""Plain relaxation of the fixed point, eq. 12: s ← s + α (F(s) − s)."""
+"""Relaxation of the fixed point: a constant α, eq. 12, or Aitken's, which follows from the last two residuals.
+
+    s ← s + α r,   r = F(s) − s          Aitken: α = −(s − s₀)·(r − r₀) / ‖r − r₀‖²
+
+(Irons & Tuck, Int. J. Numer. Meth. Engng 1, 1969; Küttler & Wall, Comput. Mech. 43, 2008). All load steps share one α.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from orchestrator.method.acceleration.base import Acceleration
+from orchestrator.method.acceleration.base import Acceleration, squared_weights
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.memory import Memory
+from orchestrator.parallel.team import ALONE, Team
 
 USUAL = 0.8  # the paper's α
 SAFE = 0.9  # α over the limit of convergence, where that is less
 
 
 class Relaxation(Acceleration):
-    """s ← s + α (F(s) − s).
-
-    Parameters
-    ----------
-    relaxation : α in (0, 1]
-    """
+    """s ← s + α (F(s) − s), α in (0, 1]."""
 
     title = "none: relaxation"
 
@@ -30,26 +28,47 @@ class Relaxation(Acceleration):
 
     @classmethod
     def of(cls, d: Decomposition, method) -> Relaxation:
-        """As the base class says; ``relaxation: auto`` is 0.8, or less if the two search directions differ much."""
+        """``relaxation: auto`` is 0.8, or less if the two search directions differ much."""
         return cls(usual_relaxation(d, method))
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
-        """As the base class says."""
         self.s, self.residual = evaluated.s, image - evaluated.s
         return self.residual
 
-    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, float], int]:
-        """The last evaluation."""
-        return {"trace/s": self.s, "trace/residual": self.residual}, {"relaxation": self.relaxation}, 1
-
-    def recall(self, memories: Sequence[Memory]) -> None:
-        """Take the last evaluation back."""
-        arrays, notes = memories[-1].arrays, memories[-1].notes["acceleration"]
-        self.s, self.residual, self.relaxation = arrays["trace/s"], arrays["trace/residual"], notes["relaxation"]
-
     def next(self) -> np.ndarray:
-        """As the base class says."""
         return self.s + self.relaxation * self.residual
+
+
+class Aitken(Relaxation):
+    """Relaxation by the last two residuals.
+
+    Parameters
+    ----------
+    relaxation : α of the first step
+    weight : (D,) squared weights of the norm
+    team : the ranks that share the state
+    """
+
+    title, depth = "Aitken's relaxation", 2
+
+    def __init__(self, relaxation: float, weight: np.ndarray, team: Team = ALONE):
+        super().__init__(relaxation)
+        self.weight, self.team, self.s = weight, team, None
+
+    @classmethod
+    def of(cls, d: Decomposition, method) -> Aitken:
+        """``relaxation: auto`` as in the base class."""
+        return cls(usual_relaxation(d, method), squared_weights(d), d.space.team)
+
+    def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
+        before = None if self.s is None else (self.s, self.residual)
+        super().take(evaluated, image)
+        if before is not None:
+            change = self.residual - before[1]
+            along, square = self.team.sum(np.vdot(self.weight * change, self.s - before[0]), np.vdot(self.weight * change, change))
+            if square > 0:
+                self.relaxation = float(-along / square)
+        return self.residual
 
 
 def usual_relaxation(d: Decomposition, method) -> float:

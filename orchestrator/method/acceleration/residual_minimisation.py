@@ -28,14 +28,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from orchestrator.method.acceleration.base import Acceleration, squared_weights
-from orchestrator.method.acceleration.carried import Carried
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.memory import INTERVAL, Memory
+from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.parallel.team import ALONE, Team
 
-_NAMES = [("trace", "r"), ("trace", "s"), ("boundary", "u"), ("macro", "alpha")]
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
 # Of a square that is the difference of two, so much of these at least: twelve digits of it are right then. What a second pass
 # would still find are angles of a hundred times rounding, which the next step measures.
@@ -52,38 +50,35 @@ class ResidualMinimisation(Acceleration):
     memory : directions kept; None keeps all
     relaxation : β of the next evaluation
     team : the ranks that share the state
-    carried : among several ranks, what is carried beside the state
+    bound : among several ranks, of the error: what other ranks have told for it of evaluations (the neighbours' traces, class sums of
+        displacements, what traces ask of rigid motions) is affine in the state as well, and combined like it: nothing travels twice
     """
 
     title = "residual minimisation (generalised conjugate residuals, equivalent to GMRES)"
 
     def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
-                 team: Team = ALONE, carried: Carried | None = None):
-        self.complete, self.root = complete, np.sqrt(weight)
-        self.memory, self.relaxation, self.team, self.carried = memory, relaxation, team, carried
+                 team: Team = ALONE, bound: ErrorBound | None = None):
+        self.complete, self.root, self.relaxation, self.team, self.bound = complete, np.sqrt(weight), relaxation, team, bound
+        self.depth = None if memory is None else memory + 1
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.tilted: np.ndarray | None = None  # (T, n, n) E; of the last direction nothing is known yet
         self.r: np.ndarray | None = None
         self.point: list[np.ndarray] = []
-        self.gamma, self.taken = np.zeros(0), 0
 
     @classmethod
     def of(cls, d: Decomposition, method) -> ResidualMinimisation:
-        """As the base class says; ``relaxation: auto`` is 1."""
+        """``relaxation: auto`` is 1."""
         memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
         return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation,
-                   d.space.team, Carried(d.stage, d.bound) if d.space.team.size > 1 else None)
+                   d.space.team, d.bound if d.space.team.size > 1 else None)
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
-        """Take in an evaluation; residual at the combination of least residual.
-
-        u and α are affine functions of s: they are combined like it.
-        """
+        """Take in an evaluation; residual at the combination of least residual. u and α are affine in s: combined like it."""
         r, point = self.root * (image - evaluated.s), [evaluated.s, evaluated.u, evaluated.alpha]
         asked = []
-        if self.carried is not None:
-            point += self.carried.of(evaluated)
-            asked = [self.carried.bound.pull(evaluated)]
+        if self.bound is not None:
+            point += [x[:, evaluated.space.size :] for x in evaluated.extended] + [evaluated.sums]
+            asked = [self.bound.pull(evaluated)]
         if self.r is None:
             self.r, self.point = r, point + (self.team.sum(*asked) if asked else [])
         else:
@@ -105,24 +100,24 @@ class ResidualMinimisation(Acceleration):
                 a *= inverse[:, None]
             self.directions.append((dr, dp))
             self.tilted = np.pad(self.tilted, ((0, 0), (0, 1), (0, 1)))
-            if self.memory is not None and len(self.directions) > self.memory:
+            if self.depth is not None and len(self.directions) >= self.depth:
                 self.directions.pop(0)
                 self.tilted = self.tilted[:, 1:, 1:]
-            self.gamma = -along * inverse
-            self._step(dr, dp)
-        self.taken += 1
+            gamma = (-along * inverse)[:, None]
+            self.r = self.r + dr * gamma
+            self.point = [a + b * gamma for a, b in zip(self.point, dp)]
         return self.r / self.root
 
     def best(self, evaluated: Admissible) -> Admissible:
         """The fields at the combination of least residual."""
-        if self.directions:
-            fields = self.complete(*self.point[:3])
-            if self.carried is not None:
-                self.carried.put(fields, self.point[3:])
-            return fields
-        if self.carried is not None:
-            evaluated.pull = self.point[-1]
-        return evaluated
+        if not self.directions:
+            evaluated.pull = self.point[-1] if self.bound is not None else None
+            return evaluated
+        fields = self.complete(*self.point[:3])
+        if self.bound is not None:
+            w, f, fields.sums, fields.pull = self.point[3:]
+            fields.extended = np.hstack([fields.w, w]), np.hstack([fields.f, f])
+        return fields
 
     def _orthogonal(self, dr: np.ndarray, size: np.ndarray, scale: np.ndarray, along: np.ndarray,
                     products: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -171,67 +166,5 @@ class ResidualMinimisation(Acceleration):
         for (q, _), own in zip(self.directions, c.T):
             dr -= own[:, None] * q
 
-    def _step(self, dr: np.ndarray, dp: list[np.ndarray]) -> None:
-        """From the best point along a direction, by γ."""
-        gamma = self.gamma[:, None]
-        self.r = self.r + dr * gamma
-        self.point = [a + b * gamma for a, b in zip(self.point, dp)]
-
-    def told(self, whole: bool) -> tuple[dict[str, np.ndarray], dict[str, object], int]:
-        """The last direction and the step along it; as a whole also the point that this has led to.
-
-        Notes
-        -----
-        All directions that are kept have to be known, and a point to begin from.
-        """
-        arrays, gamma = {}, []
-        if self.directions:
-            dr, dp = self.directions[-1]
-            arrays, gamma = _named("d", dr, dp[:3]), self.gamma.tolist()
-        if whole or not self.directions:
-            arrays |= _named("", self.r, self.point[:3])
-        back = self.taken if self.memory is None else min(self.taken, max(self.memory, INTERVAL))
-        return arrays, {"gamma": gamma, "directions": len(self.directions), "taken": self.taken}, back
-
-    def recall(self, memories: Sequence[Memory]) -> None:
-        """Take the directions back, and the steps since the first point that is known."""
-        for memory in memories:
-            arrays, notes = memory.arrays, memory.notes["acceleration"]
-            if notes["gamma"]:
-                dr, *dp = (arrays[f"{kind}/d{name}"] for kind, name in _NAMES)
-                self.directions.append((dr, dp))
-                self.gamma = np.array(notes["gamma"])
-            if "trace/r" in arrays:
-                self.r, *self.point = (arrays[f"{kind}/{name}"] for kind, name in _NAMES)
-            elif self.r is not None:
-                self._step(dr, dp)
-        self.taken = notes["taken"]
-        del self.directions[: len(self.directions) - notes["directions"]]
-        self._recall_others()
-
-    def _recall_others(self) -> None:
-        """Measure the directions again, and have told what is carried beside the state."""
-        before, count, steps = [q for q, _ in self.directions[:-1]], len(self.directions), len(self.r)
-        self.tilted = np.zeros((steps, count, count))
-        products = [dots(a, b) for i, a in enumerate(before) for b in before[: i + 1]]
-        asked, others = [], []
-        if self.carried is not None:
-            fields = [self.carried.evaluated(*self.point), *(self.carried.difference(*dp) for _, dp in self.directions)]
-            others = [self.carried.of(x) for x in fields]
-            asked = [self.carried.bound.pull(x) for x in fields]
-        products = self.team.sum(*asked, *products)
-        for point, more, pull in zip([self.point, *(dp for _, dp in self.directions)], others, products):
-            point += [*more, pull]
-        row, column = np.tril_indices(max(count - 1, 0))
-        if len(row):
-            found = np.reshape(products[len(asked) :], (len(row), steps)).T
-            found = found - ((row == column) & (found > 0.5))
-            self.tilted[:, row, column] = self.tilted[:, column, row] = found
-
     def next(self) -> np.ndarray:
-        """State to evaluate next."""
         return self.point[0] + self.relaxation * self.r / self.root
-
-
-def _named(prefix: str, r: np.ndarray, point: list[np.ndarray]) -> dict[str, np.ndarray]:
-    return {f"{kind}/{prefix}{name}": array for (kind, name), array in zip(_NAMES, [r, *point])}

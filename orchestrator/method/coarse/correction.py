@@ -16,6 +16,7 @@ which ``problem`` solves. U is made orthonormal in k. It costs no back-substitut
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,7 +30,6 @@ from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.history import History
-from orchestrator.method.memory import Memory
 from orchestrator.method.coarse.pair_fields import AFFINE, MONOMIALS, PairFields
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.rows import times
@@ -213,15 +213,14 @@ class CoarseCorrection:
         """(I,) int, the numbers of the interfaces that this rank touches."""
         return np.array([i.index for i in self.pairs.interfaces], dtype=int)
 
-    def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
-        """Arrays and notes for the ``Memory`` of an iteration."""
-        arrays, notes = self.problem.told()
-        return arrays, {"radius": self.radius, **notes}
+    def state(self) -> dict[str, object]:
+        """What a resumed run has to know."""
+        return {"radius": self.radius, **self.problem.state()}
 
-    def recall(self, memory: Memory) -> None:
-        """Take back what was told of an iteration."""
-        self.problem.recall(memory)
-        self.radius = memory.notes["coarse"]["radius"]
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Take ``state`` back."""
+        self.problem.restore(state)
+        self.radius = state["radius"]
 
     def _independent(self, fields: np.ndarray, k_fields: np.ndarray, allowed: np.ndarray) -> np.ndarray:
         """(own bodies, 12, n) R that makes U = Rᵀ fields orthonormal, U k Uᵀ = 1; what is dependent becomes zero.

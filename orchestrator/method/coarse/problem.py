@@ -13,6 +13,7 @@ right for some thousands of bodies.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from functools import partial
 
@@ -26,10 +27,8 @@ from orchestrator.method.coarse.pair_fields import PairFields
 from orchestrator.method.coarse.settling import Body
 from orchestrator.method.history import History
 from orchestrator.method.interface.pairs import Pairs
-from orchestrator.method.memory import Memory
 from orchestrator.parallel.team import Team
 
-FACTORISED = "common/factorised."
 REDUCTION = 1e-2  # it need not be solved better than the iteration it serves
 # The same where contacts are stabilised, as ρ tells little of where loose bodies are: 125 grains of seed 2 take 51 iterations, 64 with
 # 1e-3 and 83 with 1e-2.
@@ -175,20 +174,15 @@ class CoarseProblem:
         """How far any body moves in the fields (bodies, n) at most, by Cauchy and Schwarz."""
         return float((self.farthest * np.linalg.norm(y, axis=1)).max(initial=0.0))
 
-    def told(self) -> tuple[dict[str, np.ndarray], dict[str, object]]:
-        """What is remembered from one iteration to the next: the reach of the pairs, and what has been factorised."""
-        steps = sorted(self._reach)
-        arrays = {"interface/reach": np.reshape([self._reach[t] for t in steps], (len(steps), len(self.fields.bodies)))}
-        arrays |= {f"{FACTORISED}{t}": kept.blocks.ravel() for t, kept in self._kept.items() if kept.blocks is not None}
-        return (arrays, {"newton_steps": self.newton_steps, "ends": dict(self.ends)})
+    def state(self) -> dict[str, object]:
+        """What a resumed run has to know; factors are formed anew."""
+        reach = np.reshape([self._reach[t] for t in sorted(self._reach)], (len(self._reach), len(self.fields.bodies)))
+        return {"interface/reach": reach, "newton_steps": self.newton_steps, "ends": dict(self.ends)}
 
-    def recall(self, memory: Memory) -> None:
-        """Take back what was told of an iteration."""
-        self._reach, pattern = dict(enumerate(memory.arrays["interface/reach"])), self.bodies.pattern
-        if pattern is not None:
-            self._kept = {int(name.removeprefix(FACTORISED)): KeptFactors(pattern, blocks.reshape(-1, pattern.size, pattern.size))
-                          for name, blocks in memory.arrays.items() if name.startswith(FACTORISED)}
-        self.newton_steps, self.ends = memory.notes["coarse"]["newton_steps"], dict(memory.notes["coarse"]["ends"])
+    def restore(self, state: Mapping[str, object]) -> None:
+        """Take ``state`` back."""
+        self._reach = dict(enumerate(state["interface/reach"]))
+        self.newton_steps, self.ends = state["newton_steps"], dict(state["ends"])
 
     @staticmethod
     def _dominating(newton: Newton) -> int | None:

@@ -20,7 +20,6 @@ import numpy as np
 
 from orchestrator.method.evaluation import Evaluation, Verdict
 from orchestrator.method.monitors.monitor import Case, Monitor
-from orchestrator.method.stopping.delivered_bound import bound_of
 from orchestrator.method.stopping.indicator import energy_residual
 from orchestrator.method.stopping.law_residuals import LawMeasure
 from orchestrator.method.stopping.lengths import Lengths
@@ -55,7 +54,7 @@ class LawCriterion(Monitor):
             laws = laws.with_fixed_point(_fixed_point(now, lengths))
         value = laws.largest if self.case.by_error else now.measures.indicator
         if self.auto:
-            bound = bound_of(problem, now.best)
+            bound = problem.bounded(now.best)
             value = max(value, energy_residual(problem.stage, now.best, now.local, problem.loading.size(bound.energy)))
         return Verdict(bool(value <= self.case.value), measure=value, bound=bound, laws=laws, lengths=lengths, told={
             "target": (self.name if self.case.by_error else "indicator", self.case.value), "law_residual": laws.largest,

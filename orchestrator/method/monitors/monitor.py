@@ -86,7 +86,7 @@ class Monitor:
         raise NotImplementedError
 
     def state(self) -> dict[str, Any]:
-        """What a resumed run has to know: numbers, texts and lists of these by name, arrays by ``kind/name`` as in ``Memory``."""
+        """What a resumed run has to know: numbers, texts and lists of these by name, arrays by ``kind/name``, see ``checkpoint``."""
         return {}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:

@@ -44,6 +44,11 @@ class Measures:
     moved: float
     asked: float
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Those that the history has."""
+        return {name: getattr(self, name) for name in ("indicator", "displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
+
 
 def measure(problem: Decomposition, fields: Admissible, local: LocalState, residual: np.ndarray, exact: bool,
             more: Sequence[np.ndarray], largest: Sequence[float]) -> tuple[Measures, list[np.ndarray], list[float]]:

@@ -10,9 +10,9 @@ from orchestrator.config.model import Config
 from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.events import Iteration, Subscriber
 from orchestrator.parallel.team import Elsewhere, Team
+from orchestrator.results.checkpoint import saved
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.checkpoint import saved
 from orchestrator.results.summary.content import problem_size
 from orchestrator.results.summary.summary import versions, write_summary
 from orchestrator.scene.model import Scene

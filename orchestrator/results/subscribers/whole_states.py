@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from orchestrator.method.checkpoint import COMMON, Numbers, kind_of
 from orchestrator.method.events import Finished, Iteration, Subscriber, Subscribers
-from orchestrator.method.memory import Numbers
 from orchestrator.parallel.team import Team
-
-TOGETHER = 16 << 20  # bytes: more of them are no slower in several messages
 
 
 def whole_states(subscribers: Sequence[Subscriber], numbers: Numbers, team: Team) -> Sequence[Subscriber]:
-    """The subscribers, told of whole states and memories: the same ones where there is one rank.
+    """The subscribers, told of whole states and checkpoints: the same ones where there is one rank.
 
     Parameters
     ----------
@@ -33,48 +31,33 @@ class WholeStates(Subscriber):
     """
 
     def __init__(self, subscribers: Sequence[Subscriber], numbers: Numbers, team: Team):
-        self.keepers = Subscribers(s for s in subscribers if s.wants_states or s.wants_memory)
-        self.others = Subscribers(s for s in subscribers if not (s.wants_states or s.wants_memory))
-        self.team = team
-        self.numbers = team.all_gather(numbers)
+        self.keepers = Subscribers(s for s in subscribers if s.wants_states or s.wants_checkpoints)
+        self.others = Subscribers(s for s in subscribers if not (s.wants_states or s.wants_checkpoints))
+        self.team, self.numbers = team, team.all_gather(numbers)
         self.wanted, self.states = team.share((bool(self.keepers.all), any(s.wants_states for s in self.keepers.all)))
 
     def iteration(self, event: Iteration) -> None:
         self.others.iteration(event)
         if not self.wanted:
             return
-        whole: dict[str, np.ndarray] = {}
-        for some in self._messages(({"trace/state": event.state} if self.states else {}) | event.memory.spread):
-            whole |= self._gathered(some)
+        kept = event.checkpoint
+        mine = ({"trace/state": event.state} if self.states else {}) | {
+            name: array for name, array in kept.arrays.items() if kind_of(name) != COMMON}
+        whole = self._gathered(mine)
         if self.team.rank == 0:
             state = whole.pop("trace/state", event.state)
-            self.keepers.iteration(replace(event, state=state, memory=event.memory.of_all(whole)))
-
-    def _messages(self, arrays: dict[str, np.ndarray]) -> Iterator[dict[str, np.ndarray]]:
-        """What travels together: all, unless rank 0 would have to hold more than ``TOGETHER`` of it twice; the same on all ranks."""
-        size, some = 0, {}
-        for name, array in arrays.items():
-            more = 8 * len(array) * sum(len(numbers[name.partition("/")[0]]) for numbers in self.numbers)
-            if some and size + more > TOGETHER:
-                yield some
-                size, some = 0, {}
-            size, some[name] = size + more, array
-        if some:
-            yield some
+            self.keepers.iteration(replace(event, state=state, checkpoint=replace(kept, arrays={**kept.arrays, **whole})))
 
     def _gathered(self, mine: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The whole scene's arrays, on rank 0, from every rank's columns of them, in one message; nothing elsewhere."""
-        rows = {name: len(array) for name, array in mine.items()}
-        kinds = {name: name.partition("/")[0] for name in rows}
-        widths = [{name: len(numbers[kinds[name]]) for name in rows} for numbers in self.numbers]
-        arrived = self.team.gather(np.concatenate([array.ravel() for array in mine.values()]))
+        arrived, whole = self.team.gather(mine), {}
         if arrived is None:
             return {}
-        whole = {name: np.zeros((rows[name], 1 + max(n[kinds[name]].max(initial=-1) for n in self.numbers))) for name in rows}
-        for part, width, numbers in zip(arrived, widths, self.numbers):
-            ends = np.cumsum([rows[name] * width[name] for name in rows])
-            for name, piece in zip(rows, np.split(part, ends[:-1])):
-                whole[name][:, numbers[kinds[name]]] = piece.reshape(rows[name], width[name])
+        for name, array in mine.items():
+            columns = [numbers[kind_of(name)] for numbers in self.numbers]
+            whole[name] = np.zeros((len(array), 1 + max(own.max(initial=-1) for own in columns)))
+            for part, own in zip(arrived, columns):
+                whole[name][:, own] = part[name]
         return whole
 
     def warned(self, sentence: str) -> None:

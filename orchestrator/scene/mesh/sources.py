@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -82,24 +81,16 @@ SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.fi
            "polycrystal": "grains.polycrystal", "step": "mesh.solids"}
 
 
-# gives a mesh, asking the function for it if it has to be made
-Keeper = Callable[[Callable[[], Mesh]], Mesh]
-
-
-def make_mesh(mesh: Any, kept: Keeper = lambda make: make()) -> tuple[Mesh, Faces]:
+def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
     """Makes, scales and checks the mesh of the configuration's ``mesh`` entry.
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
-
-    Parameters
-    ----------
-    kept : may know the mesh from an earlier run
 
     Raises
     ------
     InputError : the source is missing or bad, or what it gives is no valid mesh
     """
-    made = _named(kept(lambda: _made(mesh)))
+    made = _named(_made(mesh))
     scale = getattr(mesh, "scale", None)
     if scale is not None:
         made.nodes = made.nodes * float(scale)
@@ -119,7 +110,7 @@ def _named(mesh: Mesh) -> Mesh:
     return mesh
 
 
-def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make(), run_programs: bool | None = False) -> tuple[Mesh, Faces]:
+def make_parts(parts: list[OnePart], run_programs: bool | None = False) -> tuple[Mesh, Faces]:
     """Makes the mesh of each part, as ``make_mesh`` does, moves it, and puts all together.
 
     A part's one volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
@@ -127,7 +118,6 @@ def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make(), run_pro
     Parameters
     ----------
     parts : of the configuration
-    kept : may know the whole from an earlier run
     run_programs : whether programs are started that are parts; None: these are left out
 
     Raises
@@ -139,7 +129,7 @@ def make_parts(parts: list[OnePart], kept: Keeper = lambda make: make(), run_pro
         foreign = [(i, part) for i, part in foreign if part.program is None]
     elif not run_programs:
         check_asked(parts)
-    meshes = [kept(lambda: _together(parts))] if meshed else []
+    meshes = [_together(parts)] if meshed else []
     mesh = joined([*meshes, *_standing_in(foreign, meshes)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))
 

@@ -1,0 +1,219 @@
+"""What a stopped run goes on from: one ``Checkpoint`` after each iteration.
+
+It has the evaluation of the fixed point that the iteration was, what the coarse problem and the monitors remember, and where an
+increment of load steps has ended its fields. The acceleration is not in it: it begins anew and takes in the last evaluations once
+more. Arrays are named ``kind/owner.name`` by how their columns are numbered:
+
+- ``trace``, ``boundary``  (T, D) and (T, B), the columns as in ``TraceSpace``;
+- ``macro``                (T, size), as in ``Macro``; several ranks may have the same ones;
+- ``interface``            (T, I), a column per interface;
+- ``common``               the same on all ranks.
+
+Each rank has its own columns; files have those of the whole scene, so that a run may go on with another number of ranks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.evaluation import Evaluation
+from orchestrator.method.events import Iteration
+from orchestrator.method.iterated import Iterated, delivered
+from orchestrator.method.latin import Latin
+from orchestrator.method.linear.stage import Admissible
+from orchestrator.method.refusal import Refusal
+
+COMMON = "common"
+_EVALUATED = ("trace/s", "boundary/u", "macro/alpha")
+_DELIVERED = tuple(f"{kind}/delivered.{name}" for kind, name in zip(
+    ("trace", "boundary", "macro", "trace", "trace"), ("s", "u", "alpha", "w", "f")))
+Numbers = Mapping[str, np.ndarray]  # kind → number of each of this rank's columns in the whole scene
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run after an iteration.
+
+    Parameters
+    ----------
+    iteration : linear stages after set-up
+    increment : of load steps, which one
+    evaluations : of how many of the last iterations the evaluations are needed; 0: ``trace/s`` is the next state
+    arrays : ``kind/owner.name`` → array; not to be changed
+    notes : numbers, texts and lists of these
+    """
+
+    iteration: int
+    increment: int
+    evaluations: int
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, latin: Latin, now: Evaluation, event: Iteration, increment: int, last: bool, steps: int) -> Checkpoint:
+        """After an iteration.
+
+        Parameters
+        ----------
+        last : no other increment follows
+        steps : load steps of all increments
+        """
+        verdict, problem = now.verdict, now.problem
+        ended, met = bool(verdict.reason), bool(verdict.met)
+        arrays: dict[str, np.ndarray] = {}
+        if not latin.evaluations:
+            arrays["trace/s"] = latin.s
+        elif not (ended and met):  # nobody goes on from there
+            arrays = dict(zip(_EVALUATED, now.point.rows[:3] if problem.all_perfect else now.point.rows[:1]))
+            arrays["trace/image"] = now.local.s
+        notes = {"sweeps": latin.sweeps, "seconds": event.seconds, "steps": steps, "last": last, "met": met, "reason": verdict.reason,
+                 "states": {}}
+        for owner, state in _states(latin, problem).items():
+            own = {name: x for name, x in state.items() if isinstance(x, np.ndarray)}
+            notes["states"][owner] = {name: x for name, x in state.items() if name not in own}
+            arrays |= {"{}/{}.{}".format(*_split(name, owner)): x for name, x in own.items()}
+        if ended:
+            arrays |= dict(zip(_DELIVERED, now.best.rows))
+            notes["event"] = event.content
+        return cls(now.number, increment, latin.evaluations, arrays, notes)
+
+    @property
+    def ended(self) -> bool:
+        """Whether it was the last iteration of its increment: its fields are among the arrays."""
+        return bool(self.notes["reason"])
+
+    def state_of(self, owner: str) -> dict[str, Any]:
+        """What one part of the method remembers."""
+        found = {name: name.partition("/") for name in self.arrays}
+        own = {f"{kind}/{rest.removeprefix(f'{owner}.')}": self.arrays[name]
+               for name, (kind, _, rest) in found.items() if rest.startswith(f"{owner}.")}
+        return {**self.notes["states"][owner], **own}
+
+    def of_rank(self, numbers: Numbers) -> Checkpoint:
+        """One rank's columns of what is known of the whole scene."""
+        return replace(self, arrays={name: x if kind_of(name) == COMMON else x[:, numbers[kind_of(name)]]
+                                     for name, x in self.arrays.items()})
+
+
+def kind_of(name: str) -> str:
+    """How the columns of an array are numbered."""
+    return name.partition("/")[0]
+
+
+def _split(name: str, owner: str) -> tuple[str, str, str]:
+    kind, _, rest = name.partition("/")
+    return kind, owner, rest
+
+
+def _states(latin: Latin, problem: Decomposition) -> dict[str, dict[str, Any]]:
+    """What each part of the method remembers, by its name."""
+    coarse = {} if problem.coarse is None else {"coarse": problem.coarse.state()}
+    return coarse | {monitor.name: monitor.state() for monitor in latin.monitors}
+
+
+def go_on(latin: Latin, latest: Sequence[Checkpoint]) -> None:
+    """Have iterations go on after the last of some checkpoints, one after the other."""
+    last = latest[-1]
+    problem = _restored(latin, last)
+    latin.number, latin.sweeps = last.iteration, last.notes["sweeps"]
+    if not last.evaluations:
+        latin.s = last.arrays["trace/s"].copy()
+        return
+    for each in latest[-last.evaluations:]:
+        s, *more = (each.arrays[name] for name in _EVALUATED if name in each.arrays)
+        none = np.empty((len(s), 0))
+        fields = problem.sent(problem.stage.complete(s, *more)) if more else Admissible(s, none, none, none, none, problem.space)
+        latin.take(fields, each.arrays["trace/image"])
+    latin.s = latin.acceleration.next()
+
+
+def _restored(latin: Latin, last: Checkpoint) -> Decomposition:
+    """The problem as the monitors had changed it; all know what they knew."""
+    problem = latin.problem
+    for monitor in latin.monitors:
+        problem = monitor.restore(last.state_of(monitor.name), problem)
+    if problem.coarse is not None:
+        problem.coarse.restore(last.state_of("coarse"))
+    latin.problem = problem
+    return problem
+
+
+def ended(latin: Latin, last: Checkpoint) -> Iterated:
+    """The end of an increment, from its last iteration."""
+    problem = _restored(latin, last)
+    best = Admissible(*(last.arrays[name] for name in _DELIVERED), problem.space)
+    local = problem.local(best)
+    latin.number, latin.sweeps = last.iteration, last.notes["sweeps"]
+    event = Iteration.of_content(last.notes["event"], best.s)
+    return delivered(latin, (problem.stage.ended(best), local, event), (last.notes["met"], last.notes["reason"]), [])
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where iterations begin: from a state, or where an earlier run stood.
+
+    Parameters
+    ----------
+    state : (T, D) s; None: zero, and in an increment of load steps the last state of the one before
+    iteration, sweeps : done so far, set-up not counted
+    seconds : spent so far
+    ended : the last checkpoint of each increment that is done
+    latest : the last checkpoints of the increment under way, as many as are needed
+    before : of the iterations, those that ``max_iterations`` does not count; None: all
+    """
+
+    state: np.ndarray | None = None
+    iteration: int = 0
+    sweeps: float = 0.0
+    seconds: float = 0.0
+    ended: Sequence[Checkpoint] = ()
+    latest: Sequence[Checkpoint] = ()
+    before: int | None = None
+
+    @staticmethod
+    def handed_out(start: Start | None, d: Decomposition) -> Start:
+        """A rank's part of what rank 0 knows of the whole scene; None: the beginning.
+
+        Raises
+        ------
+        Refusal : it does not fit to the decomposition
+        """
+        team = d.space.team
+        everyone = team.gather(numbers_of(d))
+        if not team.rank:
+            start = start or Start()
+            start._check(d.steps, {kind: 1 + max(int(own[kind].max(initial=-1)) for own in everyone) for kind in everyone[0]})
+        return start if team.size == 1 else team.hand_out(lambda rank: start._of_rank(everyone[rank]))
+
+    def _of_rank(self, numbers: Numbers) -> Start:
+        return replace(self, state=None if self.state is None else self.state[:, numbers["trace"]],
+                       ended=[x.of_rank(numbers) for x in self.ended], latest=[x.of_rank(numbers) for x in self.latest])
+
+    def _check(self, steps: int, columns: Mapping[str, int]) -> None:
+        """Refuse arrays of another shape, or with values that are no numbers."""
+        given = [(x.iteration, name, array) for x in (*self.ended, *self.latest) for name, array in x.arrays.items()]
+        if self.state is not None:
+            given.append((self.iteration, "trace/state", self.state))
+        for iteration, name, array in given:
+            kind, wrong = kind_of(name), None
+            if array.ndim != 2:
+                wrong = f"{array.ndim} dimensions"
+            elif kind != COMMON and array.shape[1] != columns[kind] or name == "trace/state" and len(array) != steps:
+                wrong = f"shape {array.shape} where there are {columns[kind]:,} columns"
+            elif kind != "interface" and not np.isfinite(array).all():
+                wrong = "values that are not finite"
+            if wrong:
+                raise Refusal("another start", iteration=iteration, name=name, wrong=wrong)
+
+
+def numbers_of(d: Decomposition) -> Numbers:
+    """Which columns of the whole scene's arrays are this rank's."""
+    none = np.empty(0, dtype=int)
+    return {"trace": d.space.link.number, "boundary": d.space.link.boundary_number,
+            "macro": none if d.stage.macro is None else d.stage.macro.number,
+            "interface": none if d.coarse is None else d.coarse.interfaces}
