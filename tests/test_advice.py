@@ -34,6 +34,7 @@ def test_too_few_iterations():
     assert "--resume" in advice[0] and any("element: P2" in text for text in advice) and len(advice) == 2, advice
 
 
+@pytest.mark.long
 def test_as_many_more_as_it_says():
     solution, advice = stopped(contact(0.3, error=1e-6, blackbox=IN_PROCESS, method={"max_iterations": 12}), "max_iterations")
     more = int(re.search("about ([0-9]+) more iterations", advice[0])[1])
@@ -59,6 +60,7 @@ def test_settings_that_diverge():
     assert any("not held" in text for text in advice) and any("conformance in-process" in text for text in advice)
 
 
+@pytest.mark.long
 def test_what_contact_adds():
     high = [BOTTOM, {"on": TOP, "displacement": [[0, 0, -5e-3], [2e-2, 0, -5e-3]]}]
     _, advice = stopped(contact(1.5, blackbox=IN_PROCESS, boundary=high, method={"max_iterations": 3}), "max_iterations")

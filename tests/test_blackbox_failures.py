@@ -326,6 +326,7 @@ def test_folders_of_other_hosts_are_left_alone(temporary):
     foreign.rmdir()
 
 
+@pytest.mark.long
 def test_whoever_sweeps_while_folders_are_made_takes_none(temporary):
     """Between its making and its lock a folder looks abandoned."""
     sweeping = begin(sys.executable, "-c", "from orchestrator import folders; import time\n"

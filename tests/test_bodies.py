@@ -53,6 +53,7 @@ def test_nothing_carries_shear_where_nothing_rubs(tmp_path, shared, held):
 
 @pytest.mark.parametrize("name, element", [("frictionless", "P1"), ("friction", "P1"), ("press fit", "P1"), ("jump", "P1"), ("friction", "P2"),
                                            ("jump", "P2"), late("frictionless", "P2"), late("press fit", "P2")])
+@pytest.mark.long
 def test_one_piece_says_the_same(tmp_path, name, element):
     """Every law against what is prescribed on the other side, that moves as well: the monolithic solution."""
     made = scene_of(tmp_path, LAWS[name], element=element, poisson=0.3, boundary=[

@@ -94,6 +94,7 @@ def test_friction_does_not_notice_the_code(configs_dir):
     assert difference(mixed.interfaces.resultant, alone.interfaces.resultant) < 1e-9
 
 
+@pytest.mark.long
 def test_faces_that_do_not_match_do_not_notice_the_code():
     """A CalculiX block bonded on a FreeFEM one, a scikit-fem block that slides on it, each with a mesh of its own."""
     problem = {**stack_of_three(0.3, (2, 3, 2)), "method": {"tolerance": {"error": 1e-7}}}

@@ -87,6 +87,7 @@ def test_hertz(pressed):
     assert np.all(order > 0.8), f"fitted orders {order}"
 
 
+@pytest.mark.long
 def test_cattaneo_mindlin(tmp_path):
     """Pressed, then pushed sideways below the threshold: the middle sticks, the rest slips, by the closed form."""
     h, push = 0.005, [4e-4, 7e-4]

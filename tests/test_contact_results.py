@@ -224,6 +224,7 @@ def test_warnings():
     assert cautions(found.scene, sides, detached=[names]) == [], "where a detached body is means nothing"
 
 
+@pytest.mark.long
 def test_from_the_configuration_to_the_report(tmp_path, capsys):
     out, path = tmp_path / "out", tmp_path / "stack.yaml"
     data = stack(3, [[0, 0, -3e-3], [0, 0, 3e-3]])
@@ -250,6 +251,7 @@ def test_from_the_configuration_to_the_report(tmp_path, capsys):
         assert part in text, part
 
 
+@pytest.mark.long
 def test_pictures_without_vtk(loose, tmp_path):
     names = [p.name for p in write_figures(ResultsFolder(tmp_path), jsonable(loose.summary), {}, fields_of(loose))]
     assert names == ["time.png", "deformed.png", "interfaces.png"]

@@ -65,6 +65,7 @@ def test_monolithic_solver_agrees(name, friction):
 
 
 @pytest.mark.parametrize("friction", quick([0.1, 0.3], 0.3))
+@pytest.mark.long
 def test_monolithic_solver_agrees_on_rollers(friction):
     """Interfaces that meet planes of symmetry at an angle: their nodes there are prescribed in part."""
     press = {"on": TOP, "displacement": [[None, None, z] for z in (-0.002, -0.004, -0.001)]}

@@ -162,6 +162,7 @@ def test_steps_in_batches():
     assert run.converged and 0 < run.summary["discretisation_error"] < 1
 
 
+@pytest.mark.long
 def test_files(tmp_path):
     from typer.testing import CliRunner
 

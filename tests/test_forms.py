@@ -223,6 +223,7 @@ def test_a_tolerance_from_the_meshs_error_is_refused(tmp_path):
         solve(config)
 
 
+@pytest.mark.long
 def test_loads_of_a_solver_in_python(tmp_path):
     """Own weight by the solver is own weight by the YAML."""
     (tmp_path / "heavy.py").write_text("""

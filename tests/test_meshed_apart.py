@@ -48,6 +48,7 @@ def test_a_bonded_assembly_gives_way_as_with_the_conforming_mesh(tmp_path):
     assert moved[1] == pytest.approx(moved[0], rel=0.02)
 
 
+@pytest.mark.long
 def test_bodies_that_meet_beyond_their_pair_are_told(tmp_path):
     """A ball whose pair is found near its foot alone sinks in around it; found from farther apart, it does not."""
     told = []

@@ -60,6 +60,7 @@ def test_plasticity_with_reversal_against_one_run():
     assert summary["nonlinear"]["answers"] == 4 * (solution.iterations + 7) and not summary["discretisation_error"]
 
 
+@pytest.mark.long
 def test_a_part_moved_by_its_supports_in_contact_with_an_elastic_one():
     """Prescribed displacements reach nonlinear parts; as a process it gives the same; below its yield it is elastic."""
     problem = {"mesh": {"box": {"size": [2.0, 1.0, 2.0], "cells": [4, 2, 4]}}, "subdomains": {"grid": [1, 1, 2]},

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from quick import late, quick
 from contact_case import PATH
 from in_process import IN_PROCESS
 from benchmarks.monolithic import Monolithic
@@ -42,7 +43,7 @@ def energy_norm(whole, u):
     return float(np.sqrt(flat @ (whole.K @ flat)))
 
 
-@pytest.mark.parametrize("cells", [(2, 6), (6, 2), (5, 6)])
+@pytest.mark.parametrize("cells", quick([(2, 6), (6, 2), (5, 6)], (5, 6)))
 def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
     """What is delivered has no jump; its distance from the solution of the same operators is bounded, closely."""
     scene = build_scene(bonded(cells))
@@ -63,7 +64,7 @@ def test_bonded_parts_take_as_many_stages_and_the_bound_holds(cells):
     assert solve(bonded(cells, **tight), scene).iterations <= 1.2 * solve(alike, build_scene(alike)).iterations
 
 
-@pytest.mark.parametrize("law", [{}, SLIDES], ids=["bonded", "contact"])
+@pytest.mark.parametrize("law", [{}, late(SLIDES)], ids=["bonded", "contact"])
 def test_bodies_that_are_cut_further(law):
     """Pieces meet many others; some meet them in cross points alone, of which each carries one point at most."""
     pieces = {"subdomains": {"groups": True, "split_above": 100}}
@@ -143,6 +144,7 @@ def test_a_bolt_in_its_bore_is_that_of_one_piece(friction, tmp_path):
     assert {0, 2} <= set(as_in_one_piece(made, scene).iterated.local.status.ravel())
 
 
+@pytest.mark.long
 def test_contact_takes_as_many_stages():
     """A mesh three times as coarse beside the fine one, against the fine one on both sides; the fine one may be the slave."""
     counts = []
@@ -155,7 +157,7 @@ def test_contact_takes_as_many_stages():
 
 
 @pytest.mark.parametrize("element, cells", [("P1", (3, 7)), ("P1", (7, 3)), ("P2", (2, 3))])
-@pytest.mark.parametrize("gap", [0.0, 1e-4, -1e-4])
+@pytest.mark.parametrize("gap", quick([0.0, 1e-4, -1e-4], 1e-4))
 def test_constant_pressure_passes(element, cells, gap):
     """With friction that sticks, across a plane turned anyhow; the gap closes evenly, the press fit opens evenly."""
     stress = np.array([[[0, 0, 2.0], [0, 0, 0], [2.0, 0, -10.0]]])

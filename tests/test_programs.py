@@ -64,6 +64,7 @@ def test_a_script_in_freefem_with_its_own_mesh_matter_and_loads(tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no compiler")
+@pytest.mark.long
 def test_a_program_in_c(tmp_path):
     """It keeps the protocol; its stiffness is the one that its bars have; it carries a block in frictional contact."""
     lattice = str(tmp_path / "lattice")

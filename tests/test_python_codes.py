@@ -110,6 +110,7 @@ def test_interpreters_that_will_not_do_are_told(tmp_path, python, words):
     assert words in str(caught.value) and caught.value.problems[0].path == ("blackbox", "python")
 
 
+@pytest.mark.long
 def test_ten_node_tets(tmp_path):
     p2 = displacement({"code": "freefem", "element": "P2"})
     assert apart(displacement({"code": "scikit-fem", "element": "P2", "workers": 1}), p2) < 1e-8

@@ -12,7 +12,7 @@ from in_process import FREEFEM
 from method_case import CLAMP, CUBES, METIS, box_of, config, irregular, method, prepared, saved, solved
 from quadratic_case import assemble_ten, with_middles
 from test_contact_verification import ROLLERS, YOUNG, assert_agrees
-from quick import quick
+from quick import late, quick
 
 from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.start import make_blackbox
@@ -100,7 +100,7 @@ def test_freefem_answers_in_our_numbering(transport):
         assert difference(traces[i], exact[:, model.trace]) < 1e-8
 
 
-@pytest.mark.parametrize("kind", ["layer", "symmetric", "springs", "overlap"])
+@pytest.mark.parametrize("kind", quick(["layer", "symmetric", "springs", "overlap"], "overlap"))
 def test_what_is_factorised_is_the_sum(tmp_path, kind):
     """The extended subdomains' answers satisfy (K_E + Σ NᵀkN) u = f to rounding."""
     made = config(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 7}, **P2, **method({"kind": kind}))
@@ -169,7 +169,7 @@ CASES = {"slices": {"mesh": {"box": {"size": [8, 1, 1], "cells": [16, 2, 2]}},
          "cubes": CUBES, "metis": METIS}
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", quick(CASES, "cubes"))
 def test_the_undecomposed_solution_is_found(case):
     """True error below 1e-8, and at every iteration that has a bound: error ≤ bound ≤ 5 × error."""
     found = solved(**CASES[case], **P2, **method(tolerance={"error": 1e-8}))
@@ -180,7 +180,7 @@ def test_the_undecomposed_solution_is_found(case):
 
 
 @pytest.mark.parametrize("tolerance", quick([1e-1, 1e-4], 1e-4))
-@pytest.mark.parametrize("changes", [{"kind": "layer"}, {"modulus_ratio": 0.02}], ids=["layer", "soft"])
+@pytest.mark.parametrize("changes", [late({"kind": "layer"}), {"modulus_ratio": 0.02}], ids=["layer", "soft"])
 def test_the_bound_holds(tmp_path, tolerance, changes):
     found = solved(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 5}, **P2,
                    **method(changes, tolerance={"error": tolerance}))
@@ -290,7 +290,7 @@ SMALL = {"two blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [3, 3, 4]}}
          "four blocks": {"mesh": {"box": {"size": [1, 1, 1], "cells": [4, 2, 4]}}, "subdomains": {"grid": [2, 1, 2]}}}
 
 
-@pytest.mark.parametrize("name, friction", [("two blocks", 0.0), ("two blocks", 0.3), ("four blocks", 0.2)])
+@pytest.mark.parametrize("name, friction", [("two blocks", 0.0), ("two blocks", 0.3), late("four blocks", 0.2)])
 def test_monolithic_contact_agrees(name, friction):
     """Pressed, sheared, let go: the independent formulation with its own ties, cold and from our solution.
 
@@ -322,6 +322,7 @@ def test_patch_of_constant_pressure(tmp_path):
         assert u[0] == pytest.approx(exact, abs=1e-8 * 50 / YOUNG)
 
 
+@pytest.mark.long
 def test_patch_of_linear_pressure(tmp_path):
     """ν = 0, an irregular contact under p = 100 + 40 x: every corner carries ∫ N p, the bodies the exact stress."""
     made = contact(0.0, poisson=0.0, mesh=written(tmp_path / "boxes.msh", two_boxes(0.35)), subdomains="groups", **P2,
@@ -364,6 +365,7 @@ def test_an_imposed_jump_is_one_everywhere():
     assert np.abs(found.sides[0]).max() < 1e-9
 
 
+@pytest.mark.long
 def test_contact_in_batches_of_load_steps():
     """The targets of tied edges beside a moved support go with their load step."""
     together = converged(contact(0.2, **SMALL["four blocks"], **P2, error=1e-9))

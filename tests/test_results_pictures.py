@@ -70,6 +70,7 @@ def test_colours_fill_what_they_should(draw):
         assert np.abs(picture[120, column] - 255 * np.array(to_rgb(colour))).max() < 2
 
 
+@pytest.mark.long
 def test_a_body_fills_its_outline_and_its_lines_are_dark(draw):
     """The bending box from its own camera: shape, colours of the scale, subdomain borders; the same twice."""
     view = deformed(case.fields()).views[0]
@@ -90,6 +91,7 @@ def test_a_body_fills_its_outline_and_its_lines_are_dark(draw):
     np.testing.assert_array_equal(draw(view), picture)
 
 
+@pytest.mark.long
 def test_the_deformed_figure_explains_itself(draw):
     sheet = deformed(case.fields())
     view, figure = sheet.views[0], compose(sheet, "made_up")

@@ -140,6 +140,7 @@ class Reader(HTMLParser):
             self.rows[-1][-1] += data
 
 
+@pytest.mark.long
 def test_the_page_says_what_the_text_says(tmp_path):
     """Names full of Markdown's marks come through as they are; the pictures in the page are the files."""
     name = "a_b_ *c* `d` <i>e</i> &amp; f|g [h](i) \\_"

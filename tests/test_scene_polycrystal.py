@@ -58,7 +58,7 @@ def interfaces_per_grain(scene):
     return np.bincount(np.array([i.subdomains for i in scene.interfaces]).reshape(-1))
 
 
-CASES = [(10, 0.094, 0), (15, 0.16, 0), (15, 0.16, 10), (40, 0.08, 0)]
+CASES = [(10, 0.094, 0), (15, 0.16, 0), (15, 0.16, 10), late(40, 0.08, 0)]
 
 
 @pytest.mark.parametrize("grains, h, lloyd", CASES)

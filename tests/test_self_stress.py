@@ -62,6 +62,7 @@ def test_it_brings_forces_nearer_to_the_laws(eight):
         assert (two <= one * (1 + 1e-9)).all() and np.median(two / one) < 0.5
 
 
+@pytest.mark.long
 def test_cubes_whose_edges_nearly_stick():
     """92 iterations without it."""
     made = config_from({**pressed_cubes(0.1, elements=2), "blackbox": IN_PROCESS,

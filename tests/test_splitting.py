@@ -133,6 +133,7 @@ def test_same_solution_with_friction_on_a_curved_surface(tmp_path, element, cell
     assert difference(whole, cut) < 1e-8
 
 
+@pytest.mark.long
 def test_detached_bodies_are_named_as_wholes():
     data = {**grains(10, 0.15), "blackbox": IN_PROCESS, "method": {"max_iterations": 12}}
     configs = [Config.model_validate({**data, "subdomains": {"groups": True, "split_above": above}})

@@ -7,7 +7,7 @@ import pytest
 from contact_case import BOTTOM, CASES, TOP, contact, converged, written
 from in_process import IN_PROCESS
 from method_case import box_of, prepared
-from quick import late
+from quick import late, quick
 from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
@@ -276,11 +276,12 @@ def test_weaker_springs_that_lead_nowhere_are_withdrawn():
     assert changed[watch.at[-1]] == WEAKER and len(changed) == len(watch.at) + 1
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", quick(CASES, "eight cubes"))
 def test_friction_of_one(case):
     assert converged(contact(1.0, method=method(), **CASES[case])).iterated.iterations < 150
 
 
+@pytest.mark.long
 def test_a_loose_grain_stands_where_it_stands_whatever_the_numbering(tmp_path):
     """Grains and nodes in another order, other workers: the position of the grain that comes loose is the same.
 

@@ -144,6 +144,7 @@ def few_grains(count=4, h=0.3):
     return cases.grains(count, h) | {"blackbox": IN_PROCESS}
 
 
+@pytest.mark.long
 def test_a_run_is_followed_to_where_it_tends(tmp_path):
     study = Study("tiny", "tiny contact", tmp_path)
     ours = follow(study, Case(with_method(few_grains(), contact_defaults()), {"settings": "defaults"}))
@@ -212,6 +213,7 @@ def test_ten_grains_from_the_command_line(tmp_path, monkeypatch, saved_figures):
         assert rows_of(tmp_path / "again" / "targets.csv")[0]["met"] == met
 
 
+@pytest.mark.long
 def test_ten_grains_tells_why_a_run_failed(tmp_path):
     with pytest.raises(BlackBoxError, match="subdomains"):
         ten_grains.run(Study("ten", "ten", tmp_path), {**ten_grains.PROBLEM, "subdomains": "grans"})

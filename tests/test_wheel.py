@@ -78,6 +78,7 @@ def test_every_code_is_found(installed, folder):
     assert sorted({entry["code"] for entry in summary["codes"]}) == ["calculix", "freefem", "my_solver.py", "scikit-fem"]
 
 
+@pytest.mark.long
 def test_doctor_sees_the_scripts(installed, folder):
     """And misses them when they are not there; then no run starts either."""
     healthy = call(installed / "orchestrator", "doctor", cwd=folder)
@@ -95,6 +96,7 @@ def test_doctor_sees_the_scripts(installed, folder):
     assert refused.returncode == 2 and f"no file {scripts[0]}" in refused.stderr
 
 
+@pytest.mark.long
 def test_a_study_is_refused_with_the_place_where_studies_are(installed, folder):
     done = call(installed / "orchestrator", "study", "slices", cwd=folder)
     assert done.returncode == 2 and "its repository" in done.stderr and "Traceback" not in done.stderr

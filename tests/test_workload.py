@@ -110,6 +110,7 @@ def test_record_of_a_run(solved):
     assert 0 < idle_share(record["iterations"]) < 1
 
 
+@pytest.mark.long
 def test_ranks_are_joined_and_shown(solved, tmp_path):
     record = solved.summary["workload"]
     other = {p: {**part, "seconds": 2 * part["seconds"],
