@@ -67,12 +67,8 @@ class OrchestratorError(Exception):
 class InternalError(OrchestratorError):
     """Something that nobody has foreseen.
 
-    Parameters
-    ----------
-    what : the error, its kind first
-    where : the traceback is
-    saved : whether there is something to resume from
-    memory : whether memory was wanting
+    what : the error, its kind first; where : the traceback is
+    saved : whether there is something to resume from; memory : whether memory was wanting
     """
 
     def __init__(self, what: str, where: str, saved: bool, memory: bool):

@@ -10,18 +10,17 @@ import subprocess
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any
 
 _running: set[subprocess.Popen] = set()
 _starting = threading.RLock()  # so that whoever ends all meets one that has just begun; a signal may interrupt its holder
+_watched: list[Any] = []  # pools, which have ``kill`` and ``close``
 
 
 def started(command: Sequence[str], **options: Any) -> subprocess.Popen:
     """Start a program in a group of its own, which Ctrl-C does not reach; the kernel kills it with the thread that calls this.
 
-    Parameters
-    ----------
-    command : program and arguments; options : as of ``subprocess.Popen``
+    options : as of ``subprocess.Popen``
     """
     if setpriv := shutil.which("setpriv"):
         command = [setpriv, "--pdeathsig", "KILL", *command]
@@ -37,14 +36,7 @@ def end(process: subprocess.Popen) -> None:
 def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
     """Starts a program and waits for its end: its exit code, or minus the signal that has ended it.
 
-    Parameters
-    ----------
-    patience : seconds; the others as of ``started``
-
-    Raises
-    ------
-    OSError : it cannot be started
-    subprocess.TimeoutExpired : it was ended after ``patience``
+    Raises OSError where it cannot be started, subprocess.TimeoutExpired where it was ended after ``patience`` seconds.
     """
     with _starting:
         process = started(command, **options)
@@ -64,26 +56,13 @@ def end_all() -> None:
             end(process)
 
 
-# ---- what would outlive the program, at its normal end and on SIGTERM --------------------------------
-
-_watched: list[Killable] = []
-
-
-class Killable(Protocol):
-    """A pool."""
-
-    def kill(self) -> None: ...
-
-    def close(self) -> None: ...
-
-
-def watch(pool: Killable) -> None:
-    """Close the pool when the program ends. A handler of SIGTERM that the program set itself is respected."""
+def watch(pool: Any) -> None:
+    """Close the pool when the program ends, and on SIGTERM. A handler of SIGTERM that the program set itself is respected."""
     _watched.append(pool)
     _handle(signal.SIG_DFL, _terminated)
 
 
-def forget(pool: Killable) -> None:
+def forget(pool: Any) -> None:
     """The pool is closed."""
     if pool in _watched:
         _watched.remove(pool)

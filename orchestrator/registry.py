@@ -19,21 +19,17 @@ from typing import Any
 class Registry(Mapping[str, Any]):
     """Names, and what they stand for.
 
-    Parameters
-    ----------
     places : name → ``module:attribute``
     own : regular expression → ``module:attribute``: what stands for names of the user's own, by their form
     made : ``module:function`` by which what has been named becomes what is asked for; none: it is
     """
 
     def __init__(self, places: Mapping[str, str], own: Mapping[str, str] | None = None, made: str = ""):
-        self._places, self._own, self._made = dict(places), dict(own or {}), made
-        self._known: dict[str, Any] = {}
+        self._places, self._own, self._made, self._known = dict(places), dict(own or {}), made, {}
         self._first = tuple(places)
 
     def __getitem__(self, name: str) -> Any:
-        place = self._place(name)
-        if place is None:
+        if (place := self._place(name)) is None:
             raise KeyError(name)
         return self._at(place)
 
@@ -57,24 +53,19 @@ class Registry(Mapping[str, Any]):
     def add(self, name: str, thing: Any) -> None:
         """Something that is not shipped: a law or a code of the user's own."""
         place = f"{thing.__module__}:{thing.__qualname__}"
-        self._places[name], self._known[place] = place, self._of(thing)
+        self._places[name], self._known[place] = place, _named(self._made)(thing) if self._made else thing
 
     def remove(self, name: str) -> None:
         """Forget what was added."""
         del self._places[name]
 
     def _place(self, name: str) -> str | None:
-        if name in self._places:
-            return self._places[name]
-        return next((place for form, place in self._own.items() if re.fullmatch(form, name)), None)
+        return self._places.get(name) or next((place for form, place in self._own.items() if re.fullmatch(form, name)), None)
 
     def _at(self, place: str) -> Any:
         if place not in self._known:
-            self._known[place] = self._of(_named(place))
+            self._known[place] = _named(self._made)(_named(place)) if self._made else _named(place)
         return self._known[place]
-
-    def _of(self, thing: Any) -> Any:
-        return _named(self._made)(thing) if self._made else thing
 
 
 def _named(place: str) -> Any:

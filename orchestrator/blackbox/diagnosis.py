@@ -17,8 +17,6 @@ def difference(found: np.ndarray, expected: np.ndarray) -> float:
 def diagnosis(found: np.ndarray, expected: np.ndarray) -> str:
     """What is wrong with displacements (rhs, 3n), in words; empty when they are right.
 
-    Parameters
-    ----------
     found, expected : a row per load case, dof = 3 * node + component
     """
     if found.shape != expected.shape:

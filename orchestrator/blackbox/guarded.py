@@ -32,8 +32,6 @@ class GuardedCode(Layer):
 
     Raises BlackBoxError, naming the model, for what its matter cannot have answered.
 
-    Parameters
-    ----------
     inner : the pool
     codes : ``Model.code`` of those to judge; default all
     """
@@ -56,7 +54,6 @@ class GuardedCode(Layer):
             self.fields(forces)
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """As the protocol says."""
         answers = super().fields(forces)
         asked = [i for i, u in answers.items() if len(u) and self._known(self._models[i])]
         # the codes' cores have nothing else to do meanwhile
@@ -73,7 +70,6 @@ class GuardedCode(Layer):
         return answers
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
-        """As the protocol says."""
         matrices = super().stiffness(models)
         judged = [i for i, model in enumerate(models) if self._judges(model)]
         shares = together(lambda own: [wrong_stiffness(models[i], matrices[i], not self._known(models[i])) for i in own],
@@ -124,9 +120,7 @@ def patch_errors(model: Model, matrix: sp.csr_array, own_matter: bool = False) -
     Each is relative to the row's diagonal entry times the largest displacement. Four columns tell: a random translation,
     rotation and strain, with no component that is small, and displacements at random.
 
-    Returns
-    -------
-    symmetry, rigid, strain : float; strain 0 where the matter is the code's own
+    Returns symmetry, rigid, strain : float; strain 0 where the matter is the code's own
     node : where the worst of the last two is
     allowed : ``PATCH``, or what coordinates of few digits leave of thin tets far from the origin
     """
@@ -162,9 +156,7 @@ def _apart_from_zero(random: np.random.Generator, count: int) -> np.ndarray:
 def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, int]:
     """How much of forces (rhs, 3n) displacements (rhs, 3n) leave unbalanced on free dofs, and at which node most.
 
-    Returns
-    -------
-    largest |K u − f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves
+    Returns largest |K u − f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves
         equal shares of that everywhere, however different the moduli; of rows in a random combination
     """
     matter = Matter.of(model)

@@ -10,11 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from orchestrator.blackbox.codes.code import Code
-    from orchestrator.blackbox.transport.worker import Worker
+from typing import Any
 
 STAGES = ("start", "assemble", "factorise", "solve")  # of a code's own clock
 
@@ -62,17 +58,18 @@ class Usage:
 
     codes : its ``Code`` of each number
     teams : the numbers of the workers of each code
+    workers : its ``Worker``s, by their numbers
     folder : where meshes and messages are written; removed with the black box
     asked : seconds of wall clock in which it had something to do, in all
     """
 
-    def __init__(self, codes: Mapping[int, Code], teams: Mapping[int, range], folder: Path):
+    def __init__(self, codes: Mapping[int, Any], teams: Mapping[int, range], folder: Path):
         self._codes, self._teams, self._folder = dict(codes), teams, folder
-        self.workers: list[Worker] = []
+        self.workers: list[Any] = []
         self.asked = self._since = self._before = 0.0
         self.hold([], [])
 
-    def begin(self, workers: Sequence[Worker]) -> None:
+    def begin(self, workers: Sequence) -> None:
         """These work from now on."""
         self.workers, self._since, self._before = list(workers), time.perf_counter(), self.asked
 
@@ -80,7 +77,7 @@ class Usage:
         """Take in which worker has each model, and how many free dofs that has."""
         self._home, self._dofs = home, dofs
 
-    def timed(self, number: int, work: Callable[[Worker, Any], dict], argument: Any) -> dict:
+    def timed(self, number: int, work: Callable[[Any, Any], dict], argument: Any) -> dict:
         """Do a worker's task, in its own thread."""
         begin, worker = time.perf_counter(), self.workers[number]
         try:
@@ -140,6 +137,6 @@ class Usage:
         return [self._folder]
 
 
-def _summed(workers: Sequence[Worker]) -> dict[str, float]:
+def _summed(workers: Sequence) -> dict[str, float]:
     """Seconds per stage of workers together."""
     return {stage: sum(worker.seconds[stage] for worker in workers) for stage in STAGES}

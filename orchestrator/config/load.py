@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from orchestrator.config.blackbox import CodeSettings, settings_class
 from orchestrator.config.explain import echo, explained
 from orchestrator.config.model import Config
-from orchestrator.config.raw import BadOverride, apply, parse, with_files
+from orchestrator.config.paths import BadOverride, apply, parse, with_files
 from orchestrator.config.rules import broken_rules
 from orchestrator.config.text import parse_yaml, read_text
 from orchestrator.errors import InputError, KeyPath, Problem

@@ -22,9 +22,7 @@ MOST = 100_000  # entries, those counted that aliases repeat: a few lines of ali
 def read_text(path: Path) -> str:
     """The text of a configuration file.
 
-    Raises
-    ------
-    InputError : no such file, none that can be read, or one larger than ``LARGEST``
+    Raises InputError: no such file, none that can be read, or one larger than ``LARGEST``
     """
     try:
         if not path.is_file():
@@ -42,9 +40,7 @@ def read_text(path: Path) -> str:
 def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
     """Plain data of a YAML text and the line of every path in it.
 
-    Raises
-    ------
-    InputError : bad syntax, a key given twice, more levels than ``DEEPEST`` or entries than ``MOST``
+    Raises InputError: bad syntax, a key given twice, more levels than ``DEEPEST`` or entries than ``MOST``
     """
     reader, lines = YAML(), {}
     reader.Composer, reader.Constructor = _Composer, _Constructor

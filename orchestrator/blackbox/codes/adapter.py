@@ -20,9 +20,6 @@ import scipy.sparse.linalg as spla
 
 class Adapter:
     """Keyword arguments of a subclass are the ``options`` of its entry in the YAML.
-
-    Attributes
-    ----------
     translation_invariant : answers depend neither on where a model is nor on what it or its volumes are called
     own_matter : its matter is its own, not the YAML's moduli
     elements : those it knows

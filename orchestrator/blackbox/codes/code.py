@@ -113,16 +113,12 @@ class Code(ABC):
 
 class MessageCode(Code):
     """A code whose processes speak the bytes of ``messages``, through pipes or through files.
-
-    Attributes
-    ----------
     mesh_suffix : of the files that ``mesh`` fills
     """
 
     mesh_suffix: ClassVar[str]
 
     def worker(self) -> type[Worker]:
-        """As ``Code`` says."""
         from orchestrator.blackbox.transport.session import MessageWorker
 
         return MessageWorker
@@ -141,8 +137,6 @@ class MessageCode(Code):
     def missing_part(self, exit_code: int, said: str) -> InputError | None:
         """The error to raise when a process ends with this code before its first word, if it is the installation's.
 
-        Parameters
-        ----------
         said : the last lines that it printed
         """
         return None

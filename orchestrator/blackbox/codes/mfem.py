@@ -19,7 +19,6 @@ class Mfem(Adapter):
     translation_invariant = True
 
     def stiffness(self, model) -> sp.csr_array:
-        """As ``Adapter`` says."""
         import mfem.ser as mfem
 
         mesh = self._mesh(model, mfem.Mesh)

@@ -16,7 +16,6 @@ class NGSolve(Adapter):
     translation_invariant = True
 
     def stiffness(self, model) -> sp.csr_array:
-        """As ``Adapter`` says."""
         from netgen.meshing import Mesh as NetgenMesh
         from ngsolve import BilinearForm, CoefficientFunction, Grad, Id, InnerProduct, Mesh, Trace, VectorH1, dx
 

@@ -32,9 +32,6 @@ STEADY, DESCENTS = 8, 40  # elastic steps at once, and how often, where Newton's
 
 class NonlinearAdapter(Adapter):
     """Solves load steps one after the other, each from where the last one was committed.
-
-    Attributes
-    ----------
     nonlinear : ``advance`` and ``commit`` are asked, as the entry's ``nonlinear: true`` says
     """
 
@@ -43,15 +40,11 @@ class NonlinearAdapter(Adapter):
     def response(self, model: Any, u: np.ndarray, history: Any) -> tuple[np.ndarray, sp.csr_array, Any]:
         """What displacements need at the end of a load step.
 
-        Parameters
-        ----------
         model : the body alone; its nodes are those of the subdomain and of its soles, in the same order
         u : (3n,) displacements at the end of the load step
         history : what this method returned for the last committed step; None at the beginning. Not to be changed
 
-        Returns
-        -------
-        (3n,) nodal forces, their derivative (3n, 3n), symmetric, and the history to begin the next step with
+        Returns (3n,) nodal forces, their derivative (3n, 3n), symmetric, and the history to begin the next step with
         """
         raise NotImplementedError
 
@@ -66,8 +59,6 @@ class NonlinearAdapter(Adapter):
     def advance(self, prepared: Any, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3n,) displacements from the last committed step, and the (3n,) forces that they need.
 
-        Parameters
-        ----------
         given : (3n,) nodal forces on free dofs, prescribed displacements on clamped ones
         """
         return prepared.advance(given)
@@ -80,8 +71,6 @@ class NonlinearAdapter(Adapter):
 class _Body:
     """A model and its past.
 
-    Parameters
-    ----------
     elastic : what ``Adapter.prepare`` returns
     """
 
@@ -102,9 +91,7 @@ class _Body:
         """Newton's method from the last committed step, so that answers do not depend on what has been asked since; where it
         gets no further, a few elastic steps, see ``_descended``.
 
-        Raises
-        ------
-        ArithmeticError : it does not converge, or the matter answers what is no number
+        Raises ArithmeticError: it does not converge, or the matter answers what is no number
         """
         at = self._at(np.where(self.fixed, given, self.u), given)
         newton, descents = 0, 0

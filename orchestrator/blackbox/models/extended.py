@@ -88,8 +88,6 @@ def sole_models(scene: Scene, soles: Sequence[SolePair]) -> list[tuple[Model, tu
 class Rim:
     """The part of a subdomain that touches its interfaces and clamped nodes.
 
-    Parameters
-    ----------
     model : the tets with at least one such node, as a model
     nodes : (r,) int, local node index in the subdomain of each of the model's nodes
     """

@@ -24,14 +24,9 @@ POINTS = {4: np.full((1, 4), 0.25), 10: np.full((4, 4), _INNER) + (1 - 4 * _INNE
 class Matter:
     """A model's linear elastic tets, P integration points in all.
 
-    Parameters
-    ----------
     nodes : (n, 3) float
     cells : (m, 4 or 10) int, edges straight
     young, poisson : (m,) of each tet
-
-    Attributes
-    ----------
     slopes : (3, 4 or 10, P) ∂φ_a/∂x_j of the tets' own shape functions, at [j, a, point]
     weight : (P,) volume
     lam, mu : (P,) Lamé's constants

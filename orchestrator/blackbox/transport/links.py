@@ -10,6 +10,7 @@ from __future__ import annotations
 import fcntl
 import os
 import select
+from contextlib import suppress
 
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.messages import Buffers, Reply
@@ -29,10 +30,8 @@ class Pipes:
         self._start = self._stop = 0
         for fd in (self._in, self._out):
             os.set_blocking(fd, False)
-            try:
+            with suppress(OSError):  # beyond this user's allowance: only slower
                 fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, _PIPE_SIZE)
-            except (OSError, AttributeError):
-                pass  # beyond this user's allowance: only slower
         try:
             worker.spawn(f"/dev/fd/{read_requests}", f"/dev/fd/{write_replies}", (read_requests, write_replies))
         except BaseException:
@@ -90,12 +89,7 @@ class Pipes:
 class Files:
     """A run of the code for each request.
 
-    Parameters
-    ----------
     worker : starts the processes; its ``greeted`` takes in their first words
-
-    Attributes
-    ----------
     seconds : of CPU that the last run took
     """
 

@@ -61,12 +61,10 @@ class MessageWorker(RunWorker):
             pass
 
     def all_stiffness(self, models: Mapping[int, Model]) -> dict[int, sp.csr_array]:
-        """As ``Worker`` says."""
         return dict(self._about(models, messages.stiffness, "the stiffness matrix was not obtained",
                                 lambda reply, index: messages.check_stiffness(reply, index, models[index].fixed.size)))
 
     def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
-        """As ``Worker`` says."""
         return dict(self._about(models, lambda index, model: messages.own_loads(index, model, steps), "its own loads were not obtained",
                                 lambda reply, index: messages.check_own_loads(reply, index, steps, models[index].fixed.size)))
 
@@ -94,13 +92,11 @@ class MessageWorker(RunWorker):
         return answer, self.link.seconds
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
-        """As ``Worker`` says."""
         with self.telling("a load step was not solved", name):
             self.link.send(messages.advance(index, forces, commit))
             return self._counted(lambda reply: messages.check_solve(reply, index, 2, forces.size))
 
     def release(self) -> None:
-        """As ``Worker`` says."""
         super().release()
         if self.link is not None:
             self.link.close()

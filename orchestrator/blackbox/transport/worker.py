@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import resource
 import select
@@ -11,6 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -43,16 +43,11 @@ class Silence(Ended):
 class Worker:
     """Holds models of a code and answers for them; all methods but ``kill`` belong to one thread.
 
-    Parameters
-    ----------
     code : the ``Code`` to run, with its settings
-    folder : for meshes and messages
-    number : for file names
-
-    Attributes
-    ----------
+    folder : for meshes and messages; number : for file names
     keeps_models : whether answers come from factors that are kept
     promised : bits of ``messages.check_hello``, what the process says of itself
+    calls, working : tasks, and seconds spent on them; seconds : of the code's own clock, per stage
     """
 
     keeps_models = True
@@ -60,11 +55,10 @@ class Worker:
     def __init__(self, code, folder: Path, number: int):
         self.code, self.folder, self.number = code, folder, number
         self.seconds = dict.fromkeys(STAGES, 0.0)
-        self.calls, self.working = 0, 0.0  # tasks, and seconds spent on them
+        self.calls, self.working = 0, 0.0
         self.peak_mb, self.promised = 0.0, 0
         self.process: subprocess.Popen | None = None
-        self._lock = threading.RLock()  # reentrant: a signal may interrupt its holder
-        self._killed = False
+        self._lock, self._killed = threading.RLock(), False  # reentrant: a signal may interrupt its holder
         # without a name: nothing is left behind whatever happens
         self.log = tempfile.TemporaryFile(dir=folder)
 
@@ -155,12 +149,10 @@ class Worker:
 
     def note_memory(self) -> float:
         """Largest resident memory of the process so far, MB."""
-        try:
-            with open(f"/proc/{self.process.pid}/status") as status:
-                peak = next((int(row.split()[1]) for row in status if row.startswith("VmHWM")), 0)
+        with suppress(OSError, AttributeError):  # not running
+            status = Path(f"/proc/{self.process.pid}/status").read_text()
+            peak = next((int(row.split()[1]) for row in status.splitlines() if row.startswith("VmHWM")), 0)
             self.peak_mb = max(self.peak_mb, peak * MB_PER_KIB)
-        except (OSError, AttributeError):
-            pass  # not running
         return self.peak_mb
 
     def deadline(self) -> float:
@@ -189,7 +181,7 @@ class Worker:
             )) from error
         return path
 
-    @contextlib.contextmanager
+    @contextmanager
     def telling(self, purpose: str, subdomain: str) -> Iterator[None]:
         """Have what ends the conversation told as BlackBoxError; ``purpose`` says what failed."""
         try:
@@ -203,7 +195,7 @@ class Worker:
         if self.process is not None:
             # a stream that ends is a process about to end: its exit code comes a moment later
             ended = isinstance(error, Ended) and not isinstance(error, Silence)
-            with contextlib.suppress(subprocess.TimeoutExpired):
+            with suppress(subprocess.TimeoutExpired):
                 meaning = self.code.meaning(self.process.wait(timeout=1.0 if ended else 0.0))
         return BlackBoxError(f"{self.code.name}: {purpose}: {error}", subdomain, meaning, self.log_tail())
 

@@ -27,13 +27,9 @@ MANY = 600  # load cases at once
 def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
     """Run all checks on a black box.
 
-    Returns
-    -------
-    iterator of (check, figure, what is wrong: empty when it passed); it stops at a failure that ends the black box
+    Returns iterator of (check, figure, what is wrong: empty when it passed); it stops at a failure that ends the black box
 
-    Raises
-    ------
-    InputError : the code is not there
+    Raises InputError: the code is not there
     """
     models = trial_models()
     rng = np.random.default_rng(7)

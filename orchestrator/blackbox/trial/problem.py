@@ -17,8 +17,6 @@ from orchestrator.scene.mesh.structured import bricks
 class Trial:
     """A black box under trial: what it was asked and what it answered.
 
-    Parameters
-    ----------
     models : two bodies of four materials, equal but for where they are held, and two soles: thin layers clamped at their
         outer faces, equal but for their place
     exact : per model, its reference stiffness

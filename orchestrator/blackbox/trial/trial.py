@@ -31,19 +31,13 @@ Checks = Iterable[tuple[str, str, str]]  # check, figure, what is wrong: empty w
 def try_out(code: str, transport: str | None, timeout: float) -> int:
     """Run a code against the protocol and print what was found.
 
-    Parameters
-    ----------
     code : as in the YAML
     transport : "pipe" or "file"; None: all that the code has
     timeout : seconds one answer may take
 
-    Returns
-    -------
-    exit code: 0 all passed, 3 some check failed
+    Returns exit code: 0 all passed, 3 some check failed
 
-    Raises
-    ------
-    InputError : no such code or transport, or it is not installed
+    Raises InputError: no such code or transport, or it is not installed
     """
     console, failed = Console(highlight=False), 0
     if code not in CODES and not code.partition(":")[0].endswith(".py") and Path(code).is_file():
@@ -73,8 +67,6 @@ def _shown(console: Console, title: str, checks: Checks) -> int:
 def _of_program(run: str, timeout: float) -> Iterator[tuple[str, str, str]]:
     """Checks of a program that reads two files and writes two, up to the first failure.
 
-    Parameters
-    ----------
     run : the program; timeout : seconds that one call may take
     """
     try:

@@ -30,8 +30,6 @@ PROBES = 32  # unit loads of the run that is made for the check and for its cost
 class Loaded:
     """A model as CalculiX knows it.
 
-    Parameters
-    ----------
     model : what was asked
     mesh : its part of every deck, boundary conditions included
     stiffness : (active, active), clamped dofs left out
@@ -90,7 +88,6 @@ class CalculixWorker(RunWorker):
                 tally.unit_loads = Request(single, max(self._spent - single, 0.0) / len(some))
 
     def run_cases(self, op: int, index: int, forces: np.ndarray, name: str) -> tuple[np.ndarray, float]:
-        """As ``RunWorker`` says."""
         loaded = self._loaded[index]
         wanted = loaded.model.trace if op == messages.TRACES else slice(None)
         full = np.zeros((len(forces), loaded.model.fixed.size))
@@ -101,7 +98,6 @@ class CalculixWorker(RunWorker):
         return answer[:, wanted], self._spent
 
     def run_unit_loads(self, index: int, name: str) -> tuple[np.ndarray, float]:
-        """As ``RunWorker`` says."""
         loaded = self._loaded[index]
         with self.telling("solving failed", name):
             answer = self._unit_loads(loaded, loaded.model.trace)
@@ -110,7 +106,6 @@ class CalculixWorker(RunWorker):
         return compliance, self._spent
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        """As ``Worker`` says."""
         with self.telling("the stiffness matrix was not obtained", model.name):
             return self._store(model, False, "assemble").stiffness
 
@@ -171,7 +166,6 @@ class CalculixWorker(RunWorker):
             path.unlink()
 
     def release(self) -> None:
-        """As ``Worker`` says."""
         super().release()
         shutil.rmtree(self.folder, ignore_errors=True)
 

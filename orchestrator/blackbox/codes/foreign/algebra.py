@@ -31,12 +31,10 @@ class AlgebraWorker(Worker):
         self.models: dict[int, tuple] = {}  # the model, its free dofs, their factor, and which nodes follow which
 
     def kill(self) -> None:
-        """As ``Worker`` says."""
         super().kill()
         self.code.kill()
 
     def load(self, index: int, model: Model) -> None:
-        """As ``Worker`` says."""
         begin = time.thread_time()
         part = self.code.condensed()
         self._check(model, part)
@@ -50,7 +48,6 @@ class AlgebraWorker(Worker):
         self.count([self.code.seconds, time.thread_time() - begin, 0.0])
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
-        """As ``Worker`` says."""
         begin, answers = time.thread_time(), {}
         for index, forces in jobs:
             model, free, factor, (inner, leader) = self.models[index]
@@ -64,7 +61,6 @@ class AlgebraWorker(Worker):
         return answers
 
     def stiffness(self, index: int, model: Model) -> sp.csr_array:
-        """As ``Worker`` says."""
         begin = time.thread_time()
         matrix = self._soles(model)
         if model.origin is not None and (model.origin.nodes >= 0).any():
@@ -77,7 +73,6 @@ class AlgebraWorker(Worker):
         return matrix
 
     def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
-        """As ``Worker`` says."""
         found, part = {}, self.code.condensed()
         for index, model in models.items():
             self._check(model, part)
@@ -113,12 +108,10 @@ class ReplayWorker(AlgebraWorker):
         self.committed: dict[int, list[np.ndarray]] = {}
 
     def load(self, index: int, model: Model) -> None:
-        """As ``Worker`` says."""
         super().load(index, model)
         self.committed[index] = []
 
     def advance(self, index: int, forces: np.ndarray, commit: bool, name: str) -> np.ndarray:
-        """As ``Worker`` says."""
         begin, model, part = time.thread_time(), self.models[index][0], self.code.condensed()
         size = part.stiffness.shape[0]
         k, asked = self._soles(model).diagonal()[:size], [*self.committed[index], forces[:size].copy()]

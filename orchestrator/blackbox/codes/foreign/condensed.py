@@ -39,8 +39,6 @@ NEGATIVE = 1e-9
 class Condensed:
     """A part on its joints.
 
-    Parameters
-    ----------
     joints : where it meets others
     stiffness : (3n, 3n) S, symmetric; rows of held components are zero
     loads : (cases, 3n) b, one for all load steps or one for each
@@ -74,15 +72,11 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
              rounding: float = 0.0, loose: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """S (j, j) and b (cases, j) of a stiffness (n, n) and loads (cases, n) on the dofs ``joint`` (j,).
 
-    Parameters
-    ----------
     rounding : relative error of K's entries; where there is one, a sample E of random signs comes third, brought to the
         joints as the stiffness is: Tᵀ E T, T = [1; −K_ii⁻¹ K_ij]
     loose : whether something inside may move by itself, see ``schur``
 
-    Raises
-    ------
-    InputError : what is not on the joints can move by itself
+    Raises InputError: what is not on the joints can move by itself
     """
     if len(joint) == K.shape[0]:  # by whoever has made it
         sample = _sample(sp.csr_array(K), rounding)[joint][:, joint].toarray() if rounding else None
@@ -111,15 +105,11 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
            error: np.ndarray | None = None) -> Condensed:
     """The part, if it can be one.
 
-    Parameters
-    ----------
     S : (3n, 3n) as it has come; loads : (cases, 3n)
     path : of what it was read from; name : of the part
     error : (3n, 3n) a sample of what S may be off by, where that is known from elsewhere
 
-    Raises
-    ------
-    InputError : S is not finite, symmetric or ≥ 0, or rigid motions cost what they cannot cost
+    Raises InputError: S is not finite, symmetric or ≥ 0, or rigid motions cost what they cannot cost
     """
     free = np.flatnonzero(~joints.held)
     S, b = S.copy(), loads.copy()

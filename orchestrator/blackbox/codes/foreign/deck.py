@@ -27,7 +27,6 @@ class DeckCode(ForeignCode):
     """A part that is a CalculiX deck."""
 
     def made(self) -> Condensed:
-        """As ``ForeignCode`` says."""
         part, path, name = self.settings.part, self.settings.place, self.settings.name
         joints = read_joints(part, path, name)
         with DeckRuns(part, path, joints) as runs:

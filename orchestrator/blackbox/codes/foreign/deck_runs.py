@@ -41,8 +41,6 @@ class Refused(Exception):
 class Loads:
     """A case of the deck's own loads.
 
-    Parameters
-    ----------
     file : its cards
     begin : total time at the beginning of its load step, for amplitudes that ask for it
     """
@@ -54,8 +52,6 @@ class Loads:
 class DeckRuns:
     """Runs of one deck; as a context manager, the folder goes on leaving.
 
-    Parameters
-    ----------
     part : the entry of ``parts``; path : where it stands in the YAML
     """
 

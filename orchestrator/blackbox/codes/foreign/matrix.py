@@ -29,7 +29,6 @@ class MatrixCode(ForeignCode):
     """A part that is a matrix."""
 
     def made(self) -> Condensed:
-        """As ``ForeignCode`` says."""
         part, path, name = self.settings.part, self.settings.place, self.settings.name
         joints = read_joints(part, path, name)
         ids, points = nodes(part.nodes, (*path, "nodes"))

@@ -93,7 +93,6 @@ class ForeignCode(Code):
         return OwnFields(self.settings.name, joints.points, [("triangle", joints.triangles)], u, force)
 
     def floor(self) -> float:
-        """As ``Code`` says."""
         return self.condensed().floor
 
     def kill(self) -> None:
@@ -101,7 +100,6 @@ class ForeignCode(Code):
         end_all()
 
     def worker(self) -> type[Worker]:
-        """As ``Code`` says."""
         from orchestrator.blackbox.codes.foreign.algebra import AlgebraWorker, ReplayWorker
 
         return ReplayWorker if self.settings.remembers else AlgebraWorker

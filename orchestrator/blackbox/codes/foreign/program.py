@@ -64,8 +64,6 @@ class ProgramCode(ForeignCode):
     def finish(self, folder: Path, displacements: np.ndarray, forces: np.ndarray) -> None:
         """The last call, whose files stay: all load steps with the final forces, so that the program writes its own results.
 
-        Parameters
-        ----------
         folder : empty; displacements, forces : (steps, 3n) of the joints, and what acts there
         """
         part, condensed, steps = self.settings.part, self.condensed(), len(displacements)
@@ -80,8 +78,6 @@ class ProgramCode(ForeignCode):
 class Answers:
     """What a program has answered to unit forces.
 
-    Parameters
-    ----------
     springs : (3n,) k that were added
     compliance, inverse : (3n, 3n) C = (S + k)⁻¹, symmetric, and S + k
     asymmetry : |C − Cᵀ| / |C| as it came
@@ -114,13 +110,9 @@ class Answers:
     def of(cls, runs: ProgramRuns, joints: Joints, spring: float) -> Answers:
         """Of a program that is asked now.
 
-        Parameters
-        ----------
         spring : a first guess of k
 
-        Raises
-        ------
-        InputError : it is not linear, elastic, positive and repeatable
+        Raises InputError: it is not linear, elastic, positive and repeatable
         """
         k = np.full(joints.points.size, spring)
         for _ in range(ATTEMPTS):

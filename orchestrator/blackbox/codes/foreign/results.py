@@ -19,8 +19,6 @@ from orchestrator.scene.model import Scene, Subdomain
 class OwnFields:
     """Displacements of a part at every load step.
 
-    Parameters
-    ----------
     name : of the part
     points : (n, 3) its own nodes
     blocks : (meshio's name of the element, (m, nodes) int) of its elements, or of its joints' faces
@@ -50,15 +48,11 @@ def finish_parts(settings: Sequence[CodeSettings], subdomains: Sequence[Subdomai
                  forces: Sequence[np.ndarray | None], place: Callable[[str], AbstractContextManager[Path]]) -> list[str]:
     """Tell every part that wants to know.
 
-    Parameters
-    ----------
     settings : the entries of ``blackbox``, and those of parts
     displacements, forces : per subdomain (T, n_E, 3), its own, and what the interfaces exert; the joints' nodes come first
     place : an empty folder for the results of the part of a name
 
-    Returns
-    -------
-    a sentence for each part that could not: what has been computed is not lost by it
+    Returns a sentence for each part that could not: what has been computed is not lost by it
     """
     asked = {s.code: s for s in subdomains if s.foreign and getattr(settings[s.code], "writes_results", False)}
     sentences = []

@@ -23,17 +23,10 @@ BACKWARD = 1e-9
 class Elimination:
     """K (n, n) without the dofs ``last`` (j,).
 
-    Parameters
-    ----------
     loose : parts of what is eliminated may move by themselves, as a bar between two nodes turns about itself: with a pivot ε
         of mere rounding they leave rounding²/ε in the complement
 
-    Raises
-    ------
-    ZeroDivisionError : what is eliminated is singular
-
-    Attributes
-    ----------
+    Raises ZeroDivisionError: what is eliminated is singular
     complement : (j, j) the Schur complement, symmetric
     """
 

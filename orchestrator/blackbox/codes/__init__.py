@@ -1,1 +1,0 @@
-"""The codes, one module or folder each."""

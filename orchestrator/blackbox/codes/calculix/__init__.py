@@ -1,1 +1,0 @@
-"""CalculiX as a black box: unmodified, one run per question, input decks in and files out."""

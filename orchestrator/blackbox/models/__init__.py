@@ -1,1 +1,0 @@
-"""From the scene to plain finite element models."""

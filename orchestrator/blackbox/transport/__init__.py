@@ -1,1 +1,0 @@
-"""Bytes to and from a code: pipes, files, messages, mesh formats."""

@@ -1,1 +1,0 @@
-"""Is a code fit to take part? Checks against the protocol."""
