@@ -127,7 +127,7 @@ def go_on(latin: Latin, latest: Sequence[Checkpoint]) -> None:
     for each in latest[-last.evaluations:]:
         s, *more = (each.arrays[name] for name in _EVALUATED if name in each.arrays)
         none = np.empty((len(s), 0))
-        fields = problem.sent(problem.stage.complete(s, *more)) if more else Admissible(s, none, none, none, none, problem.space)
+        fields = problem.stage.complete(s, *more) if more else Admissible(s, none, none, none, none, problem.space)
         latin.take(fields, each.arrays["trace/image"])
     latin.s = latin.acceleration.next()
 

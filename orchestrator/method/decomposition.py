@@ -81,15 +81,6 @@ class Decomposition:
         """Number of load steps that are solved together."""
         return len(self.loading.boundary)
 
-    def evaluated(self, s: np.ndarray) -> Admissible:
-        """The linear stage at a state (T, D); its traces have been exchanged with other ranks."""
-        return self.sent(self.stage(s))
-
-    def sent(self, fields: Admissible) -> Admissible:
-        """Fields whose traces, and what the bound asks of them, have been exchanged with other ranks."""
-        fields.send(None if self.bound is None else self.bound.continuity.weight)
-        return fields
-
     def corrected(self, fields: Admissible) -> Admissible:
         """Fields of the linear stage with what the coarse contact problem adds to them."""
         if self.coarse is None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.linear.stage import Admissible
@@ -70,7 +68,6 @@ class Evaluation:
     best : the fields that would be delivered
     local : the local stage
     measures : indicator, residual, …
-    shared : monitor's name → sums and largest values, over the ranks, of what it has asked for
     verdict : what has been said so far
     """
 
@@ -82,5 +79,4 @@ class Evaluation:
     best: Admissible
     local: LocalState
     measures: Measures | None = None
-    shared: dict[str, tuple[Sequence[np.ndarray], Sequence[float]]] = field(default_factory=dict)
     verdict: Verdict = Verdict()

@@ -53,7 +53,7 @@ class Latin:
         problem, watch, s = self.problem, self.watch, self.s
         self.number += 1
         with watch("linear_stage"):
-            fields = problem.evaluated(s)
+            fields = problem.stage(s)
             ends = np.abs(fields.w).max(initial=0.0), float(s.any())
         with watch("coarse"):
             fields = problem.corrected(fields)
@@ -65,7 +65,9 @@ class Latin:
             best = self.acceleration.best(fields)
         now = Evaluation(self.number, self.number >= self.last, problem, point, fields, best, local)
         with watch("bound"):
-            self.judge(now, residual, ends)
+            now.measures = measure(problem, best, local, residual, self.method.tolerance.indicator is not None, ends)
+            for monitor in self.monitors:  # each sees what those before it have said
+                now.verdict = now.verdict.and_then(monitor.judge(now))
         share = problem.steps / problem.scene.steps  # of a sweep through all load steps
         self.sweeps += share * (now.measures.asked + now.verdict.sweeps)
         if not now.verdict.reason:
@@ -81,17 +83,6 @@ class Latin:
     def evaluations(self) -> int:
         """How many of the last evaluations decide about what follows."""
         return self.taken if self.acceleration.depth is None else min(self.taken, self.acceleration.depth)
-
-    def judge(self, now: Evaluation, residual: np.ndarray, ends: Sequence[float]) -> None:
-        """Measure, and ask all monitors, each of which sees what those before it have said; ranks need one message for it."""
-        asked = {monitor.name: monitor.ask(now) for monitor in self.monitors}
-        sums, largest = ([x for both in asked.values() for x in both[kind]] for kind in (0, 1))
-        now.measures, *rest = measure(now.problem, now.best, now.local, residual, self.method.tolerance.indicator is not None,
-                                      sums, [*ends, *largest])
-        rest = [iter(told) for told in rest]
-        now.shared = {name: tuple([next(told) for _ in own] for told, own in zip(rest, both)) for name, both in asked.items()}
-        for monitor in self.monitors:
-            now.verdict = now.verdict.and_then(monitor.judge(now))
 
     def go_on(self, now: Evaluation) -> None:
         """Change the problem as monitors want it changed, and choose the next state."""

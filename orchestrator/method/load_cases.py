@@ -115,5 +115,5 @@ def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated
     if not cases.left_out:
         return iterated
     fields = iterated.fields.combined(cases.weights)
-    bound = replace(d.bound(fields, complete=False), relative=iterated.bound.relative)
+    bound = replace(d.bound.first(fields)[0], relative=iterated.bound.relative)
     return replace(iterated, fields=fields, local=LocalState(cases.weights.T @ iterated.local.s), bound=bound)

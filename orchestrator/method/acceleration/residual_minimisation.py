@@ -31,7 +31,6 @@ from orchestrator.method.acceleration.base import Acceleration, squared_weights
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.interface.rows import dots
 from orchestrator.method.linear.stage import Admissible
-from orchestrator.method.stopping.bound import ErrorBound
 from orchestrator.parallel.team import ALONE, Team
 
 DEPENDENT = 1e-12  # a direction that loses this much in orthogonalisation is noise
@@ -50,15 +49,13 @@ class ResidualMinimisation(Acceleration):
     memory : directions kept; None keeps all
     relaxation : β of the next evaluation
     team : the ranks that share the state
-    bound : among several ranks, of the error: what other ranks have told for it of evaluations (the neighbours' traces, class sums of
-        displacements, what traces ask of rigid motions) is affine in the state as well, and combined like it: nothing travels twice
     """
 
     title = "residual minimisation (generalised conjugate residuals, equivalent to GMRES)"
 
     def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
-                 team: Team = ALONE, bound: ErrorBound | None = None):
-        self.complete, self.root, self.relaxation, self.team, self.bound = complete, np.sqrt(weight), relaxation, team, bound
+                 team: Team = ALONE):
+        self.complete, self.root, self.relaxation, self.team = complete, np.sqrt(weight), relaxation, team
         self.depth = None if memory is None else memory + 1
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
         self.tilted: np.ndarray | None = None  # (T, n, n) E; of the last direction nothing is known yet
@@ -70,23 +67,18 @@ class ResidualMinimisation(Acceleration):
         """``relaxation: auto`` is 1."""
         memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
         return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation,
-                   d.space.team, d.bound if d.space.team.size > 1 else None)
+                   d.space.team)
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; residual at the combination of least residual. u and α are affine in s: combined like it."""
         r, point = self.root * (image - evaluated.s), [evaluated.s, evaluated.u, evaluated.alpha]
-        asked = []
-        if self.bound is not None:
-            point += [x[:, evaluated.space.size :] for x in evaluated.extended] + [evaluated.sums]
-            asked = [self.bound.pull(evaluated)]
         if self.r is None:
-            self.r, self.point = r, point + (self.team.sum(*asked) if asked else [])
+            self.r, self.point = r, point
         else:
             dr = r - self.r
             before = [product for q, _ in self.directions for product in (dots(q, self.r), dots(q, self.directions[-1][0]))]
             size, scale, along, *products = self.team.sum(
-                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *before, *(dots(q, dr) for q, _ in self.directions), *asked)
-            point += products[3 * len(self.directions) :]
+                dots(dr, dr), dots(self.r, self.r), dots(dr, self.r), *before, *(dots(q, dr) for q, _ in self.directions))
             dp = [a - b for a, b in zip(point, self.point)]
             steps, norm, along = self._orthogonal(dr, size, scale, along, products)
             for (_, p), c in zip(self.directions, steps.T):
@@ -110,14 +102,7 @@ class ResidualMinimisation(Acceleration):
 
     def best(self, evaluated: Admissible) -> Admissible:
         """The fields at the combination of least residual."""
-        if not self.directions:
-            evaluated.pull = self.point[-1] if self.bound is not None else None
-            return evaluated
-        fields = self.complete(*self.point[:3])
-        if self.bound is not None:
-            w, f, fields.sums, fields.pull = self.point[3:]
-            fields.extended = np.hstack([fields.w, w]), np.hstack([fields.f, f])
-        return fields
+        return self.complete(*self.point) if self.directions else evaluated
 
     def _orthogonal(self, dr: np.ndarray, size: np.ndarray, scale: np.ndarray, along: np.ndarray,
                     products: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

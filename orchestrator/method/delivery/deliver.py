@@ -16,7 +16,7 @@ from orchestrator.method.delivery.resultants import Resultants, interface_result
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.load_cases import LoadCases, expanded
 from orchestrator.method.stopping.discretisation import Estimate
-from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawMeasure, LawResiduals, law_residuals
+from orchestrator.method.stopping.law_residuals import FIXED_POINT, LawResiduals, law_residuals
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
@@ -88,7 +88,7 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
         own = delivered(d, iterated.bound, parts)
         scale = LengthScale(d)
         lengths, places = scale(iterated.fields.u), open_places(iterated, scale, parts, d.space.team)
-        laws = law_residuals([LawMeasure(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
+        laws = law_residuals([(pairs, *(x[t] for x in iterated.fields.extended), iterated.local.steps(t), before)
                               for t, pairs, before in iterated.by_pairing(d)], lengths, d.space.team)
         if d.nonlinear is not None:
             laws = laws.with_fixed_point(iterated.last.laws[FIXED_POINT])

@@ -112,7 +112,7 @@ def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> floa
     # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
     forces = d.space.loads(d.stage.direction.times(d.space.trace(apart)))
     strain = dots(apart, times(d.bound.stiffness, apart))
-    stress = np.sum(forces**2 / d.bound.weight, axis=1)
+    stress = np.sum(forces**2 / d.bound.continuity.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
     size = d.loading.size(iterated.bound.energy)
     return float(np.sqrt(max(energy.max(initial=0.0), 0.0)) / size) if size > 0 else 0.0

@@ -39,11 +39,6 @@ class Admissible:
     w, f : (T, D) traces of displacement and interface forces
     space : numbering
     robin : (T, D) s − G α, where it is known already
-
-    Attributes
-    ----------
-    sums : (T, classes) ``class_sums`` of what ``send`` was given; None where it was given nothing
-    pull : (T, modes) what these traces ask of rigid motions, of all ranks, where it is known; see ``Repositioning``
     """
 
     s: np.ndarray
@@ -53,8 +48,6 @@ class Admissible:
     f: np.ndarray
     space: TraceSpace
     robin: np.ndarray | None = field(default=None, init=False, repr=False)
-    sums: np.ndarray | None = field(default=None, init=False, repr=False)
-    pull: np.ndarray | None = field(default=None, init=False, repr=False)
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
@@ -63,11 +56,6 @@ class Admissible:
         fields = cls(s, u, alpha, w[:, : space.size], f[:, : space.size], space)
         fields.extended = w, f
         return fields
-
-    def send(self, weight: np.ndarray | None = None) -> None:
-        """Exchange traces with other ranks, and in the same messages the class sums of displacements times ``weight`` (B,)."""
-        if self.space.team.size > 1:
-            self.extended, self.sums = self.space.exchanged((self.w, self.f), None if weight is None else weight * self.u)
 
     @cached_property
     def extended(self) -> tuple[np.ndarray, np.ndarray]:

@@ -32,23 +32,19 @@ class ErrorBoundCriterion(Monitor):
     def of(cls, case: Case) -> ErrorBoundCriterion | None:
         return cls(case) if case.problem.all_perfect else None
 
-    def ask(self, now: Evaluation) -> tuple[list[np.ndarray], list[float]]:
-        self._begun = now.problem.bound.begin(now.best)
-        return self._begun.parts, []
-
     def judge(self, now: Evaluation) -> Verdict:
         evaluate, value = now.problem.bound, self.case.value
-        begun, self._begun = self._begun.summed(*now.shared[self.name][0]), None
-        bound = evaluate(now.best, complete=False, begun=begun)
+        known = evaluate.first(now.best)
+        bound = known[0]
         if not self.case.by_error:
             eta = now.measures.indicator
             return self._verdict("indicator", eta, bound)
         imbalance = now.measures.force_imbalance
         due = bound.a <= value and (imbalance <= BALANCED or self.ratio * imbalance <= _of_size(value))
         if due or not self.spare:
-            bound = evaluate(now.best, useful=value if self.spare else np.inf, begun=begun)
-            known = bound.relative if np.isfinite(bound.relative) else bound.least
-            self.ratio = _of_size(known) / imbalance if np.isfinite(known) and imbalance > 0 else 0.0
+            bound = evaluate(now.best, value if self.spare else np.inf, known)
+            least = bound.relative if np.isfinite(bound.relative) else bound.least
+            self.ratio = _of_size(least) / imbalance if np.isfinite(least) and imbalance > 0 else 0.0
         return self._verdict(self.name, bound.relative, bound)
 
     def _verdict(self, name: str, measure: float, bound) -> Verdict:

@@ -21,7 +21,7 @@ import numpy as np
 from orchestrator.method.evaluation import Evaluation, Verdict
 from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.method.stopping.indicator import energy_residual
-from orchestrator.method.stopping.law_residuals import LawMeasure
+from orchestrator.method.stopping.law_residuals import law_residuals
 from orchestrator.method.stopping.lengths import Lengths
 
 
@@ -37,19 +37,9 @@ class LawCriterion(Monitor):
     def of(cls, case: Case) -> LawCriterion | None:
         return None if case.problem.all_perfect else cls(case)
 
-    def ask(self, now: Evaluation) -> tuple[list[np.ndarray], list[float]]:
-        problem, lengths = now.problem, self.case.lengths
-        apart, products = lengths.apart(now.best.u)
-        deformation, loose = lengths.deformed(apart, *problem.space.team.sum(products))
-        measure = LawMeasure(problem.local.pairs, *now.best.extended, now.local, problem.local.before)
-        self._begun = measure, loose
-        return [measure.sums], [deformation, *measure.largest]
-
     def judge(self, now: Evaluation) -> Verdict:
-        problem, (measure, loose) = now.problem, self._begun
-        (sums,), (deformation, *largest) = now.shared[self.name]
-        lengths, bound, self._begun = self.case.lengths.of(deformation, loose), None, None
-        laws = measure.result(sums, largest, lengths)
+        problem, lengths, bound = now.problem, self.case.lengths(now.best.u), None
+        laws = law_residuals([(problem.local.pairs, *now.best.extended, now.local, problem.local.before)], lengths, problem.space.team)
         if problem.nonlinear is not None:
             laws = laws.with_fixed_point(_fixed_point(now, lengths))
         value = laws.largest if self.case.by_error else now.measures.indicator

@@ -2,7 +2,7 @@
 
 To add one, derive from ``Monitor`` and enter the class in ``registry.MONITORS``, at the place where it is to be asked. It sees
 what those before it have said as ``evaluation.verdict``. With several ranks all of them ask all monitors: what is compared has
-to be the same everywhere, as sums over the ranks are (``ask``).
+to be the same everywhere, as sums over the ranks are.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
-
-import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.evaluation import Evaluation, Verdict
@@ -72,10 +70,6 @@ class Monitor:
     def of(cls, case: Case) -> Monitor | None:
         """The monitor of a case; None where it has nothing to watch."""
         return cls()
-
-    def ask(self, now: Evaluation) -> tuple[list[np.ndarray], list[float]]:
-        """Arrays to be summed over the ranks, and numbers to find the largest of, for ``judge``: ``now.shared[name]`` has them."""
-        return [], []
 
     def judge(self, now: Evaluation) -> Verdict:
         """What it says of an iteration."""

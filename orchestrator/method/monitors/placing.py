@@ -5,7 +5,7 @@ node, another program on it, a prediction that is wrong), the run stops after an
 share is their measured speed, and goes on where it stood, as resumed runs do. That is once, and only where the seconds saved in
 the iterations to come outweigh those of a set-up: factors are made anew on every rank.
 
-Every rank knows all ranks' seconds from the sums of an iteration's measures: no message is sent for it, and all decide alike.
+Every rank knows all ranks' seconds, and all decide alike.
 """
 
 from __future__ import annotations
@@ -55,13 +55,6 @@ class Placing(Monitor):
     def of(cls, case: Case) -> Placing | None:
         return case.given.get("placing")
 
-    def ask(self, now: Evaluation) -> tuple[list[np.ndarray], list[float]]:
-        """This rank's column of a table (4, ranks)."""
-        table = np.zeros((4, self._team.size))
-        sound = self._possible is not None and self._possible()
-        table[:, self._team.rank] = self._busy() - self._before, self._load, self._set_up, sound
-        return [table], []
-
     def judge(self, now: Evaluation) -> Verdict:
         """After an iteration that is not the last.
 
@@ -72,7 +65,10 @@ class Placing(Monitor):
         if now.verdict.reason:
             return Verdict()
         self._requests += 1
-        (busy, load, set_up, sound), = now.shared[self.name][0]
+        table = np.zeros((4, self._team.size))  # this rank's column
+        sound = self._possible is not None and self._possible()
+        table[:, self._team.rank] = self._busy() - self._before, self._load, self._set_up, sound
+        busy, load, set_up, sound = self._team.sum(table)[0]
         if self._requests < LEAST or not sound.any() or busy.min() <= 0 or busy.max() <= IMBALANCE * busy.mean():
             return Verdict()
         speeds = load / busy

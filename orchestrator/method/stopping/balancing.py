@@ -1,7 +1,14 @@
-"""Forces that push no floating subdomain: self-balanced force fields per interface, of least norm.
+"""Interface forces f̃ = f + δf that keep every subdomain in equilibrium.
 
-The macro problem has seen to it where its basis holds the rigid motions; the mono-scale strategy leaves it to this
-one problem of all subdomains.
+    δf = −ω A f + ½ k B w₂,     ω + ω' = 1
+
+The second term is what the local stage would exchange on top of balancing, opposite on both sides: any such pair keeps f̃ balanced;
+this one brings the fields of f̃ closer to u. The repositioning has made it free of resultants on floating subdomains, since both
+use the same weight. Where nodes do not match, the forces of the points are those of the first side, and the second takes all of the
+imbalance: forces of fewer or more nodes cannot be undone.
+
+What still pushes a floating subdomain is balanced by force fields per interface, of least norm. The macro problem has seen to it
+where its basis holds the rigid motions; the mono-scale strategy leaves it to this one problem of all subdomains.
 """
 
 from __future__ import annotations
@@ -10,10 +17,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import times
-from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.macro import both_sides
 from orchestrator.method.linear.macro_basis import known_widths
-from orchestrator.method.stopping.repositioning import RigidModes
+from orchestrator.method.stopping.rigid_motions import RigidModes
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
 
 # Resultants above this fraction of the forces need the coarse balance: those forces are as small as the error, so that
@@ -21,33 +28,65 @@ from orchestrator.method.stopping.semidefinite import semidefinite_solver
 UNBALANCED = 1e-7
 BALANCED = 1e-6  # of the resultants, what may be left after it
 DEPENDENT = 1e-10  # singular value of a force field, over the largest, that counts as zero
+UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
+TINY = np.finfo(float).tiny
 
 
 class Balancing:
-    """Balances forces on the rigid motions of the subdomains; made ready when it is first needed.
+    """Balanced forces of one decomposition.
 
     Parameters
     ----------
-    space : numbering
+    direction : search direction
+    weight : (B,) stiffness of the boundary dofs
     modes : rigid motions of all subdomains
+
+    Attributes
+    ----------
+    share : (Q,) what the first side takes of a force imbalance
+    soles : (Q, Q) k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
     """
 
-    def __init__(self, space: TraceSpace, modes: RigidModes):
-        self.space, self.modes = space, modes
-        self._prepared = None
+    def __init__(self, direction: SearchDirection, weight: np.ndarray, modes: RigidModes):
+        self.space, self.modes, self._fields = direction.space, modes, None
+        transfer = self.space.transfer
+        trace_weight, = self.space.extended(self.space.gathered(weight[None]))
+        one, two = transfer.stiffnesses(trace_weight[0])
+        self.share = np.where(transfer.at_pairs, self._share(one, two), 0.0)
+        softness = sp.diags_array(np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY)))
+        first, second = transfer.at_points(direction.whole)
+        self.soles = sp.csr_array(softness @ ((first + second) / 2) @ softness)
 
-    def __call__(self, change: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Forces (T, D) with what balances them, and whether they are balanced then."""
-        team, modes = self.space.team, self.modes.boundary
-        resultant, scale = team.sum(times(modes.T, self.space.loads(change)),
-                                    times(np.abs(modes.T), self.space.loads(np.abs(change))))
-        tiny = np.finfo(float).tiny
-        if not resultant.size or np.abs(resultant).max() <= UNBALANCED * max(scale.max(), tiny):
+    def _share(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """(Q,) the first side's, from the stiffnesses (Q,) of both.
+
+        The stiffer side takes the larger share: it costs less energy there. One share per interface keeps the
+        resultants balanced; where stiff and soft nodes are mixed, each node has its own.
+        """
+        bounds = self.space.transfer.bounds
+        filled = np.flatnonzero(np.diff(bounds))
+        starts, counts = bounds[filled], np.diff(bounds)[filled]
+        with np.errstate(over="ignore"):  # beside a side that is held
+            ratio = one / np.maximum(two, TINY)
+        if len(filled):
+            even = np.maximum.reduceat(ratio, starts) <= UNEVEN * np.minimum.reduceat(ratio, starts)
+            one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side)
+                        for side in (one, two))
+        return one / np.maximum(one + two, TINY)
+
+    def __call__(self, f: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, bool]:
+        """δf (T, D) of forces and repositioned traces (T, D + G), and whether f + δf push no floating subdomain."""
+        transfer, team, modes = self.space.transfer, self.space.team, self.modes.boundary
+        q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
+        q += (0.5 * transfer.at_pairs - self.share) * (transfer.first(f) + transfer.second(f))
+        change = (transfer.opposed(q) - f)[:, : self.space.size]
+        resultant, scale = team.sum(times(modes.T, self.space.loads(change)), times(np.abs(modes.T), self.space.loads(np.abs(change))))
+        if not resultant.size or np.abs(resultant).max() <= UNBALANCED * max(scale.max(), TINY):
             return change, True
-        spread, work, solve = self._prepared = self._prepared or self._prepare()
+        spread, work, solve = self._fields = self._fields or self._prepare()
         change = change + times(spread, times(work.T, solve(-resultant)))
         left, = team.sum(times(modes.T, self.space.loads(change)))
-        return change, bool(np.abs(left).max() <= BALANCED * max(np.abs(resultant).max(), tiny))
+        return change, bool(np.abs(left).max() <= BALANCED * max(np.abs(resultant).max(), TINY))
 
     def _prepare(self):
         """Force fields (D, m), their work in the motions (modes, m), and the solver of the least norm."""

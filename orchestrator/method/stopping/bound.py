@@ -4,8 +4,7 @@ Two fields are made from one linear stage, per load step, from interface data al
 
 - u_D, kinematically admissible: after one coarse rigid repositioning c = argmin ‖B N(u + R c)‖_k of
   the subdomains, the sides of every interface are replaced by their stiffness-weighted mean;
-- û, statically admissible: the interface forces f are balanced, f̃ = f + δf with
-  δf = −ω A f + ½ k B w₂ (ω + ω' = 1), and every subdomain is in equilibrium with its own f̃.
+- û, statically admissible: every subdomain is in equilibrium with balanced interface forces f̃ = f + δf, see ``balancing``.
 
 Both errors then are the legs of a right-angled triangle,
 
@@ -20,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,20 +30,18 @@ from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.stopping.balancing import Balancing
 from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.stopping.dual_energy import dual_energy
-from orchestrator.method.stopping.repositioning import Repositioning, RigidModes
+from orchestrator.method.stopping.rigid_motions import Repositioning, RigidModes
 
 ROUNDING = 1e-11  # relative energy error that double precision leaves in back-substitutions and their differences
-UNEVEN = 100.0  # spread, over an interface, of the ratio of both sides' stiffnesses; one matter stays below
-TINY = np.finfo(float).tiny
 
 
-@dataclass
+@dataclass(frozen=True)
 class Bound:
     """Bound on one linear stage's error, all load steps together.
 
     Parameters
     ----------
-    relative : bound on max_t ‖u_D − u_exact‖_K / max_t ‖u_exact‖_K; nan when only ``a`` was asked for
+    relative : bound on max_t ‖u_D − u_exact‖_K / max_t ‖u_exact‖_K; nan when only ``a`` is known
     a : the displacement part alone, relative
     energy : (T,) ‖u_D‖²_K
     repositioned : (T, modes) rigid motions c of the floating subdomains
@@ -69,35 +65,8 @@ class Bound:
                    *(np.vstack([getattr(b, name) for b in batches]) for name in ("repositioned", "correction")))
 
 
-@dataclass(frozen=True)
-class Begun:
-    """What is known of a linear stage's bound before any back-substitution.
-
-    Parameters
-    ----------
-    c : (T, modes) rigid motions of all ranks' floating subdomains
-    u, delta : (T, B) boundary displacements with these, and δ
-    a2, energy : (T,) a² and ‖u_D‖²_K: this rank's part, until they are ``summed``
-    """
-
-    c: np.ndarray
-    u: np.ndarray
-    delta: np.ndarray
-    a2: np.ndarray
-    energy: np.ndarray
-
-    @property
-    def parts(self) -> list[np.ndarray]:
-        """What is to be summed over the ranks."""
-        return [self.a2, self.energy]
-
-    def summed(self, a2: np.ndarray, energy: np.ndarray) -> Begun:
-        """The same with the sums."""
-        return replace(self, a2=a2, energy=energy)
-
-
 class ErrorBound:
-    """The bound for one decomposition.
+    """The bound for one decomposition; among ranks, sums per subdomain and per interface are formed where these are.
 
     Parameters
     ----------
@@ -105,41 +74,19 @@ class ErrorBound:
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
     external : (T, B) external nodal forces on the boundary dofs
-
-    Notes
-    -----
-    Among ranks, sums per subdomain and per interface are formed where these are.
     """
 
-    def __init__(self, direction: SearchDirection, stiffness: sp.csr_array, modes: list[np.ndarray],
-                 external: np.ndarray):
-        self.space = direction.space
-        self.team, transfer = self.space.team, self.space.transfer
-        self.stiffness, self.external, self.floor = stiffness, external, 0.0
-        self.weight = stiffness.diagonal()
-        self.continuity = Continuity(self.space, self.weight)
-        trace_weight, = self.space.extended(self.space.gathered(self.weight[None]))
-        one, two = transfer.stiffnesses(trace_weight[0])
-        self.share = self._shares(one, two)
-        self.share[:, ~transfer.at_pairs] = [[0.0], [1.0]]
-        # soles are made for the stiffer side of an interface; what both can exchange is set by the softer one
-        self.softness = np.sqrt(2 * np.minimum(one, two) / np.maximum(one + two, TINY))
-        first, second = transfer.at_points(direction.whole)
-        softness = sp.diags_array(self.softness)
+    def __init__(self, direction: SearchDirection, stiffness: sp.csr_array, modes: list[np.ndarray], external: np.ndarray):
+        self.space, self.stiffness, self.external, self.floor = direction.space, stiffness, external, 0.0
+        self.continuity = Continuity(self.space, stiffness.diagonal())
         self.modes = RigidModes(self.space, modes)
-        soles = softness @ ((first + second) / 2) @ softness
-        self.reposition = Repositioning(self.space, self.modes, soles)
-        self.soles = None if transfer.picks else soles  # elsewhere k itself is at hand
-        self.balance = Balancing(self.space, self.modes)
+        self.balance = Balancing(direction, stiffness.diagonal(), self.modes)
+        self.reposition = Repositioning(self.space, self.modes, self.balance.soles)
         self.weights: np.ndarray | None = None
 
     def of(self, stage: LinearStage, loading: Loading, floor: float) -> ErrorBound:
-        """The same for a linear stage and the loads of all load steps.
-
-        Parameters
-        ----------
-        floor : relative energy error of the subdomains' own matrices, where their digits are few
-        """
+        """The same for a linear stage and the loads of all load steps; ``floor``: relative energy error of the subdomains' own
+        matrices, where their digits are few."""
         whole = self.batch(slice(None), stage, loading)
         whole.floor = floor
         return whole
@@ -160,86 +107,33 @@ class ErrorBound:
         wider.weights = np.abs(weights)
         return wider
 
-    def _shares(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        """(2, Q) what either side takes of a force imbalance.
-
-        The stiffer side takes the larger share: it costs less energy there. One share per interface keeps the
-        resultants balanced; where stiff and soft nodes are mixed, each node has its own.
-
-        Parameters
-        ----------
-        one, two : (Q,) stiffness of both sides at the points
-        """
-        bounds = self.space.transfer.bounds
-        filled = np.flatnonzero(np.diff(bounds))
-        starts, counts = bounds[filled], np.diff(bounds)[filled]
-        with np.errstate(over="ignore"):  # beside a side that is held
-            ratio = one / np.maximum(two, TINY)
-        if len(filled):
-            even = np.maximum.reduceat(ratio, starts) <= UNEVEN * np.minimum.reduceat(ratio, starts)
-            one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side)
-                        for side in (one, two))
-        return np.stack([one, two]) / np.maximum(one + two, TINY)
-
-    @cached_property
-    def moved_sums(self) -> sp.csr_array:
-        """(classes, modes) what rigid motions add to the class sums of weighted displacements; all ranks have to ask."""
-        space = self.space
-        mine = sp.csr_array(space.classes @ sp.diags_array(self.weight) @ self.modes.boundary)
-        if not space.link.shared:
-            return mine
-        met = np.unique(np.concatenate(list(space.link.shared.values())))
-        total = None
-        for rank, (labels, rows) in enumerate(self.team.all_gather((space.labels[met], mine[met]))):
-            if rank != self.team.rank:
-                at, theirs = np.intersect1d(space.labels, labels, assume_unique=True, return_indices=True)[1:]
-                place = sp.csr_array((np.ones(len(at)), (at, theirs)), shape=(len(space.labels), len(labels)))
-                rows = place @ rows
-            else:
-                rows = mine
-            total = rows if total is None else total + rows  # in one order, for the same bits on all ranks
-        return sp.csr_array(total)
-
-    def pull(self, fields: Admissible) -> np.ndarray:
-        """(T, modes) what the traces of a linear stage ask of rigid motions: this rank's part, to be summed over the ranks."""
-        return self.reposition.pull(fields.extended[0])
-
-    def begin(self, fields: Admissible) -> Begun:
-        """Begin to evaluate the bound of a linear stage: a message is sent only for what ``fields`` do not know of others."""
-        pull = self.team.sum(self.pull(fields))[0] if fields.pull is None else fields.pull
-        c = self.reposition(pull)
+    def first(self, fields: Admissible) -> tuple[Bound, np.ndarray, np.ndarray]:
+        """What is known without back-substitutions; u + R c (T, B); and a² (T,)."""
+        c = self.reposition(fields.extended[0])
         u = fields.u + times(self.modes.boundary, c)
-        sums = None if fields.sums is None else fields.sums + times(self.moved_sums, c)
-        delta = self.continuity(u, self.stage.known, sums)
-        forces = self.space.loads(fields.f)
-        robin = self.space.loads(self.stage.robin_of(fields))
+        delta = self.continuity(u, self.stage.known)
+        forces, robin = self.space.loads(fields.f), self.space.loads(self.stage.robin_of(fields))
         a2 = dots(delta, times(self.stiffness, delta))
         energy = self.loading.energy_of(robin, fields.u, forces) + 2 * dots(delta, self.external + forces) + a2
-        return Begun(c, u, delta, a2, energy)
+        a2, energy = self.space.team.sum(a2, energy)
+        a = _relative(self._largest(a2), self.loading.size(energy))
+        return Bound(np.nan, a, energy, c[:, self.modes.own], delta), u, a2
 
-    def __call__(self, fields: Admissible, complete: bool = True, useful: float = np.inf, begun: Begun | None = None) -> Bound:
+    def __call__(self, fields: Admissible, useful: float = np.inf, known: tuple[Bound, np.ndarray, np.ndarray] | None = None) -> Bound:
         """Evaluate the bound of a linear stage.
 
         Parameters
         ----------
-        complete : False leaves out b, and with it all back-substitutions
         useful : a bound above it need not be known: it is infinite then, and ``least`` what has been reached
-        begun : what has been begun of it, summed over the ranks; None: nothing has
+        known : what ``first`` has found
         """
-        if begun is None:
-            begun = self.begin(fields)
-            begun = begun.summed(*self.team.sum(*begun.parts))
-        c, u, delta, a2, energy = begun.c, begun.u, begun.delta, begun.a2, begun.energy
-        size, moved = self.loading.size(energy), c[:, self.modes.own]
-        a = self._largest(a2)
-        if not complete:
-            return Bound(np.nan, _relative(a, size), energy, moved, delta)
-
-        change, balanced = self.balance(self._balancing_forces(fields, u))
+        bound, u, a2 = self.first(fields) if known is None else known
+        w, = self.space.extended(self.stage.trace(u))
+        change, balanced = self.balance(fields.extended[1], w)
         if not balanced:  # no energy belongs to such forces, and nothing is reached from below
-            return Bound(np.inf, _relative(a, size), energy, moved, delta)
-        h = self.space.loads(change)
-        cross, = self.team.sum(dots(delta, h))
+            return replace(bound, relative=np.inf)
+        h, size = self.space.loads(change), self.loading.size(bound.energy)
+        cross, = self.space.team.sum(dots(bound.correction, h))
         rest, least = a2 - 2 * cross, 0.0
 
         def beyond(reached: np.ndarray) -> bool:
@@ -249,34 +143,9 @@ class ErrorBound:
             return least > useful
 
         b2, sweeps = dual_energy(self.stage, h, rest, (ROUNDING * size) ** 2, beyond)
-        squares = rest + b2
         if least > useful:
-            return Bound(np.inf, _relative(a, size), energy, moved, delta, sweeps, least=least)
-        gap = self._largest(squares)
-        return Bound(_relative(gap, size) + self.floor, _relative(a, size), energy, moved, delta, sweeps)
-
-    def _balancing_forces(self, fields: Admissible, u: np.ndarray) -> np.ndarray:
-        """(T, D) δf = −ω A f + ½ k B w₂.
-
-        The second term is what the local stage would exchange on top of balancing, opposite on both sides: any such
-        pair keeps f̃ balanced; this one brings û closer. The repositioning has made it free of resultants on
-        floating subdomains, since both use the same weight. Where nodes do not match, the forces of the points are those
-        of the first side, and the second takes all of the imbalance: forces of fewer or more nodes cannot be undone.
-        """
-        transfer = self.space.transfer
-        f = fields.extended[1]
-        if not transfer.picks:
-            w, = self.space.extended(self.stage.trace(u))
-            q = transfer.carried(f) + 0.5 * times(self.soles, transfer.jump(w))
-            q = q + (0.5 * transfer.at_pairs - self.share[0]) * (transfer.first(f) + transfer.second(f))
-            return (transfer.opposed(q) - f)[:, : self.space.size]
-        imbalance = transfer.first(f) + transfer.second(f)
-        w, = self.space.extended(u.take(self.space.gather, axis=1))
-        soft = self.softness * transfer.jump(w)
-        soles = times(self.stage.direction.whole, transfer.spread(soft, soft))  # both sides' by one product
-        exchanged = 0.25 * self.softness * (transfer.first(soles) + transfer.second(soles))
-        one, two = self.share
-        return transfer.spread(exchanged - one * imbalance, -exchanged - two * imbalance)[:, : self.space.size]
+            return replace(bound, relative=np.inf, sweeps=sweeps, least=least)
+        return replace(bound, relative=_relative(self._largest(rest + b2), size) + self.floor, sweeps=sweeps)
 
     def _largest(self, squares: np.ndarray) -> float:
         """The largest error of all steps from the squared errors (T,) of those at hand."""

@@ -34,25 +34,16 @@ class Continuity:
     def __init__(self, space: TraceSpace, weight: np.ndarray):
         self.space, self.weight = space, weight
         self.class_weight = space.class_sums(weight[None])
-        transfer, none = space.transfer, np.empty(0, int)
-        self.tied = bool((transfer.perfect & ~transfer.matched).any())
-        if self.tied:
-            counts = [b - a if p and not m else 0 for a, b, p, m in zip(
-                transfer.bounds[:-1], transfer.bounds[1:], transfer.perfect, transfer.matched)]
-            here = [np.arange(transfer.bounds[i], transfer.bounds[i + 1]) for i in np.flatnonzero(counts)]
-            self.points = np.concatenate([none, *here])
-            self.points = self.points[transfer.mine[self.points]]  # theirs is the first side
+        transfer = space.transfer
+        apart = transfer.perfect & ~transfer.matched  # nodes do not match
+        self.tied = bool(apart.any())
+        here = np.repeat(apart, np.diff(transfer.bounds))
+        self.points = np.flatnonzero(here & transfer.mine)  # of the first sides that are this rank's
 
-    def __call__(self, u: np.ndarray, known: np.ndarray | None = None, sums: np.ndarray | None = None) -> np.ndarray:
-        """(T, B) δ of boundary displacements (T, B).
-
-        Parameters
-        ----------
-        known : (T, D) prescribed traces; None where there are none
-        sums : (T, classes) class sums of the weighted displacements, where they are known
-        """
+    def __call__(self, u: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+        """(T, B) δ of boundary displacements (T, B); ``known``: (T, D) prescribed traces, None where there are none."""
         space = self.space
-        mean = (space.class_sums(self.weight * u) if sums is None else sums) / self.class_weight
+        mean = space.class_sums(self.weight * u) / self.class_weight
         if self.tied:
             w = space.trace(mean.take(space.label, axis=1))
             jump = space.transfer.jump(space.extended(w if known is None else w + known)[0])[:, self.points]
@@ -71,32 +62,27 @@ class Continuity:
     def _system(self):
         """Solver of all points' problem, which of them are this rank's, and D_c⁻¹ B of this rank's classes."""
         space, team = self.space, self.space.team
-        size = space.size
-        loose = np.ones((1, size))
+        loose, none = np.ones((1, space.size)), not len(space.label)
         loose[0, space.held] = 0.0
-        at = space.label.take(space.gather) if len(space.label) else np.zeros(size, int)
-        weight = self.class_weight[0].take(at) if len(space.label) else np.ones(size)
+        at = np.zeros(space.size, int) if none else space.label.take(space.gather)
+        weight = np.ones(space.size) if none else self.class_weight[0].take(at)
         # class and weight of every trace dof, ghosts included
-        found, = space.extended(np.vstack([space.labels.take(at) if len(space.label) else at, weight, loose[0]]))
-        number, weight, loose = found[0].astype(int), found[1], found[2]
+        (number, weight, loose), = space.extended(np.vstack([at if none else space.labels.take(at), weight, loose[0]]))
         B = sp.coo_array(space.transfer.B[self.points])
         row, dof = B.coords
         kept = loose[dof] > 0
-        row, dof, values = row[kept], dof[kept], B.data[kept]
-        parts = team.all_gather((len(self.points), row, number[dof], weight[dof], values))
+        row, dof = row[kept], dof[kept]
+        parts = team.all_gather((len(self.points), row, number[dof].astype(int), weight[dof], B.data[kept]))
         starts = np.cumsum([0] + [part[0] for part in parts])
         rows = np.concatenate([part[1] + a for part, a in zip(parts, starts)])
         classes, weights, values = (np.concatenate([part[i] for part in parts]) for i in (2, 3, 4))
         columns, place = np.unique(classes, return_inverse=True)
-        shape = (int(starts[-1]), len(columns))
-        B = sp.csr_array((values, (rows, place)), shape=shape)
         inverse = np.empty(len(columns))
         inverse[place] = 1 / weights
-        solve = semidefinite_solver(B @ sp.diags_array(inverse) @ B.T)
-        local = np.searchsorted(columns, space.labels)
-        there = np.flatnonzero((local < len(columns)) & (columns[np.minimum(local, len(columns) - 1)] == space.labels)) \
-            if len(columns) else np.empty(0, int)
-        spread = sp.csc_array(B @ sp.diags_array(inverse))[:, local[there]].tocoo()
-        spread = sp.csr_array((spread.data, (spread.row, there[spread.col])), shape=(shape[0], len(space.labels)))
+        B = sp.csr_array((values, (rows, place)), shape=(int(starts[-1]), len(columns)))
+        scaled = B @ sp.diags_array(inverse)
+        _, there, local = np.intersect1d(space.labels, columns, assume_unique=True, return_indices=True)
+        spread = sp.csc_array(scaled)[:, local].tocoo()
+        spread = sp.csr_array((spread.data, (spread.row, there[spread.col])), shape=(B.shape[0], len(space.labels)))
         mine = np.arange(starts[team.rank], starts[team.rank] + len(self.points))
-        return solve, mine, spread
+        return semidefinite_solver(scaled @ B.T), mine, spread

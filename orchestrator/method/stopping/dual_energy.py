@@ -36,11 +36,9 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     beyond : of what has been reached so far, (T,), whether it is more than can be of use: what is returned then is that, and
         the true one is larger
     """
-    space = stage.space
+    space, of = stage.space, Segments(stage.space.boundary)
     if not space.team.max(h.any())[0]:
         return np.zeros(len(h)), 0
-    of = Segments(space.boundary)
-
     r, total, p, q, rz_old, steps = h.copy(), np.zeros(len(h)), None, None, None, []
     known = stage.known_answers(h)
     if known is not None:
@@ -61,14 +59,11 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
         s_p = q - stage.direction.robin(p)
         alpha = _safe_ratio(rz, of.sums(p * s_p))
         gained, = space.team.sum((alpha * rz).sum(axis=1))  # over all subdomains, per load step
-        total = total + gained
-        r = r - of.spread(alpha) * s_p
-        rz_old = rz
+        total, r, rz_old = total + gained, r - of.spread(alpha) * s_p, rz
         steps.append(float(gained.sum()))
-        tail = _tail(steps)
         if beyond(total):
             return total, sweeps
-        worth = max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
+        tail, worth = _tail(steps), max(np.sum(total + rest), CANCELLED * np.sum(total), negligible)
         if max(steps[-1], tail) <= RELATIVE_TAIL * worth:
             share = gained / max(steps[-1], np.finfo(float).tiny)
             return total + tail * share + RELATIVE_TAIL * np.maximum(total + rest, 0.0), sweeps

@@ -5,7 +5,6 @@ All are relative and dimensionless. Norms sum over both sides of all interfaces 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,50 +50,33 @@ class Measures:
 
 
 def measure(problem: Decomposition, fields: Admissible, local: LocalState, residual: np.ndarray, exact: bool,
-            more: Sequence[np.ndarray], largest: Sequence[float]) -> tuple[Measures, list[np.ndarray], list[float]]:
+            ends: tuple[float, float]) -> Measures:
     """Measure an iteration; one message among ranks.
 
     Parameters
     ----------
     residual : (T, D) F(s) − s
     exact : η exactly, whatever it costs
-    more, largest : what else is to be summed over the ranks, and to be found the largest of; of the latter the first two are
-        the largest displacement, and whether codes were asked
-
-    Returns
-    -------
-    measures, and the rest of the sums and of the largest
+    ends : this rank's largest displacement, and whether codes were asked
     """
-    stage, local_stage = problem.stage, problem.local
-    direction, macro = stage.direction, stage.macro
-    k, space = direction.diagonal, direction.space
-    w, f = fields.w, fields.f
-    counted = local_stage.counts(local)
+    k, space, macro = problem.stage.direction.diagonal, problem.space, problem.stage.macro
+    w, f, counted = fields.w, fields.f, problem.local.counts(local)
     apart, unbalanced = (of(x) for of, x in zip((space.transfer.mismatch, space.transfer.imbalance), fields.extended))
-    parts = [*latin_parts(stage, local_stage, fields, local, exact),
-             _square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
-             _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
-    parts.append(np.array(list(counted.values())))
-    if macro is not None:
-        parts += macro.imbalance(f)
-    sums, ends = space.team.both([*parts, *more], largest)
-    count = len(parts)
-    return _measures(sums[:count], ends[:2], list(counted)), sums[count:], ends[2:]
-
-
-def _measures(sums: Sequence[np.ndarray], ends: Sequence[float], counted: Sequence[str]) -> Measures:
-    """From the sums and the largest values of all ranks."""
-    gap, total, jump, moved, imbalance, force, change, state, counts, *resultant = sums
-    eta, macro_imbalance = float(gap / total) if total > 0 else 0.0, np.nan
+    squares = [_square(apart, k), _square(w, k), _square(unbalanced, 1 / k), _square(f, 1 / k),
+               _square(residual, 1 / k), _square(fields.s + residual, 1 / k)]
+    resultant = [] if macro is None else macro.imbalance(f)
+    sums, ends = space.team.both([*latin_parts(problem, fields, local, exact), np.array(list(counted.values())), *squares, *resultant], ends)
+    (gap, total, counts), squares, resultant = sums[:3], sums[3:9], sums[9:]
+    ratios = [float(np.sqrt(part / whole)) if whole > 0 else 0.0 for part, whole in zip(squares[::2], squares[1::2])]
+    macro_imbalance = np.nan
     if resultant:
         unbalanced, scale = (np.abs(r).max(initial=0.0) for r in resultant)
         macro_imbalance = float(unbalanced / scale) if scale > 0 else 0.0
-    return Measures(eta, _ratio(jump, moved), _ratio(imbalance, force), _ratio(change, state), macro_imbalance,
-                    dict(zip(counted, counts.astype(int).tolist())), *map(float, ends))
+    return Measures(float(gap / total) if total > 0 else 0.0, *ratios, macro_imbalance,
+                    dict(zip(counted, counts.astype(int).tolist())), *ends)
 
 
-def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: LocalState,
-                exact: bool = False) -> tuple[float, float]:
+def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, exact: bool) -> tuple[float, float]:
     """This rank's part of numerator and denominator of the paper's η, eq. 16, transposes mended.
 
     η = (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹) / (‖w‖²_k + ‖f‖²_k⁻¹ + ‖ŵ‖²_k + ‖f̂‖²_k⁻¹)
@@ -107,13 +89,14 @@ def latin_parts(stage: LinearStage, local_stage, fields: Admissible, local: Loca
     exact : factorise k for the inverse norms even where that is dear; otherwise its diagonal
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
-    direction, w, f = stage.direction, fields.w, fields.f
+    stage, w, f = problem.stage, fields.w, fields.f
+    direction = stage.direction
     exact = exact or direction.space.link.total <= EXACT_LIMIT
     kw = stage.robin_of(fields) - f  # known: no product with k
     if local.force is not None:
         w_hat, f_hat, kw_hat = local.hats
     else:
-        w_hat, f_hat = (local_stage.hats if exact else local_stage.lumped_hats)(*fields.extended)
+        w_hat, f_hat = (problem.local.hats if exact else problem.local.lumped_hats)(*fields.extended)
         kw_hat = direction.times(w_hat)
 
     forces = (f - f_hat, f, f_hat)
@@ -142,7 +125,3 @@ def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, s
 def _square(x: np.ndarray, weight: np.ndarray) -> float:
     """Weighted sum of squares of (T, D)."""
     return float(((x * x) @ weight).sum())
-
-
-def _ratio(part: np.ndarray, whole: np.ndarray) -> float:
-    return float(np.sqrt(part / whole)) if whole > 0 else 0.0

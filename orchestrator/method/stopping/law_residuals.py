@@ -28,8 +28,7 @@ from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.point_traces import PointTraces
 from orchestrator.method.local.state import LocalState
 from orchestrator.method.stopping.lengths import Lengths
-from orchestrator.parallel.team import ALONE, Team
-
+from orchestrator.parallel.team import Team
 
 STABILISATION, FIXED_POINT = "stabilisation", "fixed_point"
 SETTLED = 1e-2  # residual over what springs carry, from which more iterations do not change what they do
@@ -70,90 +69,66 @@ class LawResiduals:
     @property
     def named(self) -> dict[str, float]:
         """As summary.json has them."""
-        return {"law_residual": self.largest, "interface_residual": self.residual, "imbalance": self.imbalance,
-                **self.measures}
+        return {"law_residual": self.largest, "interface_residual": self.residual, "imbalance": self.imbalance, **self.measures}
 
 
-class LawMeasure:
-    """Traces (T, D + G) of the linear stage, measured against the local stage, and what the ranks have to tell each other for it.
-
-    Parameters
-    ----------
-    before : what the load step before the first one has left
-
-    Attributes
-    ----------
-    sums : (4,) to be summed over the ranks
-    largest : numbers of which the largest over the ranks are to be found
-    """
-
-    def __init__(self, pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, before: History):
-        at, local.at = local.at, None  # it is large
-        if at is None or at.w is not w or at.f is not f:
-            at = pairs.traces(w, f)
-        self.pairs, points = pairs, pairs.points
-        top, bottom, unbalanced = at.squares(local.force)
-        stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
-        tied = pairs.tied.dofs
-        top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tied.stiffness))
-        self.sums, self.largest = np.array([top, bottom, unbalanced, stiff]), self._largest(at, local, before)
-
-    def _largest(self, at: PointTraces, local: LocalState, before: History) -> list[float]:
-        """Per law its stiffness over area, its pressure, its measures; then of the springs."""
-        pairs, largest = self.pairs, []
-        here = {run.law: run for run in pairs.runs}
-        for law in pairs.laws:
-            found = [0.0] * (2 + len(law.measures))
-            if law in here:
-                part, points = here[law].part, here[law].points
-                stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before.jump[:, part],
-                                local.status[:, part], {v.name: local.own[v.name][:, part] for v in law.variables})
-                each = [(points, stages)] if not points.stepped else [
-                    (points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
-                told = [(pressure, *(values[measure.name] for measure in law.measures))
-                        for pressure, values in (law.residuals(*own) for own in each)]
-                found = [_largest(points.stiff_n / points.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
-            largest += found
-        if pairs.stabilisation is not None:
-            area = pairs.points.area
-            tractions = (np.sqrt(dot(x, x)) / area for x in (local.force - local.lawful, local.lawful))
-            largest += [*map(_largest, tractions), _largest(pairs.points.stiff_n / area)]
-        return largest
-
-    def result(self, sums: np.ndarray, largest: Sequence[float], lengths: Lengths) -> LawResiduals:
-        """Once ``sums`` and ``largest`` of all ranks are known.
-
-        Parameters
-        ----------
-        lengths : the length scale of these displacements
-        """
-        top, bottom, unbalanced, stiff = map(float, sums)
-        bottom = max(bottom, stiff * lengths.of_rest**2)
-        ends, measures, traction = iter(largest), {}, float("nan")
-        for law in self.pairs.laws:  # of measures that laws share, the largest
-            rest, pressure = next(ends) * lengths.of_rest, next(ends)
-            pressure = max(pressure, rest) or 1.0
-            for measure in law.measures:
-                value = next(ends) / (lengths.of_displacements**measure.length * pressure**measure.pressure)
-                measures[measure.name] = max(value, measures.get(measure.name, value))
-        if self.pairs.stabilisation is not None:
-            springs, carried, rest = ends
-            traction = max(carried, rest * lengths.of_rest) or 1.0
-            measures[STABILISATION] = springs / traction
-        return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), measures, traction)
-
-
-def law_residuals(found: Sequence[LawMeasure], lengths: Lengths, team: Team = ALONE) -> LawResiduals:
-    """How well laws hold in all load steps, which may have been measured in several parts.
+def law_residuals(parts: Sequence[tuple[Pairs, np.ndarray, np.ndarray, LocalState, History]], lengths: Lengths,
+                  team: Team) -> LawResiduals:
+    """How well laws hold in all load steps.
 
     Parameters
     ----------
+    parts : for some load steps each: the pairs, traces w and f (T, D + G) of the linear stage, the local stage, and what the step
+        before the first one has left
     lengths : the length scale of these displacements
-    team : the ranks over which to sum and to take the largest
+    team : the ranks over which to sum and to find the largest
     """
-    sums, = team.sum(np.sum([each.sums for each in found], axis=0))
-    sums[3] /= len(found)  # the same stiffness in every part
-    return found[0].result(sums, team.max(*np.max([each.largest for each in found], axis=0)), lengths)
+    sums, largest = zip(*(_measured(*part) for part in parts))
+    sums, largest = team.both([np.sum(sums, axis=0)], np.max(largest, axis=0))
+    top, bottom, unbalanced, stiff = sums[0].tolist()
+    bottom = max(bottom, stiff / len(parts) * lengths.of_rest**2)  # the same stiffness in every part
+    pairs, ends, measures, traction = parts[0][0], iter(largest), {}, float("nan")
+    for law in pairs.laws:  # of measures that laws share, the largest
+        rest, pressure = next(ends) * lengths.of_rest, next(ends)
+        pressure = max(pressure, rest) or 1.0
+        for measure in law.measures:
+            value = next(ends) / (lengths.of_displacements**measure.length * pressure**measure.pressure)
+            measures[measure.name] = max(value, measures.get(measure.name, value))
+    if pairs.stabilisation is not None:
+        springs, carried, rest = ends
+        traction = max(carried, rest * lengths.of_rest) or 1.0
+        measures[STABILISATION] = springs / traction
+    return LawResiduals(_root(top, bottom), _root(unbalanced, bottom), measures, traction)
+
+
+def _measured(pairs: Pairs, w: np.ndarray, f: np.ndarray, local: LocalState, before: History) -> tuple[np.ndarray, list[float]]:
+    """This rank's part: squares of residual, force and imbalance, and stiffness; largest values, per law its stiffness over area,
+    its pressure and its measures, then of the springs."""
+    at, local.at = local.at, None  # it is large
+    if at is None or at.w is not w or at.f is not f:
+        at = pairs.traces(w, f)
+    points, tied, largest = pairs.points, pairs.tied.dofs, []
+    top, bottom, unbalanced = at.squares(local.force)
+    stiff = 2 * float((points.stiff_n + 2 * points.stiff_t) @ pairs.mine) / 3  # of both sides, in the mean direction
+    top += float(np.sum((f[:, tied] - local.hats[1][:, tied]) ** 2 / pairs.tied.stiffness))
+    here = {run.law: run for run in pairs.runs}
+    for law in pairs.laws:
+        largest += _of_law(pairs, here[law], at, local, before) if law in here else [0.0] * (2 + len(law.measures))
+    if pairs.stabilisation is not None:
+        tractions = (np.sqrt(dot(x, x)) / points.area for x in (local.force - local.lawful, local.lawful))
+        largest += [*map(_largest, tractions), _largest(points.stiff_n / points.area)]
+    return np.array([top, bottom, unbalanced, stiff]), largest
+
+
+def _of_law(pairs: Pairs, run, at: PointTraces, local: LocalState, before: History) -> list[float]:
+    """Largest stiffness over area, pressure and measures of the pairs of one law."""
+    law, part, points = run.law, run.part, run.points
+    stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before.jump[:, part], local.status[:, part],
+                    {v.name: local.own[v.name][:, part] for v in law.variables})
+    each = [(points, stages)] if not points.stepped else [(points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
+    told = [(pressure, *(values[measure.name] for measure in law.measures))
+            for pressure, values in (law.residuals(*own) for own in each)]
+    return [_largest(points.stiff_n / points.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
 
 
 def _largest(values: np.ndarray) -> float:

@@ -62,89 +62,66 @@ class LengthScale:
     count, size, names : of the bodies; of what is joined, the first one's name
     body : (subdomains,) int, the body of each
 
-    Notes
-    -----
-    Among ranks, six numbers per body and load step are summed.
     """
 
     def __init__(self, d: Decomposition):
         self.team, self.boundary = d.space.team, d.space.boundary
-        subdomains, steps = d.scene.subdomains, d.steps
+        subdomains, nodes = d.scene.subdomains, d.scene.mesh.nodes
         joined = np.array([i.subdomains for i in d.scene.interfaces if i.law.joins]).reshape(-1, 2)
-        count, self.body = components(*joined.T, len(subdomains))
+        self.count, self.body = components(*joined.T, len(subdomains))
         self.own = self.body[d.space.subdomains]
-        nodes = d.scene.mesh.nodes
-        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(self.count)]
+        low, high = np.full((self.count, 3), np.inf), np.full((self.count, 3), -np.inf)
         for s, body in zip(d.own, self.own):
             x = nodes[s.nodes]
             low[body], high[body] = np.minimum(low[body], x.min(axis=0)), np.maximum(high[body], x.max(axis=0))
-        ends = np.reshape(self.team.max(*-low.ravel(), *high.ravel()), (2, count, 3))
+        ends = np.reshape(self.team.max(*-low.ravel(), *high.ravel()), (2, self.count, 3))
         low, high = -ends[0], ends[1]
-        centre, size = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
-        self.count, self.size = count, size
-        self.names = [next(s.body for s, b in zip(subdomains, self.body) if b == body) for body in range(count)]
-
-        self.motions: list[np.ndarray] = []
-        gram, held = np.zeros((2, count, RIGID, RIGID))
-        moved, told, at_supports = np.zeros((count, steps, RIGID)), np.zeros((2, count)), []
-        for s, body, part, lift in zip(d.own, self.own, self.boundary, d.loading.lift):
-            dof = d.space.global_dof[part]
-            self.motions.append(motions_about(nodes[dof // 3], centre[body], size[body])[np.arange(len(dof)), dof % 3])
-            gram[body] += self.motions[-1].T @ self.motions[-1]
-            fixed = np.flatnonzero(s.fixed)
-            local, component = np.divmod(fixed, 3)
-            rows = motions_about(nodes[s.nodes[local]], centre[body], size[body])[np.arange(len(fixed)), component]
-            held[body] += rows.T @ rows
-            moved[body] += lift[:, fixed] @ rows
-            at_supports.append((rows, lift[:, fixed]))
-            loads = d.loading.working[:, part]  # and what strains its supports: rigid motions are no part of it
-            told[0, body] = max(told[0, body], np.abs(lift).max(initial=0.0))
-            told[1, body] = max(told[1, body], np.abs(loads).max(initial=0.0))
-        gram, held, moved = self.team.sum(gram, held, moved)
+        self.size = np.linalg.norm(high - low, axis=1) / 2
+        self._held(d, (low + high) / 2)
+        told = np.zeros((2, self.count))
+        for body, part, lift in zip(self.own, self.boundary, d.loading.lift):
+            for kind, values in enumerate((lift, d.loading.working[:, part])):  # and what strains its supports: rigid motions are none
+                told[kind, body] = max(told[kind, body], np.abs(values).max(initial=0.0))
         told = np.concatenate([self.team.max(*told.ravel()), [i.law.imposed for i in d.scene.interfaces]])
         told = told[told > ROUNDING * told.max(initial=0.0)]
         self.told = float(told.min(initial=np.inf)) if len(told) else 0.0
 
-        # (bodies, T, 6) prescribed motion; (bodies, 6, 6) from products with the motions to the free ones that fit best
+    def _held(self, d: Decomposition, centre: np.ndarray) -> None:
+        """Find the motions that supports prescribe (``prescribed``: bodies, T, 6) and those that they leave; ``fit`` (bodies, 6, 6)
+        makes of products with the motions the free ones that fit best. Bodies turn about their centres (bodies, 3)."""
+        self.motions: list[np.ndarray] = []
+        gram, held = np.zeros((2, self.count, RIGID, RIGID))
+        moved, at_supports, nodes = np.zeros((self.count, d.steps, RIGID)), [], d.scene.mesh.nodes
+        for s, body, part, lift in zip(d.own, self.own, self.boundary, d.loading.lift):
+            about, dof = (centre[body], self.size[body]), d.space.global_dof[part]
+            self.motions.append(motions_about(nodes[dof // 3], *about)[np.arange(len(dof)), dof % 3])
+            gram[body] += self.motions[-1].T @ self.motions[-1]
+            fixed = np.flatnonzero(s.fixed)
+            rows = motions_about(nodes[s.nodes[fixed // 3]], *about)[np.arange(len(fixed)), fixed % 3]
+            held[body] += rows.T @ rows
+            moved[body] += lift[:, fixed] @ rows
+            at_supports.append((rows, lift[:, fixed]))
+        gram, held, moved = self.team.sum(gram, held, moved)
         values, vectors = np.linalg.eigh(held)
         free = values <= FREE * values[:, -1:]
         turned = vectors.swapaxes(1, 2) @ moved.swapaxes(1, 2)
         inverse = np.where(free, 0.0, 1 / np.where(free, 1.0, values))
         self.prescribed = (vectors @ (inverse[:, :, None] * turned)).swapaxes(1, 2)
         loose = vectors * free[:, None, :]
-        self.fit = loose @ np.linalg.pinv(loose.swapaxes(1, 2) @ gram @ loose, rcond=FREE, hermitian=True) \
-            @ loose.swapaxes(1, 2)
+        gram = np.linalg.pinv(loose.swapaxes(1, 2) @ gram @ loose, rcond=FREE, hermitian=True)
+        self.fit = loose @ gram @ loose.swapaxes(1, 2)
         self.strained = max((np.abs(lift - self.prescribed[body] @ rows.T).max(initial=0.0)
                              for body, (rows, lift) in zip(self.own, at_supports)), default=0.0)
 
-    def apart(self, u: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-        """Displacements (T, B) of the boundary dofs less what is prescribed, per subdomain, and their products (bodies, T, 6)
-        with rigid motions: this rank's part of what is to be summed over all."""
-        apart = [u[:, part] - self.prescribed[body] @ rows.T
-                 for body, part, rows in zip(self.own, self.boundary, self.motions)]
+    def __call__(self, u: np.ndarray) -> Lengths:
+        """The lengths for displacements (T, B) of the boundary dofs."""
+        apart = [u[:, part] - self.prescribed[body] @ rows.T for body, part, rows in zip(self.own, self.boundary, self.motions)]
         products = np.zeros((len(self.fit), len(u), RIGID))
         for body, rows, left in zip(self.own, self.motions, apart):
             products[body] += left @ rows
-        return apart, products
-
-    def deformed(self, apart: list[np.ndarray], products: np.ndarray) -> tuple[float, np.ndarray]:
-        """The largest that is left of ``apart`` on this rank without the rigid motions (bodies, T, 6) that are free; these.
-
-        Parameters
-        ----------
-        products : of all ranks
-        """
-        loose = products @ self.fit
+        loose = self.team.sum(products)[0] @ self.fit
         largest = max((np.abs(left - loose[body] @ rows.T).max(initial=0.0)
                        for body, rows, left in zip(self.own, self.motions, apart)), default=0.0)
-        return float(np.maximum(largest, self.strained)), loose  # nan stays
-
-    def __call__(self, u: np.ndarray) -> Lengths:
-        """The lengths for displacements (T, B) of the boundary dofs."""
-        apart, products = self.apart(u)
-        largest, loose = self.deformed(apart, *self.team.sum(products))
-        return self.of(*self.team.max(largest), loose)
-
-    def of(self, deformation: float, loose: np.ndarray) -> Lengths:
-        """Once the largest of all ranks is known."""
-        return Lengths(float(deformation), self.told, loose)
+        deformation, = self.team.max(np.maximum(largest, self.strained))  # nan stays
+        return Lengths(deformation, self.told, loose)

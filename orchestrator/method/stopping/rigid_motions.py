@@ -39,9 +39,7 @@ class RigidModes:
             dense[: mode.shape[1], part] = mode.T
         self._space, self._starts = space, starts
         self._subdomain = np.repeat(space.subdomains, [s.stop - s.start for s in space.boundary])
-        self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or
-                                  [np.empty(0, int)])
-
+        self.own = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in space.subdomains] or [np.empty(0, int)])
         self.boundary = self._sparse(dense, self._subdomain)
 
     @property
@@ -74,16 +72,12 @@ class Repositioning:
     def __init__(self, space: TraceSpace, modes: RigidModes, weight: sp.csr_array):
         self.transfer, self.team = space.transfer, space.team
         one, two = self.transfer.rows(modes.traces)
-        jumps = sp.csr_array(two - one)
-        mine = self.transfer.mine
+        jumps, mine = sp.csr_array(two - one), self.transfer.mine
         self.forces = sp.csr_array((weight @ jumps)[mine])  # what is summed over the points is their first side's
         coarse = sp.csr_array(jumps[mine].T @ self.forces)
         self._solve = semidefinite_solver(sum(self.team.all_gather(coarse), sp.csr_array(coarse.shape)))
 
-    def pull(self, w: np.ndarray) -> np.ndarray:
-        """(T, modes) this rank's part of what traces (T, D + G) ask for, to be summed over the ranks."""
-        return times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine])
-
-    def __call__(self, pull: np.ndarray) -> np.ndarray:
-        """(T, modes) c for what the traces ask for."""
-        return self._solve(-pull)
+    def __call__(self, w: np.ndarray) -> np.ndarray:
+        """(T, modes) c for traces (T, D + G)."""
+        asked, = self.team.sum(times(self.forces.T, self.transfer.jump(w)[:, self.transfer.mine]))
+        return self._solve(-asked)
