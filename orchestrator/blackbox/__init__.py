@@ -1,8 +1,7 @@
 """The black box: finite element codes that solve subdomains without knowing it.
 
-What a code is given (``protocol.Model``): the extended mesh of a subdomain (four-node tets, ten-node ones with P2; the
-soles of its interfaces among them), materials per region, clamped dofs, and the trace dofs. Dof = 3 * node + component;
-units are the YAML's.
+What a code is given (``protocol.Model``): the extended mesh of a subdomain (four-node tets, ten-node ones with P2; the soles of its
+interfaces among them), materials per region, clamped dofs, and the trace dofs. Dof = 3 * node + component; units are the YAML's.
 
 What it must answer:
 
@@ -17,11 +16,9 @@ Three ways to take part, from the shortest to the most general:
 
 1. a class with three methods in Python: copy ``codes/template.py`` and name the copy in the YAML, nothing is registered.
    An ``Adapter`` gets a name by a line in ``orchestrator/registry.py``; ``codes/scikit_fem.py`` is a worked example;
-2. a program that speaks the bytes of ``transport/messages.py`` on two pipes or files: a ``MessageCode`` of
-   ``codes/code.py`` says how it is started and writes its mesh files, see ``codes/freefem`` and the other end,
-   ``freefem_scripts/subdomain_server.edp``;
-3. a program that reads and writes files of its own: a ``Code`` with a worker that writes decks and reads results, see
-   ``codes/calculix``.
+2. a program that speaks the bytes of ``transport/messages.py`` on two pipes or files: a ``MessageCode`` of ``codes/code.py`` says how it
+   is started and writes its mesh files, see ``codes/freefem`` and the other end, ``freefem_scripts/subdomain_server.edp``;
+3. a program that reads and writes files of its own: a ``Code`` with a worker that writes decks and reads results, see ``codes/calculix``.
 
 A code's ``Settings`` are the model of its entries in the YAML; keys that they add are validated like all others.
 

@@ -1,8 +1,7 @@
 """What the orchestrator asks of a finite element code, and nothing more.
 
-A black box receives meshes with materials and clamped dofs, and answers nodal forces with
-nodal displacements. It never hears of interfaces, search directions or macro problems: a
-sole is plain matter to it.
+A black box receives meshes with materials and clamped dofs, and answers nodal forces with nodal displacements. It never hears of
+interfaces, search directions or macro problems: a sole is plain matter to it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """What a black box takes of the machine: seconds, memory, processes, folders.
 
-Seconds of codes and workers count from when the workers were started; loading other models in the place of the first starts
-them anew.
+Seconds of codes and workers count from when the workers were started; loading other models in the place of the first starts them anew.
 """
 
 from __future__ import annotations

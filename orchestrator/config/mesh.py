@@ -93,8 +93,7 @@ class Material(Part):
 
     young: Positive = Field(description="Young's modulus, above 0, in force per area of your units")
     poisson: float = Field(gt=-1, lt=0.5, description=(
-        "Poisson's ratio, between -1 and 0.5, both excluded: displacement elements lock at 0.5; "
-        "take 0.49 at most for rubber-like matter"))
+        "Poisson's ratio, between -1 and 0.5, both excluded: displacement elements lock at 0.5; take 0.49 at most for rubber-like matter"))
     density: Positive | None = Field(None, description="mass per volume, for gravity and spin; none: no weight is asked for")
     expansion: float | None = Field(None, description=(
         "thermal strain per temperature, for temperatures under loads; none: nothing is heated"))

@@ -64,18 +64,16 @@ class SearchDirection(Part):
     """k⁺, from the linear stage to the local stage; for studies."""
 
     kplus: Literal["exchange", "full", "diagonal"] = Field("exchange", description=(
-        "exchange: the neighbour's own sole, which needs no interface factorisation. full, diagonal: where all interfaces "
-        "are perfect"))
+        "exchange: the neighbour's own sole, which needs no interface factorisation. full, diagonal: where all interfaces are perfect"))
 
 
 class Contact(Part):
     """Where laws do not join their sides."""
 
     stabilisation: AutoStabilisation = Field("auto", description=(
-        "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that "
-        "bodies that nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a quarter of the law "
-        "residual that the tolerance stands for to begin with, a four-thousandth in the end, between loose bodies and their "
-        "neighbours alone; 0: none"))
+        "share ε of a weak viscous spring that keeps facing nodes where they were at the end of the load step before, so that bodies that "
+        "nothing else holds have one position; it leaves a law residual of about 2 ε. auto: a quarter of the law residual that the "
+        "tolerance stands for to begin with, a four-thousandth in the end, between loose bodies and their neighbours alone; 0: none"))
 
 
 class Tolerance(Part):
@@ -116,10 +114,9 @@ class Method(Part):
     macro: Macro = Field(Macro(), description="the macro problem: linear, of interface resultants, for perfect interfaces")
     search_direction: SearchDirection = Field(SearchDirection(), description="k⁺, for studies")
     acceleration: Literal[tuple(ACCELERATIONS)] = Field("anderson", description=(
-        "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, "
-        "and anderson and gmres both minimise the residual over all iterations so far: the generalised conjugate "
-        "residual method, equivalent to GMRES; anderson may forget (memory). none: relaxation alone; "
-        "aitken: relaxation by the last two residuals"))
+        "anderson, with contact: Anderson's of the nonlinear fixed point. Where all is bonded the fixed point is affine, and anderson and "
+        "gmres both minimise the residual over all iterations so far: the generalised conjugate residual method, equivalent to GMRES; "
+        "anderson may forget (memory). none: relaxation alone; aitken: relaxation by the last two residuals"))
     memory: AutoCount = Field("auto", description="depth of anderson alone; auto: the whole history for perfect interfaces, 30 with contact")
     coarse: Literal["auto", "affine", "rigid", "none"] = Field("auto", description=(
         "the coarse contact problem, nonlinear: where interfaces are not perfect every body moves in its affine, or its "
@@ -127,8 +124,7 @@ class Method(Part):
         "where 50 bodies or more are stabilised and no interface joins its sides, else affine"))
     contact: Contact = Field(Contact(), description="what keeps bodies in place that contact alone holds")
     increment: AutoCount = Field("auto", description=(
-        "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch "
-        "starting from the last"))
+        "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch starting from the last"))
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
     skip: Skip = Field(Skip(), description=(

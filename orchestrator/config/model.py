@@ -20,8 +20,7 @@ from orchestrator.registry import FOREIGN
 class Config(Part):
     """One problem and how to solve it: ``config.mesh.beam.size``, ``config.method.tolerance.error`` …
 
-    Built by ``load_config`` (from a file) or ``config_from`` (from a dict), which also apply
-    the rules that concern several keys.
+    Built by ``load_config`` (from a file) or ``config_from`` (from a dict), which also apply the rules that concern several keys.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w. -]*$")] = Field(

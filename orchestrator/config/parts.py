@@ -55,8 +55,7 @@ class DeckPart(ForeignPart):
 
 
 class ProgramPart(ForeignPart):
-    """A program in any language: started in an empty folder with springs.txt and forces.txt, it leaves displacements.txt and
-    joint.txt."""
+    """A program in any language: started in an empty folder with springs.txt and forces.txt, it leaves displacements.txt and joint.txt."""
 
     kind = "program"
     files = ("run", "facets")

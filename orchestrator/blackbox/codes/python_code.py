@@ -86,23 +86,19 @@ class PythonCode(MessageCode):
         python: Name | None = Field(None, description=(
             "the interpreter that the solver's packages are installed for, as /usr/bin/python3, with numpy and SciPy; "
             "none: the orchestrator's own"))
-
         nonlinear: bool = Field(False, description=(
             "whether the solver's class is nonlinear: advance(prepared, forces) and commit(prepared), load step by load step"))
 
         @property
-        def remembers(self) -> bool:
-            """As the entry says: the class is imported by its processes alone."""
+        def remembers(self) -> bool:  # as the entry says: the class is imported by its processes alone
             return self.nonlinear
 
         @property
         def brings_loads(self) -> bool:
-            """As the entry says: the class is imported by its processes alone."""
             return self.loads
 
         @classmethod
         def beside(cls, entry: dict[str, Any], folder: Path) -> dict[str, Any]:
-            """The solver's file, and the interpreter."""
             if (python := entry.get("python")) and (folder / str(python)).is_file():
                 entry = {**entry, "python": os.path.abspath(folder / str(python))}
             file, dot, name = str(entry.get("code", "")).partition(".py")
@@ -215,13 +211,11 @@ def _ask(python: str, package: str) -> str:
             done = subprocess.run([os.path.abspath(python) if os.sep in python else python, "-c", code], capture_output=True,
                                   text=True, timeout=_PATIENCE, cwd=empty)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter",
-                      "python") from None
+        raise _absent(f"{python}, which cannot be run: {error}", lacks, "give the path of a Python interpreter", "python") from None
+    first, *rest = done.stdout.splitlines() or [""]
     if done.returncode:
         said = (done.stderr.strip() or f"nothing, and ends with {done.returncode}").splitlines()[-1]
-        raise _absent(f"{python}, which says: {said}", lacks,
-                      "install them for that interpreter, or name another one", "python")
-    first, *rest = done.stdout.splitlines() or [""]
+        raise _absent(f"{python}, which says: {said}", lacks, "install them for that interpreter, or name another one", "python")
     if not re.fullmatch(r"\d+ \d+", first):
         raise _absent(f"{python}, which does not answer as Python does", lacks, "give the path of a Python interpreter", "python")
     if tuple(map(int, first.split())) < _OLDEST:

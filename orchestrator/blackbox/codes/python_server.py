@@ -108,11 +108,7 @@ UNBALANCED = 1e-9
 
 
 class Server:
-    """Answers one request after the other.
-
-    solver : the black box
-    requests, replies : binary streams
-    """
+    """Answers one request after the other, from and to binary streams."""
 
     def __init__(self, solver, requests, replies):
         self.solver, self.requests, self.replies = solver, requests, replies

@@ -128,8 +128,7 @@ class DeckCode(ForeignCode):
         return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)
 
     def _probe(self, runs: DeckRuns, M: np.ndarray, k: np.ndarray, b: np.ndarray, case: Loads | None) -> None:
-        """Raises InputError where under a case of its loads, b on the joints, forces there do not move them as the stored matrix
-        says."""
+        """Raises InputError where under a case of its loads, b on the joints, forces there do not move them as the stored matrix says."""
         free = np.flatnonzero(k)
         s = np.zeros(len(k))
         # as large as the loads, or such that displacements are a thousandth of the part

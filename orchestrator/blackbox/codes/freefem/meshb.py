@@ -11,8 +11,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import Model
 
-# readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and
-# never ends when 512 does.
+# readmesh3 hashes vertices so that it slows down twentyfold when 64 divides their number, and never ends when 512 does.
 BAD_DIVISOR = 64
 _DIMENSION, _VERTICES, _TETRAHEDRA, _END = 3, 4, 8, 54
 
