@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from quadratic_case import assemble_ten
 
 from orchestrator.blackbox.codes.code import Code
-from orchestrator.blackbox.codes.python_server import FullModel, solver_class
+from orchestrator.blackbox.codes.adapter import FullModel, solver_class
 from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.transport.worker import Worker
 from orchestrator.blackbox.protocol import Model

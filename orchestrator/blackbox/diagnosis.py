@@ -41,8 +41,7 @@ def diagnosis(found: np.ndarray, expected: np.ndarray) -> str:
             return "the opposite sign: displacements along the forces are expected"
         return f"{factor:.6g} times what is expected: are forces, lengths and moduli in the units of the model?"
     nodes = expected.shape[1] // 3
-    if 3 * nodes == expected.shape[1] and difference(
-            found.reshape(-1, 3, nodes).swapaxes(1, 2).reshape(found.shape), expected) <= AGREE:
+    if 3 * nodes == expected.shape[1] and difference(found.reshape(-1, 3, nodes).swapaxes(1, 2).reshape(found.shape), expected) <= AGREE:
         return "dofs component after component: 3 * node + component is expected"
     if difference(np.sort(found, axis=1), np.sort(expected, axis=1)) <= AGREE:
         return "the right displacements at the wrong dofs: nodes are numbered otherwise than in the model"

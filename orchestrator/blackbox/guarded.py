@@ -10,14 +10,16 @@ fit its stiffness is then tested by its own server.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+import os
+from collections.abc import Callable, Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.blackbox.protocol import BlackBox, Layer, Model
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.compiled import cores, together
+from orchestrator.blackbox.protocol import BlackBox, Layer, Model
 from orchestrator.errors import BlackBoxError
 
 # Relative, see ``patch_errors`` and ``imbalance``. Measured on all hard cases: below 2e-15 through FreeFEM, scikit-fem
@@ -56,12 +58,8 @@ class GuardedCode(Layer):
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         answers = super().fields(forces)
         asked = [i for i, u in answers.items() if len(u) and self._known(self._models[i])]
-        # the codes' cores have nothing else to do meanwhile
-        shares = together(lambda own: [imbalance(self._models[i], answers[i], np.asarray(forces[i])) for i in own],
-                          [asked[first :: cores()] for first in range(min(cores(), len(asked)))])
-        found = {i: one for first, share in enumerate(shares) for i, one in zip(asked[first :: cores()], share)}
-        for i in asked:
-            model, (left, node) = self._models[i], found[i]
+        for i, (left, node) in zip(asked, _at_once(lambda i: imbalance(self._models[i], answers[i], np.asarray(forces[i])), asked)):
+            model = self._models[i]
             if not left <= BALANCED:
                 raise BlackBoxError(
                     f"guard: displacements that do not balance the forces: near {_place(model, node)} a share of "
@@ -72,12 +70,9 @@ class GuardedCode(Layer):
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         matrices = super().stiffness(models)
         judged = [i for i, model in enumerate(models) if self._judges(model)]
-        shares = together(lambda own: [wrong_stiffness(models[i], matrices[i], not self._known(models[i])) for i in own],
-                          [judged[first :: cores()] for first in range(min(cores(), len(judged)))])
-        for first, share in enumerate(shares):
-            for i, wrong in zip(judged[first :: cores()], share):
-                if wrong:
-                    raise BlackBoxError(f"guard: {wrong}", models[i].name)
+        for i, wrong in zip(judged, _at_once(lambda i: wrong_stiffness(models[i], matrices[i], not self._known(models[i])), judged)):
+            if wrong:
+                raise BlackBoxError(f"guard: {wrong}", models[i].name)
         return matrices
 
     def _judges(self, model: Model) -> bool:
@@ -86,6 +81,12 @@ class GuardedCode(Layer):
     def _known(self, model: Model) -> bool:
         """Whether a model's matter is the YAML's."""
         return self._judges(model) and not self.inner.traits(model.code).own_matter
+
+
+def _at_once(judge: Callable[[int], Any], models: list[int]) -> list:
+    """What is found of each model: the codes' cores have nothing else to do meanwhile."""
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as threads:
+        return list(threads.map(judge, models))
 
 
 OWN = "a solver whose material is its own says so: own_matter = True in its class"

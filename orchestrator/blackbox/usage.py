@@ -43,8 +43,7 @@ class Activity:
 
     def since(self, before: Activity) -> Activity:
         """What was added since an earlier moment."""
-        return Activity(self.worker, self.models, self.dofs, *(
-            getattr(self, f.name) - getattr(before, f.name) for f in fields(self)[3:]))
+        return Activity(self.worker, self.models, self.dofs, *(getattr(self, f.name) - getattr(before, f.name) for f in fields(self)[3:]))
 
     @property
     def seconds(self) -> float:

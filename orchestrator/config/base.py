@@ -56,8 +56,7 @@ class Chosen:
             return value
         model = self.model(value)
         if isinstance(value, dict):
-            value = {key: entry for key, entry in value.items()
-                     if entry is not None or key in model.model_fields or not self.owners(key)}
+            value = {key: entry for key, entry in value.items() if entry is not None or key in model.model_fields or not self.owners(key)}
         return model.model_validate(value)
 
     def model(self, value: Any) -> type[Part]:
@@ -156,9 +155,7 @@ def auto_or(number: Any, expected: str) -> Any:
 def one_or_per_step(vector: Any, expected: str) -> Any:
     """A vector, or a list of vectors, one per load step."""
     several = Annotated[list[vector], Field(min_length=1)]
-    return either(several, vector,
-                  lambda value: isinstance(value, list) and bool(value) and isinstance(value[0], list),
-                  expected)
+    return either(several, vector, lambda value: isinstance(value, list) and bool(value) and isinstance(value[0], list), expected)
 
 
 def as_list(value: Any) -> Any:

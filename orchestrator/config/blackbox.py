@@ -30,8 +30,7 @@ class CodeSettings(Part):
 
     code: Name = Field(DEFAULT_CODE, description=(
         "the finite element code, or a solver of your own; none: the one that is the fastest here"))
-    on: Names = Field(
-        ["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
+    on: Names = Field(["*"], description="names of subdomains, shell wildcards allowed; * because the first entry is for all others")
     element: Literal["P1", "P2", "auto"] = Field("P1", description=(
         "P1: linear tetrahedra, the paper's element; P2: a node on every edge too, far better in bending; auto: P2 unless the "
         "mesh is too large for it, and says why"))

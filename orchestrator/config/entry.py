@@ -59,8 +59,7 @@ class Entry(Part):
         """The entry at every load step, its ``history`` multiplied in; empty where it is the same at all of them."""
         if self.history is None:
             return []
-        return [self.model_copy(update={key: scaled(getattr(self, key), factor) for key in self.scaled})
-                for factor in factors]
+        return [self.model_copy(update={key: scaled(getattr(self, key), factor) for key in self.scaled}) for factor in factors]
 
     @property
     def vectors(self) -> list | None:

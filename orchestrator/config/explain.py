@@ -18,8 +18,7 @@ from orchestrator.errors import KeyPath, Problem
 KINDS = {"float": "a number", "int": "a whole number", "string": "text", "bool": "true or false",
          "list": "a list", "dict": "a mapping (key: value)", "model": "a mapping (key: value)"}
 _COMMA, _DIGITS = re.compile(r"[+-]?\d+,\d+(e[+-]?\d+)?", re.IGNORECASE), re.compile(r"\d+(e[+-]?\d+)?", re.IGNORECASE)
-BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="),
-          "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
+BOUNDS = {"greater_than": ("gt", ">"), "greater_than_equal": ("ge", ">="), "less_than": ("lt", "<"), "less_than_equal": ("le", "<=")}
 
 
 def explained(error: ValidationError, data: Any, root: type[BaseModel] = Config) -> list[Problem]:
@@ -52,14 +51,12 @@ def _explain(entry: Any, data: Any, root: type[BaseModel]) -> Problem:
         return Problem(path, f"unknown key '{path[-1]}'", "one of " + ", ".join(keys),
                        _comma(path, data) or instead(str(path[-1]), known) or nearest(str(path[-1]), known))
     if kind == UNKNOWN_NAME:
-        return Problem(path, echo(entry["input"]), context["expected"],
-                       nearest(str(entry["input"]), context["known"], otherwise=hint))
+        return Problem(path, echo(entry["input"]), context["expected"], nearest(str(entry["input"]), context["known"], otherwise=hint))
     if kind == "literal_error" and not _tagged(entry):
         options = [str(option).lower() if option is True else str(option) for option in _options(field)]
         if len(options) == 1:  # no misspelling: it cannot be otherwise, and the description says why
             return Problem(path, echo(entry["input"]), options[0], hint)
-        return Problem(path, echo(entry["input"]), "one of " + ", ".join(options),
-                       nearest(str(entry["input"]), options, otherwise=hint))
+        return Problem(path, echo(entry["input"]), "one of " + ", ".join(options), nearest(str(entry["input"]), options, otherwise=hint))
     return Problem(path, echo(entry["input"]), _expected(entry, kind, context, model), _comma(path, data) or hint)
 
 

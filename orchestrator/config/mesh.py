@@ -9,8 +9,7 @@ from pydantic.json_schema import JsonSchemaValue
 
 from orchestrator.config.base import Count, Counts, Name, Names, Part, Positive, Sizes, auto_or, either
 
-CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list),
-                   "a number > 0 (a cube's side), or three of them")
+CubeOrBox = either(Positive, Sizes, lambda value: not isinstance(value, list), "a number > 0 (a cube's side), or three of them")
 # One element size, or one for each pattern of names.
 Size = either(Annotated[dict[Name, Positive], Field(min_length=1)], Positive, lambda value: isinstance(value, dict),
               "a number > 0, or {name: number}")
@@ -57,8 +56,7 @@ class Mesh(Part):
     conforming: bool | None = Field(None, description=(
         "of `step`: false: each solid is meshed by itself, at its own h, and touching ones share nothing; none: true, "
         "touching solids share their faces"))
-    exclude: Names | None = Field(None, description=(
-        "of `step`: names of solids that are left out, shell wildcards allowed"))
+    exclude: Names | None = Field(None, description=("of `step`: names of solids that are left out, shell wildcards allowed"))
     scale: Positive = Field(1.0, description="factor on all coordinates; 1 because files are taken as they are")
 
 
@@ -97,5 +95,4 @@ class Material(Part):
     density: Positive | None = Field(None, description="mass per volume, for gravity and spin; none: no weight is asked for")
     expansion: float | None = Field(None, description=(
         "thermal strain per temperature, for temperatures under loads; none: nothing is heated"))
-    on: Names = Field(
-        ["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")
+    on: Names = Field(["*"], description="names of volumes, shell wildcards allowed; * because most bodies are of one matter")

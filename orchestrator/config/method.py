@@ -101,8 +101,7 @@ class Skip(Part):
 
     congruent: bool = Field(True, description=(
         "subdomains, soles and rims that differ by a translation alone share one stiffness and one factorisation"))
-    repeated: bool = Field(True, description=(
-        "right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
+    repeated: bool = Field(True, description=("right-hand sides that are zero, equal or unchanged since the last stage are not solved"))
     superposition: bool = Field(True, description=(
         "perfect interfaces: load steps that are combinations of others follow from their solutions"))
     bound: bool = Field(True, description=(
@@ -127,8 +126,7 @@ class Method(Part):
         "load steps solved together with contact; auto: all up to 12, otherwise 4 at a time, each batch starting from the last"))
     relaxation: AutoRelaxation = Field("auto", description=(
         "above 0 and at most 1 (0 would never move); auto: what suits the acceleration and search direction"))
-    skip: Skip = Field(Skip(), description=(
-        "work that is left out because the result does not need it; all of it by default"))
+    skip: Skip = Field(Skip(), description=("work that is left out because the result does not need it; all of it by default"))
     tolerance: Tolerance = Field(Tolerance(error=1e-6), description=(
         "error 1e-6: well below the discretisation error of any practical mesh"))
     max_iterations: Count = Field(500, description=(

@@ -76,15 +76,13 @@ class Figures(Part):
     view: Eye | None = Field(None, description="{azimuth, elevation}; none: from the front, right and above")
 
 
-Drawn = either(Figures, bool, lambda value: isinstance(value, (dict, Figures)),
-               "true or false, or a mapping with cut, parts, view")
+Drawn = either(Figures, bool, lambda value: isinstance(value, (dict, Figures)), "true or false, or a mapping with cut, parts, view")
 
 
 class Output(Part):
     directory: Name | None = Field(None, description="results folder; none: results/<name>")
     fields: bool = Field(True, description="write displacement and stress fields; cheap beside the solve")
-    figures: Drawn = Field(True, description=(
-        "draw the figures, as they are what most people look at first; or how: {cut, parts, view}"))
+    figures: Drawn = Field(True, description=("draw the figures, as they are what most people look at first; or how: {cut, parts, view}"))
     probes: list[Probe] = Field([], description=(
         "values that are asked for, at points and on surfaces; into summary.json, probes.csv and a figure"))
     moments_about: Vector = Field([0.0, 0.0, 0.0], description=(

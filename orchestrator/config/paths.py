@@ -43,8 +43,7 @@ def get(data: Any, *path: str | int) -> Any:
 
 def matches(path: KeyPath, pattern: KeyPath) -> bool:
     """Whether a path fits a pattern of ``find``."""
-    return len(path) == len(pattern) and all(p == q or (q == "*" and isinstance(p, int))
-                                             for p, q in zip(path, pattern))
+    return len(path) == len(pattern) and all(p == q or (q == "*" and isinstance(p, int)) for p, q in zip(path, pattern))
 
 
 def is_number(value: Any) -> bool:

@@ -56,8 +56,7 @@ def belongs_to(data: Any) -> Iterator[Problem]:
                                   (("subdomains",), "split_above", "groups")):
         for path, value in find(data, pattern):
             if isinstance(value, dict) and value.get(key) is not None and value.get(partner) is None:
-                yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only",
-                              f"remove {key}, or use {partner}")
+                yield Problem((*path, key), f"{key} without {partner}", f"{key} beside {partner} only", f"remove {key}, or use {partner}")
     for mesh in meshes:
         for path, value in find(data, mesh):
             if isinstance(value, dict) and isinstance(value.get("h"), dict) and value.get("conforming") is not False:
@@ -96,8 +95,7 @@ def following(data: Any) -> Iterator[Problem]:
 
 
 def acceleration_fits(data: Any) -> Iterator[Problem]:
-    if get(data, "method", "acceleration") == "gmres" and not all(
-            law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
+    if get(data, "method", "acceleration") == "gmres" and not all(law_of(entry).perfect for _, entry in find(data, ("interfaces", "*"))):
         yield Problem(("method", "acceleration"), "gmres with interfaces that are not perfect",
                       "a linear problem for gmres", "use anderson")
 
@@ -153,8 +151,7 @@ def a_mesh(data: Any) -> Iterator[Problem]:
     if mesh is None and parts is None:
         yield Problem(("mesh",), "null" if "mesh" in data else "no mesh", "exactly one of beam, box, polycrystal, file and step; or parts", "add mesh")
     elif mesh is not None and parts is not None:
-        yield Problem(("parts",), "mesh and parts together", "one of the two",
-                      "make the mesh a part: parts: [{name: base, mesh: {…}}, …]")
+        yield Problem(("parts",), "mesh and parts together", "one of the two", "make the mesh a part: parts: [{name: base, mesh: {…}}, …]")
     bare = [part.get("name") for _, part in find(data, ("parts", "*")) if isinstance(part, dict) and not part.get("material")
             and not part.get("deck")]  # which has moduli of its own
     if data.get("materials") is None and (parts is None or bare):

@@ -76,8 +76,7 @@ class _Composer(Composer):
         self._depth += 1
         try:
             if self._depth > DEEPEST:
-                raise MarkedYAMLError(problem=f"more than {DEEPEST} levels of nesting",
-                                      problem_mark=self.parser.peek_event().start_mark)
+                raise MarkedYAMLError(problem=f"more than {DEEPEST} levels of nesting", problem_mark=self.parser.peek_event().start_mark)
             return super().compose_node(parent, index)
         finally:
             self._depth -= 1

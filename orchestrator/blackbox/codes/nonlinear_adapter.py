@@ -79,8 +79,7 @@ class _Body:
         sole, self.fixed = np.asarray(model.sole), model.fixed.ravel()
         self.free = np.flatnonzero(~self.fixed)
         self.body = _some(model, ~sole)
-        self.soles = sp.csr_array(solver.stiffness(_some(model, sole))) if sole.any() else \
-            sp.csr_array((len(self.fixed),) * 2)
+        self.soles = sp.csr_array(solver.stiffness(_some(model, sole))) if sole.any() else sp.csr_array((len(self.fixed),) * 2)
         self.u, self.history = np.zeros(len(self.fixed)), None
         self.latest = self.u, None
 
@@ -185,5 +184,4 @@ def _no_numbers(body: Any, at: _At) -> str:
 
 def _some(model: Any, chosen: np.ndarray) -> Any:
     """A model of some of the tets, on the same nodes."""
-    return replace(model, cells=model.cells[chosen], region=model.region[chosen], volume=model.volume[chosen],
-                   sole=model.sole[chosen])
+    return replace(model, cells=model.cells[chosen], region=model.region[chosen], volume=model.volume[chosen], sole=model.sole[chosen])

@@ -118,8 +118,7 @@ class PythonCode(MessageCode):
                           f"{sys.executable} -m pip install {self.package}")
         if where.endswith(".py"):
             if not Path(where).is_file():
-                raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class",
-                              f"start from {TEMPLATE}")
+                raise _absent(f"no file {where}", "a Python file with a class Solver, or file.py:Class", f"start from {TEMPLATE}")
             code = str(Path(where).resolve()) + code[len(where):]
         elif not self.settings.python and not _importable(where):
             raise _absent(f"no Python module {where}", "a module that can be imported, as package.module:Class",

@@ -37,8 +37,7 @@ def boundary_dofs(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int,
     return np.flatnonzero(on[:, None] & ~subdomain.fixed)
 
 
-def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]],
-                   soles: Sequence[SolePair]) -> Model:
+def extended_model(scene: Scene, subdomain: Subdomain, sides: Sequence[tuple[int, int]], soles: Sequence[SolePair]) -> Model:
     """The subdomain's mesh with the soles of all its interfaces: its stiffness is K + NᵀkN of eq. 13."""
     count = len(subdomain.nodes)
     points, cells, matter = [scene.mesh.nodes[subdomain.nodes]], [subdomain.connectivity], [_moduli(scene, subdomain.material)]

@@ -61,27 +61,28 @@ def _op(op: int) -> bytes:
 def load(index: int, model: Model) -> Buffers:
     """Assemble the mesh file of the model, clamp and factorise it."""
     fixed = np.flatnonzero(model.fixed)
-    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size, len(model.trace), len(fixed)]
-    return [_op(LOAD), _ints(np.concatenate([head, model.trace, fixed, _numbers(model)])),
-            *_reals(lame(*model.materials.T))]
+    return _about(LOAD, index, model, [len(model.trace), len(fixed)], model.trace, fixed)
+
+
+def stiffness(index: int, model: Model) -> Buffers:
+    """Assemble the mesh file with nothing clamped and send the matrix."""
+    return _about(STIFFNESS, index, model)
+
+
+def own_loads(index: int, model: Model, steps: int) -> Buffers:
+    """Nodal forces of the loads that the code's own model has, at every load step."""
+    return _about(OWN_LOADS, index, model, [steps])
+
+
+def _about(op: int, index: int, model: Model, *more: Sequence[int] | np.ndarray) -> Buffers:
+    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size]
+    return [_op(op), _ints(np.concatenate([head, *more, _numbers(model)])), *_reals(lame(*model.materials.T))]
 
 
 def solve(op: int, jobs: Sequence[tuple[int, np.ndarray]]) -> Buffers:
     """Back-substitutions of (model, (rhs, m) forces) pairs; ``op`` is TRACES or FIELDS."""
     head = [len(jobs)] + [value for index, forces in jobs for value in (index, len(forces))]
     return [_op(op), _ints(head), *_reals([forces for _, forces in jobs])]
-
-
-def stiffness(index: int, model: Model) -> Buffers:
-    """Assemble the mesh file with nothing clamped and send the matrix."""
-    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size]
-    return [_op(STIFFNESS), _ints(np.concatenate([head, _numbers(model)])), *_reals(lame(*model.materials.T))]
-
-
-def own_loads(index: int, model: Model, steps: int) -> Buffers:
-    """Nodal forces of the loads that the code's own model has, at every load step."""
-    head = [index, ELEMENTS[model.cells.shape[1]], model.fixed.size, steps]
-    return [_op(OWN_LOADS), _ints(np.concatenate([head, _numbers(model)])), *_reals(lame(*model.materials.T))]
 
 
 def advance(index: int, forces: np.ndarray, commit: bool) -> Buffers:
@@ -143,9 +144,7 @@ def check_residual(residual: float) -> None:
     """Raises BadReply when a solve left a relative residual that a sound factorisation does not leave."""
     left = f"a probe solve left a relative residual of {residual:.1e}, expected at most {RESIDUAL_LIMIT:.0e}"
     if not residual <= SINGULAR:  # NaN included
-        raise BadReply(
-            f"the factorised matrix is singular: {left}", "a part is not held, or has a zero or absurd modulus"
-        )
+        raise BadReply(f"the factorised matrix is singular: {left}", "a part is not held, or has a zero or absurd modulus")
     if residual > RESIDUAL_LIMIT:
         raise BadReply(
             f"the factorised matrix is too close to singular: {left}",

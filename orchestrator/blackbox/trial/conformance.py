@@ -221,8 +221,7 @@ def _of_region(model: Model, found: sp.csr_array, exact: sp.csr_array) -> str:
     if len(model.materials) < 2 or difference(found.toarray(), exact.toarray()) <= AGREE:
         return ""
     only = np.where(np.arange(len(model.materials))[:, None, None] == np.arange(len(model.materials))[:, None], 1.0, 0.0)
-    each = [Solver().stiffness(replace(model, materials=model.materials * np.hstack([own, np.ones_like(own)]))).toarray()
-            for own in only]
+    each = [Solver().stiffness(replace(model, materials=model.materials * np.hstack([own, np.ones_like(own)]))).toarray() for own in only]
     factors = np.linalg.lstsq(np.column_stack([k.ravel() for k in each]), found.toarray().ravel(), rcond=None)[0]
     if difference(sum(f * k for f, k in zip(factors, each)), found.toarray()) > AGREE or np.ptp(factors) <= AGREE:
         return ""

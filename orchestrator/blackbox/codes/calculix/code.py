@@ -37,8 +37,7 @@ class CalculiX(Code):
         """CalculiX, one run per question."""
 
         element: Literal["P1"] = Field("P1", description="linear tetrahedra: CalculiX is used for no other here")
-        transport: Literal["file"] = Field("file", description=(
-            "CalculiX ends after every run: write transport: file, or leave it out"))
+        transport: Literal["file"] = Field("file", description=("CalculiX ends after every run: write transport: file, or leave it out"))
 
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)
@@ -60,8 +59,7 @@ class CalculiX(Code):
 
     def environment(self) -> dict[str, str]:
         """Without CalculiX's own variables for threads."""
-        return {key: value for key, value in super().environment().items()
-                if key != "NUMBER_OF_CPUS" and not key.startswith("CCX_NPROC")}
+        return {key: value for key, value in super().environment().items() if key != "NUMBER_OF_CPUS" and not key.startswith("CCX_NPROC")}
 
     def version(self) -> str:
         """What CalculiX says it is, e.g. "2.20"; empty when it does not answer."""
@@ -69,7 +67,6 @@ class CalculiX(Code):
 
     @cached_property
     def _version(self) -> str:
-        answer = subprocess.run([self.executable, "-v"], stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                                timeout=60)
+        answer = subprocess.run([self.executable, "-v"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
         found = re.search(r"Version\s+(\S+)", answer.stdout)
         return found[1] if found else ""

@@ -125,8 +125,7 @@ def displacements(job: Path, steps: int, nodes: int) -> np.ndarray:
     found = [records[i + 2] for i in names if i + 2 < len(records)]
     if end != len(data) or len(found) != steps or any(length != 32 * nodes for _, length in found):
         raise Unreadable(f"{len(found)} of {steps} load cases in the restart file")
-    return np.stack([np.frombuffer(data, np.float64, 4 * nodes, start).reshape(nodes, 4)[:, 1:].ravel()
-                     for start, _ in found])
+    return np.stack([np.frombuffer(data, np.float64, 4 * nodes, start).reshape(nodes, 4)[:, 1:].ravel() for start, _ in found])
 
 
 def restart_records(job: Path) -> tuple[bytes, list[tuple[int, int]], int]:

@@ -121,8 +121,7 @@ class CalculixWorker(RunWorker):
         if not np.array_equal(active, expected):
             raise BadReply(f"{len(active)} active dofs, {len(expected)} expected")
         if not np.isfinite(stiffness.data).all():
-            raise BadReply("the stiffness matrix has entries that are not finite",
-                           "a degenerate tet or an absurd modulus")
+            raise BadReply("the stiffness matrix has entries that are not finite", "a degenerate tet or an absurd modulus")
         return Loaded(model, mesh, stiffness, active)
 
     def _load_cases(self, loaded: Loaded, forces: np.ndarray, stage: str = "solve") -> np.ndarray:

@@ -101,8 +101,7 @@ def _sample(K: sp.csr_array, rounding: float) -> sp.csr_array:
     return sp.csr_array(error + error.T - sp.diags_array(error.diagonal()))
 
 
-def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name: str,
-           error: np.ndarray | None = None) -> Condensed:
+def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name: str, error: np.ndarray | None = None) -> Condensed:
     """The part, if it can be one.
 
     S : (3n, 3n) as it has come; loads : (cases, 3n)
@@ -179,8 +178,7 @@ def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.n
     return share, cost(R), values
 
 
-def _not_rigid(joints: Joints, S: np.ndarray, free: np.ndarray, path: KeyPath, name: str, share: float,
-               motions: np.ndarray) -> InputError:
+def _not_rigid(joints: Joints, S: np.ndarray, free: np.ndarray, path: KeyPath, name: str, share: float, motions: np.ndarray) -> InputError:
     if motions[:3].max() <= WRONG:
         return _wrong(path, f"'{name}': rotations cost force, {share:.1e} of the stiffness, and translations do not",
                       "a stiffness that vanishes on rigid motions of the nodes that the table gives",

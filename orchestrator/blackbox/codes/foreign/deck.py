@@ -77,16 +77,19 @@ class DeckCode(ForeignCode):
     def respond(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
         """(3n,) joint displacements at the end of load steps under forces (3n,) each, replayed from the beginning."""
         joints = self.condensed().joints
-        return self._replayed(springs, forces)[joints.ids - 1].ravel() * ~joints.held.ravel()
+        with self._runs() as runs:
+            return self._replayed(runs, springs, forces)[joints.ids - 1].ravel() * ~joints.held.ravel()
 
-    def _replayed(self, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
-        free = self.condensed().joints.held.ravel() == 0
-        with DeckRuns(self.settings.part, self.settings.place, self.condensed().joints) as runs:
-            try:
-                u = runs.replayed(springs * free, [own * free for own in forces])
-            except Refused as error:
-                raise BlackBoxError(f"load step {len(forces)}: {error} (where it does not converge: smaller load steps)",
-                                    self.settings.name) from error
+    def _runs(self) -> DeckRuns:
+        return DeckRuns(self.settings.part, self.settings.place, self.condensed().joints)
+
+    def _replayed(self, runs: DeckRuns, springs: np.ndarray, forces: Sequence[np.ndarray]) -> np.ndarray:
+        free = ~runs.joints.held.ravel()
+        try:
+            u = runs.replayed(springs * free, [own * free for own in forces])
+        except Refused as error:
+            raise BlackBoxError(f"load step {len(forces)}: {error} (where it does not converge: smaller load steps)",
+                                self.settings.name) from error
         if not np.isfinite(u).all():
             raise BlackBoxError(f"load step {len(forces)}: displacements that are not finite", self.settings.name)
         return u
@@ -95,34 +98,26 @@ class DeckCode(ForeignCode):
         """As ``ForeignCode`` says, on the deck's own mesh: S u − b act on its joints, and springs k on them are held by k u.
 
         What loads inside do and what the joints do are superposed: a run for each file of loads, and one for each load step.
+        Where matter flows, load steps are replayed under the forces of the interfaces.
         """
         part, joints, steps = self.condensed(), self.condensed().joints, len(u)
-        if self.settings.part.nonlinear:
-            return self._own_fields_replayed(u, force)
-        k, force = springs_of(part.stiffness, part.free), (u.reshape(steps, -1) @ part.stiffness - self.loads(steps)).reshape(u.shape)
-        with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
-            own = [runs.everywhere(k, case) for case in runs.cases(steps)]
-            found = np.stack([runs.everywhere(k, None, (force[t].ravel() + k * u[t].ravel()) * (k > 0))
-                              for t in range(steps)])
-            for t, factor in enumerate(self.settings.factors if own else ()):
-                found[t] += factor * own[t if len(own) > 1 else 0]
+        k, flows = springs_of(part.stiffness, part.free), self.settings.part.nonlinear
+        if not flows:
+            force = (u.reshape(steps, -1) @ part.stiffness - self.loads(steps)).reshape(u.shape)
+        asked = [force[t].ravel() + k * u[t].ravel() for t in range(steps)]
+        with self._runs() as runs:
             ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.solids()
+            if flows:
+                found = np.stack([self._replayed(runs, k, asked[: t + 1]) for t in range(steps)])
+            else:
+                own = [runs.everywhere(k, case) for case in runs.cases(steps)]
+                found = np.stack([runs.everywhere(k, None, one * (k > 0)) for one in asked])
+                for t, factor in enumerate(self.settings.factors if own else ()):
+                    found[t] += factor * own[t if len(own) > 1 else 0]
         left, size = np.abs(found[:, joints.ids - 1] - u)[:, ~joints.held].max(), np.abs(found[:, ids - 1]).max()
-        if not left <= LINEAR * size:
+        if not flows and not left <= LINEAR * size:
             raise BlackBoxError(f"its last run moves the joints otherwise than the result, by {left / size:.1e} of the largest "
                                 "displacement: initial stresses, or a deck that has changed since", self.settings.name)
-        displacement, forces = found[:, ids - 1], np.zeros((steps, len(ids), 3))
-        forces[:, np.searchsorted(ids, joints.ids)] = force
-        return OwnFields(self.settings.name, points, blocks, displacement, forces)
-
-    def _own_fields_replayed(self, u: np.ndarray, force: np.ndarray) -> OwnFields:
-        """The same where matter flows: load steps are replayed, under the forces of the interfaces."""
-        part, joints, steps = self.condensed(), self.condensed().joints, len(u)
-        k = springs_of(part.stiffness, part.free)
-        asked = [force[t].ravel() + k * u[t].ravel() for t in range(steps)]
-        found = np.stack([self._replayed(k, asked[: t + 1]) for t in range(steps)])
-        with DeckRuns(self.settings.part, self.settings.place, joints) as runs:
-            ids, points, blocks = runs.deck.ids, runs.deck.points, runs.deck.solids()
         forces = np.zeros((steps, len(ids), 3))
         forces[:, np.searchsorted(ids, joints.ids)] = force
         return OwnFields(self.settings.name, points, blocks, found[:, ids - 1], forces)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from functools import lru_cache
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, SerializeAsAny
@@ -45,7 +45,6 @@ class ForeignCode(Code):
 
         @property
         def remembers(self) -> bool:
-            """As its entry says."""
             return getattr(self.part, "nonlinear", False)
 
         @property
@@ -64,12 +63,12 @@ class ForeignCode(Code):
 
     def condensed(self) -> Condensed:
         """The same, made once per process for each part."""
-        return _kept(_Key(type(self), self.settings))[0]
+        return self._kept()[0]
 
     @property
     def seconds(self) -> float:
         """CPU seconds that bringing it there has taken, of this process and of the programs that it has started."""
-        return _kept(_Key(type(self), self.settings))[1]
+        return self._kept()[1]
 
     def loads(self, steps: int) -> Any:
         """(steps, 3n) its own loads on its joints."""
@@ -108,34 +107,23 @@ class ForeignCode(Code):
         """None: it is answered for in this process."""
         raise NotImplementedError
 
+    def _kept(self) -> tuple[Condensed, float]:
+        """What it is on its joints, and the CPU seconds that took: once per process for each entry, and for its files as they are."""
+        part, settings = self.settings.part, self.settings
+        files = [name for key in part.files if (given := getattr(part, key)) is not None for name in ([given] if isinstance(given, str) else given)]
+        key = (type(self), part.model_dump_json(), settings.name, len(settings.factors), *map(_stamp, files))
+        if key not in _KEPT:
+            begin = os.times()
+            made, end = self.made(), os.times()
+            _KEPT[key] = made, sum(end[:4]) - sum(begin[:4])
+        return _KEPT[key]
 
-class _Key:
-    """What a part on its joints depends on: the entry, and when its files were written."""
 
-    def __init__(self, kind: type[ForeignCode], settings: ForeignCode.Settings):
-        self.kind, self.settings = kind, settings
-        part = settings.part
-        named = [getattr(part, key) for key in part.files]
-        names = [name for value in named if value is not None for name in (value if isinstance(value, list) else [value])]
-        self.text = part.model_dump_json() + settings.name + str(len(settings.factors)) + kind.__name__ + "".join(map(_stamp, names))
-
-    def __hash__(self) -> int:
-        return hash(self.text)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.text == other.text
+_KEPT: dict[tuple, tuple[Condensed, float]] = {}
 
 
 def _stamp(file: str) -> str:
-    try:
+    with suppress(OSError):
         about = os.stat(file)
-    except OSError:
-        return file
-    return f"{file} {about.st_mtime_ns} {about.st_size}"
-
-
-@lru_cache(maxsize=32)
-def _kept(key: _Key) -> tuple[Condensed, float]:
-    begin = os.times()
-    made, end = key.kind(key.settings).made(), os.times()
-    return made, sum(end[:4]) - sum(begin[:4])
+        return f"{file} {about.st_mtime_ns} {about.st_size}"
+    return file
