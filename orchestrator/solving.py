@@ -210,7 +210,7 @@ class _Solving:
             delivered = deliver(d, chosen, self.cases, iterated, watch)
             spent = team.gather(Spent.of(blackbox.usage, placement.codes, workload.record, workers, savings,
                                          true_error.asked if true_error else 0.0))
-        return delivered, d.setup_sweeps, spent
+        return delivered, d.made.sweeps, spent
 
     def _iterated(self, chosen: Decomposition, monitors: dict[str, object]) -> Iterated:
         """From where the run begins to where iterations end; ``monitors``: what some of them are given."""

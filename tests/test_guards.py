@@ -189,7 +189,7 @@ def test_a_dof_that_is_off_is_seen_from_the_inside(pulled, part, share):
     d, outcome, parts = pulled
     assert outcome.converged and failed_guards(d, outcome, parts, None) == []
     assert with_noise(d, outcome, parts).converged
-    within = np.flatnonzero(~d.own[part].fixed.any(axis=1) & ~np.isin(np.arange(len(d.own[part].nodes)), d.traces[part] // 3))
+    within = np.flatnonzero(~d.own[part].fixed.any(axis=1) & ~np.isin(np.arange(len(d.own[part].nodes)), d.made.traces[part] // 3))
     wrong = [u.copy() for u in parts]
     wrong[part][0, within[len(within) // 2], 1] += share * max(np.abs(u).max() for u in parts)
     noisy = with_noise(d, outcome, wrong)

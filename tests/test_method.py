@@ -145,14 +145,14 @@ def test_subdomains_are_in_equilibrium_after_every_stage():
         fields = d.stage(s)
         robin = d.space.loads(d.stage.robin_force(s, fields.alpha))
         requests = {}
-        for e, (trace, force) in enumerate(zip(d.traces, d.loading.forces)):
-            requests[e] = np.zeros((1, 3 * d.node_counts[e]))
+        for e, (trace, force) in enumerate(zip(d.made.traces, d.loading.forces)):
+            requests[e] = np.zeros((1, 3 * d.made.node_counts[e]))
             requests[e][:, : force.shape[1]] = force
             requests[e][:, trace] += robin[:, d.space.boundary[e]]
         u = blackbox.fields(requests)
     forces = d.space.loads(fields.f)
     for e, subdomain in enumerate(scene.subdomains):
-        size, trace = 3 * len(subdomain.nodes), d.traces[e]
+        size, trace = 3 * len(subdomain.nodes), d.made.traces[e]
         external = subdomain.loads[0].ravel().copy()
         external[trace] += forces[0, d.space.boundary[e]]
         free = ~subdomain.fixed.ravel()
@@ -179,10 +179,10 @@ def test_the_fixed_point_is_the_undecomposed_solution(strategy, kplus, kind):
         f, w = np.empty((1, d.space.size)), np.empty((1, d.space.size))
         for e, subdomain in enumerate(scene.subdomains):  # slices: no cross points, forces are unique
             u = exact.displacement[0, subdomain.nodes].ravel()
-            force = (naked[e] @ u - subdomain.loads[0].ravel())[d.traces[e]]
+            force = (naked[e] @ u - subdomain.loads[0].ravel())[d.made.traces[e]]
             own = np.flatnonzero(d.space.owner == e)
             local = d.space.gather[own] - d.space.boundary[e].start
-            f[0, own], w[0, own] = force[local], u[d.traces[e]][local]
+            f[0, own], w[0, own] = force[local], u[d.made.traces[e]][local]
         s = f + d.stage.direction.times(w)
         fields = d.stage(s)
         image = d.local(fields).s
@@ -366,8 +366,8 @@ def test_dual_energy(mesh, kind, ratio):
     for e, subdomain in enumerate(scene.subdomains):
         free = ~subdomain.fixed.ravel()
         force = np.zeros(len(free))
-        force[d.traces[e]] = h[0, d.space.boundary[e]]
-        modes = d.modes[e][free]  # in balance with the force: stiffening them changes nothing
+        force[d.made.traces[e]] = h[0, d.space.boundary[e]]
+        modes = d.made.modes[e][free]  # in balance with the force: stiffening them changes nothing
         stiffness = naked[e][free][:, free].toarray() + 200e3 * modes @ modes.T
         exact += force[free] @ np.linalg.solve(stiffness, force[free])
     assert 1 <= estimate[0] / exact <= 1.1

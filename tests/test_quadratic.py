@@ -109,12 +109,12 @@ def test_what_is_factorised_is_the_sum(tmp_path, kind):
         d = prepared(made, scene, blackbox)
         naked = blackbox.stiffness([extended_model(scene, s, [], []) for s in scene.subdomains])
         rng, forces = np.random.default_rng(0), {}
-        for s, count in zip(scene.subdomains, d.node_counts):
+        for s, count in zip(scene.subdomains, d.made.node_counts):
             forces[s.index] = np.zeros((1, 3 * count))
             forces[s.index][0, : s.fixed.size] = np.where(s.fixed.ravel(), 0.0, rng.standard_normal(s.fixed.size))
         answers = blackbox.fields(forces)
     robin = sp.csr_array(d.space.scatter @ d.stage.direction.k @ d.space.scatter.T)
-    for s, part, trace, own in zip(scene.subdomains, d.space.boundary, d.traces, naked):
+    for s, part, trace, own in zip(scene.subdomains, d.space.boundary, d.made.traces, naked):
         u, f = (x[s.index][0, : s.fixed.size] for x in (answers, forces))
         sole = np.zeros(len(u))
         sole[trace] = robin[part][:, part] @ u[trace]

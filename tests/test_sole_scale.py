@@ -43,16 +43,16 @@ def test_soles_end_alike_wherever_they_begin():
     slack = NEAR ** (1 / 0.3)  # what is measured changes by at least the 0.3rd power of k
     for factor, d in ends.items():
         assert 1 / slack <= stiffness(d) / stiffness(ends[1]) <= slack * FLAT ** (1 / 0.3)
-        assert round(np.log(d.sole_scale) / np.log(NOTCH), 9) % 1 == 0
-    assert ends[0.03].sole_scale > 5 and ends[30].sole_scale < 0.2
-    assert ends[1].setup_sweeps <= min(ends[0.03].setup_sweeps, ends[30].setup_sweeps)
+        assert round(np.log(d.made.sole_scale) / np.log(NOTCH), 9) % 1 == 0
+    assert ends[0.03].made.sole_scale > 5 and ends[30].made.sole_scale < 0.2
+    assert ends[1].made.sweeps <= min(ends[0.03].made.sweeps, ends[30].made.sweeps)
 
 
 def test_units_and_switch():
     """The factor is the same in metres; none is looked for where soles are to be left, or nothing can part."""
-    scale = made(three(0.03)).sole_scale
-    assert scale == made(three(0.03, unit=1e-3)).sole_scale != 1
-    assert made(three(0.03, fit=False)).sole_scale == made(three(0.03, law=[{"law": "perfect"}])).sole_scale == 1
+    scale = made(three(0.03)).made.sole_scale
+    assert scale == made(three(0.03, unit=1e-3)).made.sole_scale != 1
+    assert made(three(0.03, fit=False)).made.sole_scale == made(three(0.03, law=[{"law": "perfect"}])).made.sole_scale == 1
 
 
 def test_what_is_loaded_is_what_the_method_reckons_with():
@@ -61,12 +61,12 @@ def test_what_is_loaded_is_what_the_method_reckons_with():
     with box_of(config) as blackbox:
         scene = build_scene(config)
         d = prepared(config, scene, blackbox)
-        assert d.sole_scale > 2
+        assert d.made.sole_scale > 2
         direction, middle = d.stage.direction, d.space.owner == 1
         rigid = np.where(middle & (d.space.dof % 3 == 0), 1.0, 0.0)[None]
         moved = d.space.trace(d.stage.solve(d.space.loads(direction.times(rigid))))
         assert moved[:, middle] == pytest.approx(rigid[:, middle], abs=1e-9)
-        soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.sole_scale))
+        soles = stiffened(make_soles(scene, config.method.sole), np.full(2, d.made.sole_scale))
         again = assemble_search_direction(scene, d.space, soles, blackbox, 1, True, Savings())
         assert abs(again.whole - direction.whole).max() <= 1e-12 * abs(direction.whole).max()
 
@@ -78,5 +78,5 @@ def test_bonds_of_the_same_bodies_keep_their_soles():
     ratio = fitted.stage.direction.diagonal / usual.stage.direction.diagonal
     bonded = np.zeros(len(ratio), dtype=bool)
     bonded[np.concatenate(fitted.space.sides[1])] = True
-    assert 2 < fitted.sole_scale < 100
-    assert ratio[bonded] == pytest.approx(1.0) and ratio[~bonded] == pytest.approx(fitted.sole_scale)
+    assert 2 < fitted.made.sole_scale < 100
+    assert ratio[bonded] == pytest.approx(1.0) and ratio[~bonded] == pytest.approx(fitted.made.sole_scale)

@@ -85,7 +85,7 @@ def test_extended_stiffness_is_the_sum(tmp_path, mesh, kind):
         naked = [extended_model(scene, s, [], soles) for s in scene.subdomains]
         with_soles, without = blackbox.stiffness(extended), blackbox.stiffness(naked)
     k = sp.csr_array(d.space.scatter @ d.stage.direction.k @ d.space.scatter.T)
-    for s, part, trace, whole, own in zip(scene.subdomains, d.space.boundary, d.traces, with_soles, without):
+    for s, part, trace, whole, own in zip(scene.subdomains, d.space.boundary, d.made.traces, with_soles, without):
         free = np.flatnonzero(~s.fixed.ravel())
         spread = sp.csr_array((np.ones(len(trace)), (np.searchsorted(free, trace), np.arange(len(trace)))),
                               shape=(len(free), len(trace)))

@@ -39,8 +39,6 @@ Numbers = Mapping[str, np.ndarray]  # kind → number of each of this rank's col
 class Checkpoint:
     """A run after an iteration.
 
-    Parameters
-    ----------
     iteration : linear stages after set-up
     increment : of load steps, which one
     evaluations : of how many of the last iterations the evaluations are needed; 0: ``trace/s`` is the next state
@@ -58,8 +56,6 @@ class Checkpoint:
     def of(cls, latin: Latin, now: Evaluation, event: Iteration, increment: int, last: bool, steps: int) -> Checkpoint:
         """After an iteration.
 
-        Parameters
-        ----------
         last : no other increment follows
         steps : load steps of all increments
         """
@@ -157,8 +153,6 @@ def ended(latin: Latin, last: Checkpoint) -> Iterated:
 class Start:
     """Where iterations begin: from a state, or where an earlier run stood.
 
-    Parameters
-    ----------
     state : (T, D) s; None: zero, and in an increment of load steps the last state of the one before
     iteration, sweeps : done so far, set-up not counted
     seconds : spent so far
@@ -179,9 +173,7 @@ class Start:
     def handed_out(start: Start | None, d: Decomposition) -> Start:
         """A rank's part of what rank 0 knows of the whole scene; None: the beginning.
 
-        Raises
-        ------
-        Refusal : it does not fit to the decomposition
+        Raises Refusal: it does not fit to the decomposition
         """
         team = d.space.team
         everyone = team.gather(numbers_of(d))

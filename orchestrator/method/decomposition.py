@@ -9,62 +9,80 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.blackbox.protocol import BlackBox
-from orchestrator.method.following import Following
-from orchestrator.method.history import History
-from orchestrator.method.stopping.bound import Bound, ErrorBound
-from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.method.coarse.correction import CoarseCorrection
 from orchestrator.method.coarse.self_stress import SelfStress
-from orchestrator.method.local.stage import LawStage
-from orchestrator.method.linear.stage import Admissible, LinearStage
-from orchestrator.method.linear.loading import Loading, RimStiffness
-from orchestrator.method.local.exchange import Exchange
-from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
+from orchestrator.method.following import Following
+from orchestrator.method.history import History
 from orchestrator.method.interface.traces import TraceSpace
+from orchestrator.method.linear.loading import Loading, RimStiffness
+from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
+from orchestrator.method.linear.stage import Admissible, LinearStage
+from orchestrator.method.local.exchange import Exchange
+from orchestrator.method.local.stage import LawStage
+from orchestrator.method.stopping.bound import Bound, ErrorBound
+from orchestrator.method.stopping.continuity import Continuity
 from orchestrator.scene.model import Scene, Subdomain
+
+
+@dataclass(frozen=True)
+class Made:
+    """What set-up has made of a rank's subdomains, a list each.
+
+    traces : (t,) boundary dofs in local numbering
+    node_counts : nodes of the extended mesh
+    rims : stiffness of the tets around interface and prescribed nodes
+    modes : (3n_E, r) rigid motions that its prescribed dofs leave
+    sweeps : back-substitutions per subdomain and load step spent so far
+    sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
+    """
+
+    traces: list[np.ndarray]
+    node_counts: list[int]
+    rims: list[RimStiffness]
+    modes: list[np.ndarray]
+    sweeps: float
+    sole_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class AtNodes:
+    """Self-stress at nodes where interfaces that open meet: made once, when it is first asked for by all ranks, as most runs end
+    before; ``make`` gives None where there are no such nodes; ``on``: it is corrected beside the coarse contact problem."""
+
+    make: Callable[[], SelfStress | None]
+    on: bool = False
 
 
 @dataclass
 class Decomposition:
     """A scene, decomposed and factorised.
 
-    Parameters
-    ----------
     space : numbering, of this rank's part; all lists per subdomain are of its ``subdomains``
-    traces : per subdomain (t,) its boundary dofs in local numbering
-    node_counts : per subdomain, nodes of its extended mesh
-    modes : per subdomain (3n_E, r) rigid motions that its prescribed dofs leave
     bound : error bound, where all interfaces are perfect
     coarse : coarse contact problem, where some are not
-    setup_sweeps : back-substitutions per subdomain and load step spent so far
     nonlinear : the subdomains that are; None where none is
     following : the interfaces that are paired anew as they slide, where there are some
-    sole_scale : factor on the soles of contact that ``method`` asks for, see ``coarse.sole_scale``
-    self_stress : beside the coarse contact problem, makes that at nodes where interfaces that open meet, or None where there is
-        none; once, when it is first asked for, by all ranks: most runs end before
-    resting : self-stress is corrected too
+    self_stress : beside the coarse contact problem
     springs : ε of springs of stabilisation over that at the beginning
     """
 
     scene: Scene
-    blackbox: BlackBox
     space: TraceSpace
-    traces: list[np.ndarray]
-    node_counts: list[int]
-    rims: list[RimStiffness]
+    made: Made
     loading: Loading
     stage: LinearStage
     local: Exchange | LawStage
-    modes: list[np.ndarray]
     bound: ErrorBound | None
     coarse: CoarseCorrection | None
-    setup_sweeps: float
     nonlinear: Nonlinear | None = None
     following: Following | None = None
-    sole_scale: float = 1.0
-    self_stress: Callable[[], SelfStress | None] | None = None
-    resting: bool = False
+    self_stress: AtNodes | None = None
     springs: float = 1.0
+
+    @property
+    def blackbox(self) -> BlackBox:
+        """Where all answers come from."""
+        return self.stage.blackbox.inner
 
     @property
     def all_perfect(self) -> bool:
@@ -86,14 +104,12 @@ class Decomposition:
         if self.coarse is None:
             return fields
         fields = self.coarse(fields)
-        at_nodes = self.self_stress() if self.resting else None
+        at_nodes = self.self_stress.make() if self.self_stress.on else None
         return fields if at_nodes is None else at_nodes(fields, self.local)
 
     def bounded(self, fields: Admissible, known: Bound | None = None) -> Bound:
         """Energy, continuity and error bound of fields; where laws are not perfect no bound.
 
-        Parameters
-        ----------
         known : what judging has found already, if anything: it costs no back-substitutions then
         """
         if known is not None and (not self.all_perfect or np.isfinite(known.relative)):
@@ -103,21 +119,15 @@ class Decomposition:
         space = self.space
         delta = Continuity(space, np.ones(len(space.global_dof)))(fields.u, self.stage.known)
         energy, = space.team.sum(self.loading.energy_of(space.loads(self.stage.robin_of(fields)), fields.u, space.loads(fields.f)))
-        return Bound(np.nan, np.nan, energy, np.zeros((len(fields.u), sum(m.shape[1] for m in self.modes))), delta)
+        return Bound(np.nan, np.nan, energy, np.zeros((len(fields.u), sum(m.shape[1] for m in self.made.modes))), delta)
 
     def point(self, s: np.ndarray, fields: Admissible) -> Admissible:
         """What the acceleration takes in: where matter is nonlinear the state that was asked, as what the coarse problem has
         changed is extrapolated."""
         return fields if self.nonlinear is None else replace(fields, s=s)
 
-    def batch(self, steps: slice | np.ndarray, before: History | None = None) -> "Decomposition":
-        """The same decomposition for some of the load steps.
-
-        Parameters
-        ----------
-        steps : slice or (r,) int
-        before : what the step before has left; None at the start
-        """
+    def batch(self, steps: slice | np.ndarray, before: History | None = None) -> Decomposition:
+        """The same decomposition for some of the load steps; ``before``: what the step before has left, None at the start."""
         loading = self.loading.batch(steps)
         one = None if self.nonlinear is None else AtStep(self.nonlinear, range(self.steps)[steps][0])
         stage = self.stage.under(loading.boundary, loading.known, one)
@@ -143,7 +153,7 @@ class Decomposition:
         loading = self.nonlinear.reload()
         return replace(self, loading=loading, stage=self.stage.under(loading.boundary, loading.known))
 
-    def paired(self, place: np.ndarray) -> "Decomposition":
+    def paired(self, place: np.ndarray) -> Decomposition:
         """The same with sides paired where traces (1, D) have brought them."""
         pairs = self.following.pair(place).at_steps_of(self.local.pairs)
         local, coarse = LawStage(self.stage.direction, pairs.lawful, self.local.before), self.coarse
@@ -153,14 +163,14 @@ class Decomposition:
         result = replace(self, local=local, coarse=coarse)
         return result if self.springs == 1 else replace(result, springs=1.0).weakened(self.springs)
 
-    def weakened(self, share: float) -> "Decomposition":
+    def weakened(self, share: float) -> Decomposition:
         """The same with springs of stabilisation of that share of ε."""
         local = LawStage(self.stage.direction, self.local.pairs.weakened(share), self.local.before)
         coarse = None if self.coarse is None else self.coarse.weakened(share, local)
         return replace(self, local=local, coarse=coarse, springs=share * self.springs)
 
-    def paired_as(self, other: "Decomposition") -> "Decomposition":
-        """The same with the pairs of another one, for fewer load steps, at the beginning of the next of which it ends."""
+    def paired_as(self, other: Decomposition) -> Decomposition:
+        """The same for all load steps, with the pairs that another one has for some."""
         if other.springs != 1:
             other = other.weakened(1 / other.springs)
         local, coarse = copy(self.local), copy(other.coarse)

@@ -19,8 +19,6 @@ from orchestrator.method.stopping.lengths import Lengths
 class Verdict:
     """What a monitor says of an iteration, or all that have been asked so far together.
 
-    Parameters
-    ----------
     met : whether the stopping criterion holds; None: no word on it
     reason : why this iteration is the last one; empty where another follows
     changes : names of the monitors that change the problem before the next iteration
@@ -58,8 +56,6 @@ class Verdict:
 class Evaluation:
     """One iteration: both stages, and what is known of them.
 
-    Parameters
-    ----------
     number : linear stages after set-up, this one included
     last : no other is allowed
     problem : what was solved

@@ -32,12 +32,7 @@ from orchestrator.scene.model import Interface, Scene
 class Following:
     """The interfaces of a rank that follow.
 
-    Parameters
-    ----------
     scene, space, direction, stabilisation : as the pairs are made from
-
-    Attributes
-    ----------
     place : (1, D) traces w_p at which sides are paired now
     """
 
@@ -57,8 +52,6 @@ class Following:
     def begin(self, pairs: Pairs, fields: Admissible, local: LocalState) -> History:
         """What a load step begins with where another one has ended: points that carry nothing keep their jumps.
 
-        Parameters
-        ----------
         pairs, fields, local : of the one that has ended; of pairs those that are not perfect, which come first
         """
         w, f = fields.extended

@@ -16,8 +16,6 @@ import numpy as np
 class History:
     """The state of all pairs at the end of a load step.
 
-    Parameters
-    ----------
     jump : (3, P) u₂ − u₁
     own : name → (P,) value of a law's own variable; 0 at pairs of other laws
     """

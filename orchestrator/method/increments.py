@@ -31,18 +31,13 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
             numbers: Sequence[int] | None = None, given: Mapping[str, Any] | None = None) -> Iterated:
     """Solve all load steps; with perfect interfaces they are one increment.
 
-    Parameters
-    ----------
     method : ``method`` of the configuration. ``increment`` load steps are solved together. One that does not converge does not
         keep the next ones from being tried: of the iterations that are allowed for all of them, one is left to each
     subscribers : told of every ``Iteration``, and that they have ``Finished``
     start : where to go on from
     numbers : of the load steps, from 1, for people; None: 1, 2, …
     given : for monitors, see ``Case``
-
-    Raises
-    ------
-    Unbalanced : see ``monitors.placing``
+    Raises Unbalanced: see ``monitors.placing``
     """
     run = _Run(d, method, watch, range(1, d.steps + 1) if numbers is None else numbers, start, given or {})
     told, batches = Subscribers(subscribers), batches_of(d, method)
@@ -58,8 +53,6 @@ def iterate(d: Decomposition, method, subscribers: Sequence[Subscriber], watch: 
 class _Run:
     """Increments that are solved so far; ``d`` has the pairs of the last one.
 
-    Parameters
-    ----------
     as for ``iterate``
     """
 
@@ -168,13 +161,8 @@ def _batches(steps: int, perfect: bool, size: int | str) -> list[slice]:
 def check_iterations(steps: int, perfect: bool, method, one_by_one: bool = False) -> None:
     """Every increment of load steps needs an iteration for its fields.
 
-    Parameters
-    ----------
     one_by_one : whether load steps follow each other because matter is nonlinear, or sides are paired anew as they slide
-
-    Raises
-    ------
-    Refusal : that is more than ``method.max_iterations``
+    Raises Refusal: that is more than ``method.max_iterations``
     """
     count = len(_batches(steps, perfect and not one_by_one, 1 if one_by_one else method.increment))
     if count > method.max_iterations:

@@ -24,8 +24,6 @@ from orchestrator.scene.interfaces.mortar.operators import Mortar
 class Paired:
     """How sides that slide on each other were paired in a load step.
 
-    Parameters
-    ----------
     pairs : that are not perfect
     mortars : operators by the interface's place in the scene
     before : what the load step before has left
@@ -40,8 +38,6 @@ class Paired:
 class Iterated:
     """What the iterations ended with, this rank's part.
 
-    Parameters
-    ----------
     fields : best admissible fields
     local : the last local stage
     bound : their error bound, energy and continuity
@@ -90,13 +86,11 @@ class Iterated:
 def event_of(now: Evaluation, sweeps: float, seconds: float) -> Iteration:
     """What is told of an iteration, once the next state is known.
 
-    Parameters
-    ----------
     sweeps, seconds : spent in iterations, and in all
     """
     measures, told, coarse = now.measures, dict(now.verdict.told), now.problem.coarse
     target, laws = told.pop("target", ("", np.nan)), told.pop("laws", {})
-    values = {"iteration": now.number, "sweeps": now.problem.setup_sweeps + sweeps, "seconds": seconds, **measures.values, **told}
+    values = {"iteration": now.number, "sweeps": now.problem.made.sweeps + sweeps, "seconds": seconds, **measures.values, **told}
     if coarse is not None:
         values |= {"newton_steps": coarse.problem.newton_steps, "coarse_left": max(coarse.problem.left.values(), default=0.0)}
     return Iteration(values, target, now.best.s, measures.counts, laws, {} if coarse is None else dict(coarse.problem.ends))
@@ -106,8 +100,6 @@ def delivered(latin: Latin, end: tuple[Admissible, LocalState, Iteration], why: 
               known: Bound | None = None) -> Iterated:
     """What the iterations of an increment have ended with.
 
-    Parameters
-    ----------
     end : fields, local stage and event
     why : whether they have converged, and the reason
     known : the bound of the fields, as far as it is known

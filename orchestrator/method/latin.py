@@ -28,15 +28,10 @@ from orchestrator.timing import Stopwatch
 class Latin:
     """The iterations of one case.
 
-    Parameters
-    ----------
     problem : the decomposition for these load steps
     method : ``method`` of the configuration
     monitors : in the order in which they are asked
     watch : where seconds are counted
-
-    Attributes
-    ----------
     s : (T, D) state to evaluate next
     number, sweeps : iterations, and back-substitutions per subdomain and load step, done so far
     last : iteration after which there is no other

@@ -24,8 +24,6 @@ SAME = 1e-12  # part of a load vector that the others leave unexplained, relativ
 class LoadCases:
     """The load steps that are solved, and how all follow from them.
 
-    Parameters
-    ----------
     chosen : (r,) int, ascending
     weights : (r, T) step t = Σᵢ weights[i, t] × step chosen[i]
     switch : of ``method.skip``, that allows to leave steps out
@@ -55,8 +53,6 @@ class LoadCases:
 def load_cases(scene: Scene, skip) -> LoadCases:
     """The steps to solve.
 
-    Parameters
-    ----------
     skip : ``method.skip`` of the configuration
     """
     if skip.superposition and scene.steps > 1 and all(i.law.perfect for i in scene.interfaces) and not any(
@@ -68,8 +64,6 @@ def load_cases(scene: Scene, skip) -> LoadCases:
 def common_load_cases(scene: Scene | None, method, team: Team) -> LoadCases:
     """The same for all ranks: rank 0 decides, which has the scene.
 
-    Parameters
-    ----------
     method : ``method`` of the configuration
     """
     return team.share(None if team.rank else load_cases(scene, method.skip))
@@ -103,12 +97,8 @@ def _independent(loads: np.ndarray) -> LoadCases:
 def expanded(d: Decomposition, iterated: Iterated, cases: LoadCases) -> Iterated:
     """What the iterations ended with for all load steps, from that for the solved ones.
 
-    Parameters
-    ----------
     d : the decomposition with all load steps
 
-    Notes
-    -----
     The bound that ended the iterations already held for all steps, see ``ErrorBound.for_cases``; energies and
     the correction to u_D are evaluated again.
     """

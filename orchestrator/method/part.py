@@ -18,8 +18,6 @@ from orchestrator.scene.part import overview, part_of
 class Part:
     """A rank's part of a scene; all of it where there is one.
 
-    Parameters
-    ----------
     scene : own subdomains, their interfaces, and of their neighbours what meets these
     space : numbering of its traces
     carried : rigid motions that go with what is prescribed, of the whole scene
@@ -40,8 +38,6 @@ class Part:
     def handed_out(cls, scene: Scene | None, rank_of: np.ndarray, team: Team) -> Part:
         """The rank's own part.
 
-        Parameters
-        ----------
         scene : the whole one, on rank 0
         rank_of : (subdomains,) int, the rank of each
         """

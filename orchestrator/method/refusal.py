@@ -6,8 +6,6 @@ from __future__ import annotations
 class Refusal(Exception):
     """A problem that cannot be solved as it is asked.
 
-    Parameters
-    ----------
     cause : one of ``refused.CAUSES``
     facts : what its sentences name
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from copy import copy
 from dataclasses import replace
 from functools import cache, partial
@@ -15,7 +16,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.coarse.correction import CoarseCorrection, kind_of
 from orchestrator.method.coarse.self_stress import SelfStress
 from orchestrator.method.coarse.sole_scale import fitted
-from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.decomposition import AtNodes, Decomposition, Made
 from orchestrator.method.following import Following
 from orchestrator.method.interface.pairing import make_pairs
 from orchestrator.method.interface.pairs import Pairs
@@ -36,7 +37,7 @@ from orchestrator.method.refusal import Refusal
 from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
 from orchestrator.savings import Savings
 from orchestrator.scene.conditions.rigid import rigid_modes
-from orchestrator.scene.model import Scene, Subdomain
+from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.sole import Sole
 from orchestrator.timing import Stopwatch
@@ -46,18 +47,13 @@ def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: Bl
             savings: Savings | None = None) -> Decomposition:
     """Load the extended subdomains into the black box and build what the iterations need.
 
-    Parameters
-    ----------
     part : a rank's part of the scene, or all of it: each rank prepares its own subdomains, and both sides of their interfaces
     soles : per interface, the soles of its two sides
     method : ``method`` of the configuration
     workers : number of packets small requests are joined in
     savings : where it is noted what need not be done
-
-    Raises
-    ------
-    BlackBoxError : from the code
-    Refusal : the macro problem is singular, or the parts do not go together
+    Raises BlackBoxError: from the code
+    Raises Refusal: the macro problem is singular, or the parts do not go together
     """
     return _SetUp(part, soles, method, blackbox, watch).decomposed(workers, savings or Savings())
 
@@ -72,7 +68,6 @@ class _SetUp:
         self.sides = sides_by_subdomain(self.scene)
         self.models = [extended_model(self.scene, s, self.sides[s.index], soles) for s in self.own]
         self.traces = [m.trace for m in self.models]
-        self.floor = 0.0
 
     def decomposed(self, workers: int, savings: Savings) -> Decomposition:
         """The decomposition, step by step."""
@@ -82,7 +77,7 @@ class _SetUp:
         with watch("search_direction"):
             direction = assemble_search_direction(scene, space, self.soles, blackbox, workers, method.skip.congruent, savings)
             rims, stiffness = self._rims(perfect or space.ties is not None, workers, savings)
-        factorised = _Meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
+        factorised = _meanwhile(lambda: blackbox.load(self.models))  # nothing is asked of the codes until ``loaded``
         modes = [rigid_modes(scene.mesh.nodes[s.nodes], s.fixed) for s in own]
         if perfect:
             local, pairs, springs = Exchange(direction, method.search_direction.kplus), None, None
@@ -101,30 +96,24 @@ class _SetUp:
             direction, (pairs, local, springs) = suited, self._meeting(suited, scale)
             guarded = GuardedTraces(blackbox, direction, guarded.names)
             macro = self._macro(direction, guarded, bases)
-        self._check_codes()
+        floor = self._floor()
         with watch("linear_stage"):
             load = partial(apply_loads, scene, direction, self.models, self.traces, rims, blackbox, self.carried)
             loading = load()
             nonlinear = Nonlinear(blackbox, space, own, self.traces, [m.fixed.size for m in self.models], load) if remembers else None
-        sweeps = loading.sweeps + spent / scene.steps
         with watch("macro"):
-            if macro is not None:
-                sweeps += macro.solve(guarded) / scene.steps
+            spent += macro.solve(guarded) if macro is not None else 0
             stage = LinearStage(space, direction, macro, loading.boundary, loading.known, guarded)
             coarse = self._coarse(stage, pairs)
-        if coarse is not None:
-            sweeps += coarse.sweeps / scene.steps
+        spent += coarse.sweeps if coarse is not None else 0
+        made = Made(self.traces, [len(m.nodes) for m in self.models], rims, modes, loading.sweeps + spent / scene.steps, scale)
         following = Following(scene, space, direction, springs) if any(i.law.follows for i in scene.interfaces) else None
-        return Decomposition(
-            scene, blackbox, space, self.traces, [len(m.nodes) for m in self.models], rims, loading, stage, local, modes,
-            bound and bound.of(stage, loading, self.floor), coarse, sweeps, nonlinear, following, scale,
-            None if coarse is None else cache(partial(SelfStress.of, space, local)))
+        return Decomposition(scene, space, made, loading, stage, local, bound and bound.of(stage, loading, floor), coarse, nonlinear,
+                             following, None if coarse is None else AtNodes(cache(partial(SelfStress.of, space, local))))
 
     def _rims(self, whole: bool, workers: int, savings: Savings) -> tuple[list[RimStiffness], object]:
         """Stiffness of the rims, and of the boundary dofs.
 
-        Parameters
-        ----------
         whole : stiffness on interfaces is needed, as for the error bound and for ties; reactions always need the supports'
         """
         scene, own, share = self.scene, self.own, self.method.skip.congruent
@@ -175,12 +164,20 @@ class _SetUp:
             return None
         return CoarseCorrection(self.scene, stage, pairs, kind_of(self.method.coarse, self.scene, pairs, self.space.team))
 
-    def _check_codes(self) -> None:
-        """Whether what the codes have loaded can be solved as it is asked; the error that their digits leave."""
-        self.floor = _floor(self.blackbox, self.own, self.method, self.space.team)
+    def _floor(self) -> float:
+        """Relative energy error that the codes' own matrices leave.
+
+        Raises Refusal: a tolerance below it; heat in matter of a code's own
+        """
+        traits = {s.code: self.blackbox.traits(s.code) for s in self.own}
+        floor, = self.space.team.max(max((each.floor for each in traits.values()), default=0.0))
+        wanted = self.method.tolerance.error
+        if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
+            raise Refusal("too few digits", wanted=wanted, floor=floor, twice=2 * floor)
         for s in self.own:
-            if s.heated and self.blackbox.traits(s.code).own_matter:
+            if s.heated and traits[s.code].own_matter:
                 raise Refusal("heat in own matter", name=s.name)
+        return float(floor)
 
 
 def _own_copy(scene: Scene) -> Scene:
@@ -195,46 +192,18 @@ def _own_copy(scene: Scene) -> Scene:
     return scene
 
 
-def _floor(blackbox: BlackBox, own: Sequence[Subdomain], method, team) -> float:
-    """Relative energy error that the codes' own matrices leave.
-
-    Raises
-    ------
-    Refusal : a tolerance below it
-    """
-    floor = max((blackbox.traits(code).floor for code in {s.code for s in own}), default=0.0)
-    floor, = team.max(floor)
-    wanted = method.tolerance.error
-    if isinstance(wanted, float) and floor > 0 and floor + 2 * ROUNDING >= wanted:
-        raise Refusal("too few digits", wanted=wanted, floor=floor, twice=2 * floor)
-    return float(floor)
-
-
-class _Meanwhile:
+def _meanwhile(work: Callable[[], None]) -> Future:
     """Work that another thread begins at once, while this one goes on: what is asked of the codes, mostly waiting.
 
-    It ends with the process, even where nobody waits for it: an interrupt is not held up.
-
-    Parameters
-    ----------
-    work : what it does; it must not speak to other ranks
+    It must not speak to other ranks. It ends with the process, even where nobody waits for it: an interrupt is not held up.
     """
+    done: Future = Future()
 
-    def __init__(self, work: Callable[[], object]):
-        self._work, self._answer, self._error = work, None, None
-        self._thread = threading.Thread(target=self._run, name="meanwhile", daemon=True)
-        self._thread.start()
-
-    def result(self) -> object:
-        """Waits for what the work returns; raises what it raises."""
-        self._thread.join()
-        if self._error is not None:
-            raise self._error
-        return self._answer
-
-    def _run(self) -> None:
+    def run() -> None:
         try:
-            self._answer = self._work()
+            done.set_result(work())
         except BaseException as error:  # noqa: BLE001 - handed over to who waits
-            self._error = error
-        self._work = None  # and what it holds
+            done.set_exception(error)
+
+    threading.Thread(target=run, name="meanwhile", daemon=True).start()
+    return done

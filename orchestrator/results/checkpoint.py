@@ -56,16 +56,11 @@ class CheckpointWriter(Subscriber):
     computing. A disk that is full later ends no run: what is not needed any more is removed, and if that is too little
     the run goes on without, and says so.
 
-    Parameters
-    ----------
     folder : where
     fingerprint : of the problem
     start : where the run goes on from what an earlier one has left here; None at the beginning
     warn : what is told to the user
-
-    Raises
-    ------
-    InputError : from the first iteration, if there is no room for the end of the run
+    Raises InputError: from the first iteration, if there is no room for the end of the run
     """
 
     wants_checkpoints = True
@@ -171,10 +166,8 @@ def _write(path: Path, fingerprint: str, checkpoint: Checkpoint, sync: bool) -> 
 def read_file(path: Path) -> tuple[str, Checkpoint]:
     """Fingerprint of the problem, and checkpoint.
 
-    Raises
-    ------
-    InputError : the file is of another version
-    Exception : of whatever kind, it cannot be read or is not as it was written
+    Raises InputError: the file is of another version
+    Raises Exception: of whatever kind, it cannot be read or is not as it was written
     """
     with np.load(path, allow_pickle=False) as file:
         about = json.loads(bytes(file["about"]))
@@ -191,14 +184,9 @@ def load_checkpoint(folder: ResultsFolder | str | os.PathLike[str], fingerprint:
 
     Files that are damaged are left out: what they tell is computed again.
 
-    Parameters
-    ----------
     problem : what the fingerprint is of, so that another problem is told by what differs
     warn : is told of damage
-
-    Raises
-    ------
-    InputError : none there, or written for another problem than ``fingerprint``, or by another version
+    Raises InputError: none there, or written for another problem than ``fingerprint``, or by another version
     """
     path = (folder.path if isinstance(folder, ResultsFolder) else Path(folder)) / NAME
     if not path.is_dir():

@@ -20,9 +20,7 @@ NAME, HOLDER = f"{OWN}/lock", f"{OWN}/holder.json"
 def locked(folder: ResultsFolder) -> Iterator[None]:
     """Holds the folder's lock: the system gives it back however the run ends, so that no lock is ever stale.
 
-    Raises
-    ------
-    InputError : another run holds it; the message names that run
+    Raises InputError: another run holds it; the message names that run
     """
     from filelock import FileLock, Timeout
 

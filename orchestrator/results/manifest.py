@@ -34,13 +34,8 @@ _SUMMARY = {"name", "converged", "stop_reason", "versions", "config"}  # keys by
 class Manifest:
     """The files of a results folder that are this program's.
 
-    Parameters
-    ----------
     folder : the results folder
-
-    Raises
-    ------
-    OSError : from what writes, where it cannot
+    Raises OSError: from what writes, where it cannot
     """
 
     def __init__(self, folder: Path):

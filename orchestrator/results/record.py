@@ -34,20 +34,12 @@ from orchestrator.timing import Stopwatch
 class Record:
     """What a run leaves in its folder while it lasts; as a context manager it is closed on leaving.
 
-    Parameters
-    ----------
     folder : cleared of an earlier run's results, unless this one goes on from there
     resume : go on from the checkpoint in the folder
-
-    Attributes
-    ----------
     start : where the run goes on from; None at the beginning
     scene, watch : as given
     subscribers : history, checkpoint, and what remains if the run dies
-
-    Raises
-    ------
-    InputError : nothing to resume from, folder not writable, disk full
+    Raises InputError: nothing to resume from, folder not writable, disk full
     """
 
     def __init__(self, folder: ResultsFolder, config: Config, scene: Scene, watch: Stopwatch, *, resume: bool = False):
@@ -74,17 +66,12 @@ class Record:
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but
         write. Figures come last, and hold up nothing: the command ``report`` draws them from what is there.
 
-        Parameters
-        ----------
         solution : in its summary, the time that all this takes is noted; where it is of several ranks, these write its fields
             together: the others ``write_piece``
         fields : whether they are wanted
         artist : who draws the figures; None: nobody
         beside : fields of parts with a mesh of their own
-
-        Raises
-        ------
-        InputError : folder not writable, disk full
+        Raises InputError: folder not writable, disk full
         """
         try:
             self._history.complete()
@@ -118,16 +105,11 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
                   artist: Artist | None, beside: Sequence[OwnFields] = ()) -> None:
     """Fields and summary of a finished run; figures are begun.
 
-    Parameters
-    ----------
     solution : in its summary, the time that all this takes is noted
     fields : whether they are wanted
     artist : who draws the figures; None: nobody
     beside : as for ``Record.finish``
-
-    Raises
-    ------
-    InputError : folder not writable, disk full
+    Raises InputError: folder not writable, disk full
     """
     with watch("output"):
         if artist:
@@ -153,9 +135,7 @@ def _known_stress(solution: Solution) -> dict[int, np.ndarray] | None:
 def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, artist: Artist) -> None:
     """Waits for the figures that were begun, within reason; without pictures, charts are drawn here and the warnings say so.
 
-    Raises
-    ------
-    InputError : folder not writable, disk full
+    Raises InputError: folder not writable, disk full
     """
     with watch("output"):
         try:

@@ -32,8 +32,6 @@ MEMORY, RELAXATION = 30, 0.8  # of auto
 class Anderson(Acceleration):
     """Acceleration for laws with history.
 
-    Parameters
-    ----------
     weight : (D,) float, squared weights of the norm
     memory : differences kept
     relaxation : β, the step along the residual

@@ -14,8 +14,6 @@ from orchestrator.registry import ACCELERATIONS
 class Acceleration(ABC):
     """To be derived from; a line in ``registry`` gives it its name in the YAML.
 
-    Attributes
-    ----------
     title : of the algorithm, for people
     depth : of how many of the last evaluations it makes the next state; None: all. A resumed run begins a new one, which takes in
         as many once more: where all is bonded as they were, elsewhere s and its image alone
@@ -38,8 +36,6 @@ class Acceleration(ABC):
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; return F(s) − s at the best point known so far.
 
-        Parameters
-        ----------
         evaluated : the linear stage at s
         image : F(s), what the local stage has made of it
         """

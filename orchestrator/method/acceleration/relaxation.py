@@ -42,8 +42,6 @@ class Relaxation(Acceleration):
 class Aitken(Relaxation):
     """Relaxation by the last two residuals.
 
-    Parameters
-    ----------
     relaxation : α of the first step
     weight : (D,) squared weights of the norm
     team : the ranks that share the state

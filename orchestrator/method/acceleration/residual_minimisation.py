@@ -42,8 +42,6 @@ AGAIN = 1e-4
 class ResidualMinimisation(Acceleration):
     """Anderson's acceleration or GMRES, by orthogonalised residual differences.
 
-    Parameters
-    ----------
     complete : (s, u, α) → admissible fields, as ``LinearStage.complete``
     weight : (D,) float, squared weights of the norm in which residuals are minimised
     memory : directions kept; None keeps all
@@ -108,14 +106,9 @@ class ResidualMinimisation(Acceleration):
                     products: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Take the directions kept out of dr (T, D), where it is.
 
-        Parameters
-        ----------
         size, scale, along : (T,) dr·dr, r*·r* and dr·r*
         products : with the n directions, (T,) each: of r* and of the latest direction, in turns, then of dr
-
-        Returns
-        -------
-        c : (T, n) what has been taken out; and dr·dr and dr·r* of what is left, (T,)
+        Returns c : (T, n) what has been taken out; and dr·dr and dr·r* of what is left, (T,)
         """
         n, steps = len(self.directions), len(dr)
         met, last, first = (np.reshape(x, (n, steps)).T for x in (products[: 2 * n : 2], products[1 : 2 * n : 2],

@@ -100,14 +100,14 @@ def deliver(d: Decomposition, chosen: Decomposition, cases: LoadCases, iterated:
     return Delivered(iterated, of_all(d, parts), of_all(d, continuous if own is None else own), d.all_perfect,
                      all_interfaces(d, interfaces), laws, carried, places,
                      acting[:, :, :3].tolist(), acting[:, :, 3:], resultants,
-                     None if d.all_perfect else d.sole_scale,
+                     None if d.all_perfect else d.made.sole_scale,
                      joints=of_all(d, _on_joints(d, iterated.fields.f)) if any(s.foreign for s in d.scene.subdomains) else [])
 
 
 def _on_joints(d: Decomposition, f: np.ndarray) -> list[np.ndarray | None]:
     """Per subdomain of the scene, what interface forces f (T, D) add up to at its nodes; None where its mesh is ours."""
     found, forces = [None] * len(d.scene.subdomains), d.space.loads(f)
-    for s, trace, part in zip(d.own, d.traces, d.space.boundary):
+    for s, trace, part in zip(d.own, d.made.traces, d.space.boundary):
         if s.foreign:
             own = np.zeros((len(f), 3 * len(s.nodes)))
             own[:, trace] = forces[:, part]

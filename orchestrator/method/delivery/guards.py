@@ -71,7 +71,7 @@ def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tupl
     forces = d.space.loads(fields.f)
     inner = d.loading.energy_of(d.space.loads(d.stage.robin_force(fields.s, fields.alpha)), fields.u, forces)
     outer, size = np.zeros((2, steps))
-    for s, rim, part, trace in zip(d.own, d.rims, d.space.boundary, d.traces):
+    for s, rim, part, trace in zip(d.own, d.made.rims, d.space.boundary, d.made.traces):
         u = parts[s.index].reshape(steps, -1)
         load = np.where(s.fixed, 0.0, s.loads).reshape(steps, -1)
         load[:, trace] += forces[:, part]
@@ -105,7 +105,7 @@ def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> floa
     """Energy norm of what recovered and iterated interface displacements differ by, and of the forces that go with it,
     relative to the solution's."""
     apart, mode = np.zeros_like(iterated.fields.u), 0
-    for s, modes, part, trace in zip(d.own, d.modes, d.space.boundary, d.traces):
+    for s, modes, part, trace in zip(d.own, d.made.modes, d.space.boundary, d.made.traces):
         rigid = iterated.bound.repositioned[:, mode : mode + modes.shape[1]] @ modes[trace].T
         mode += modes.shape[1]
         apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - iterated.fields.u[:, part] - rigid
@@ -158,7 +158,7 @@ def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], int
     if lengths is not None:
         pairs = d.local.pairs
         resting = lengths.of_rest * pairs.points.stiff_n[pairs.mine].sum()
-    for s, rim in zip(d.own, d.rims):
+    for s, rim in zip(d.own, d.made.rims):
         if s.fixed.any():
             moved = np.abs(parts[s.index][:, rim.nodes].reshape(d.scene.steps, -1))
             noise += moved @ np.abs(rim.stiffness).sum(axis=0)

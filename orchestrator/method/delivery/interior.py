@@ -62,7 +62,7 @@ def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> I
     energy, unbalanced, repeated = np.zeros((3, steps, len(scene.subdomains)))
     forces = d.space.loads(iterated.fields.f)
     moduli = np.array([[m.young, m.poisson] for m in scene.materials])
-    ends = np.cumsum([0] + [modes.shape[1] for modes in d.modes])
+    ends = np.cumsum([0] + [modes.shape[1] for modes in d.made.modes])
     own = d.own
     judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
     known: dict[int, Matter] = {}
@@ -76,8 +76,8 @@ def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> I
         together = np.vstack([parts[own[e].index].reshape(steps, -1) for e in members])
         resisting = np.split(matter.forces(together), len(members))
         for e, u, held in zip(members, np.split(together, len(members)), resisting):
-            s, part, trace = own[e], d.space.boundary[e], d.traces[e]
-            rigid = iterated.bound.repositioned[:, ends[e] : ends[e + 1]] @ d.modes[e][trace].T
+            s, part, trace = own[e], d.space.boundary[e], d.made.traces[e]
+            rigid = iterated.bound.repositioned[:, ends[e] : ends[e + 1]] @ d.made.modes[e][trace].T
             load = s.loads.reshape(steps, -1).copy()
             load[:, trace] += forces[:, part]
             largest = (root * np.abs(u)).max(axis=1, keepdims=True)

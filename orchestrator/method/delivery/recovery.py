@@ -25,8 +25,8 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[list[np
     steps = d.steps
     robin = d.space.loads(d.stage.robin_force(fields.s, fields.alpha))
     requests = {}
-    for e, (trace, forces) in enumerate(zip(d.traces, d.loading.forces)):
-        full = np.zeros((steps, 3 * d.node_counts[e]))
+    for e, (trace, forces) in enumerate(zip(d.made.traces, d.loading.forces)):
+        full = np.zeros((steps, 3 * d.made.node_counts[e]))
         full[:, : forces.shape[1]] = forces
         full[:, trace] += robin[:, d.space.boundary[e]]
         if full.any():
@@ -36,8 +36,8 @@ def recover(d: Decomposition, fields: Admissible, bound: Bound) -> tuple[list[np
     for e, s in enumerate(d.own):
         size = 3 * len(s.nodes)
         u = d.loading.lift[e] + (answers[e][:, :size] if e in answers else 0.0)
-        count = d.modes[e].shape[1]
-        u = u + bound.repositioned[:, mode : mode + count] @ d.modes[e].T
+        count = d.made.modes[e].shape[1]
+        u = u + bound.repositioned[:, mode : mode + count] @ d.made.modes[e].T
         mode += count
         parts[s.index] = u.reshape(steps, -1, 3)
     return delivered(d, bound, parts), parts
@@ -54,7 +54,7 @@ def delivered(d: Decomposition, bound: Bound, parts: list) -> list:
     for e, s in enumerate(d.own):
         part = parts[s.index]
         own = part.reshape(len(part), -1).copy()
-        own[:, d.traces[e]] += bound.correction[:, d.space.boundary[e]]
+        own[:, d.made.traces[e]] += bound.correction[:, d.space.boundary[e]]
         result[s.index] = own.reshape(part.shape)
     return result
 
@@ -96,7 +96,7 @@ def support_forces(d: Decomposition, parts: list[np.ndarray], f: np.ndarray) -> 
     steps, space, result = d.scene.steps, d.space, []
     subdomain, dof = space.held_at.T
     pushed = space.at_nodes(f)[:, space.held]
-    for s, rim in zip(d.own, d.rims):
+    for s, rim in zip(d.own, d.made.rims):
         if not s.fixed.any():
             result.append(None)
             continue

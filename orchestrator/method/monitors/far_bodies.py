@@ -29,8 +29,6 @@ PATIENCE = 3  # iterations: one or two are often an overshoot of the acceleratio
 class FarBody:
     """A body beyond small displacements at a load step.
 
-    Parameters
-    ----------
     body : its name
     load_step : from 1
     iteration : since when
@@ -82,13 +80,8 @@ class FarBody:
 class FarBodies(Monitor):
     """Warns of each body once, at the load step where it is farthest.
 
-    Parameters
-    ----------
     lengths : whose bodies they are
     numbers : of the load steps, from 1
-
-    Attributes
-    ----------
     far : bodies that have been told and are still far, the farthest first
     """
 
@@ -114,8 +107,6 @@ class FarBodies(Monitor):
     def _new(self, iteration: int, rigid: np.ndarray, now: Evaluation, ended: bool) -> list[FarBody]:
         """Those that are to be told now.
 
-        Parameters
-        ----------
         rigid : (bodies, T, 6) as ``Lengths`` has it
         ended : this is the last iteration
         """

@@ -24,16 +24,11 @@ FIRST = 0.1  # what ``error: auto`` begins with, before there is an estimate
 class Case:
     """What monitors are made for: load steps that are solved together.
 
-    Parameters
-    ----------
     problem : the decomposition for these load steps, as it is at the beginning
     method : ``method`` of the configuration
     numbers : of these load steps, from 1, for people
     told : the least displacement that means something in any load step of the scene, see ``LengthScale``; 0: nobody knows
     given : what else a run hands to its monitors, by name: ``estimate``, ``true_error``, ``placing``
-
-    Attributes
-    ----------
     value : below which the measure has to fall; with ``error: auto`` it follows the estimate
     """
 
@@ -59,8 +54,6 @@ class Case:
 class Monitor:
     """Watches the iterations of one case.
 
-    Attributes
-    ----------
     name : as in the registry
     """
 

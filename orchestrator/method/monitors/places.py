@@ -36,8 +36,6 @@ ARRAYS = ("common/rigid", "common/moves", "common/open")
 class Places(Monitor):
     """Follows the places of loose bodies, and estimates in the last iteration how far they are open.
 
-    Attributes
-    ----------
     rigid : (bodies, T, 6) as ``Lengths`` has it, of the last iteration
     moves : how far bodies went in the last iterations, (bodies, T) each
     open : (bodies, T) how far places are open, once iterations have ended

@@ -36,8 +36,6 @@ class Unbalanced(Exception):
 class Placing(Monitor):
     """What the ranks' codes take, iteration by iteration.
 
-    Parameters
-    ----------
     team : the ranks
     busy : seconds so far in which this rank's codes were at work
     load : predicted cost of its subdomains
@@ -58,9 +56,7 @@ class Placing(Monitor):
     def judge(self, now: Evaluation) -> Verdict:
         """After an iteration that is not the last.
 
-        Raises
-        ------
-        Unbalanced : it pays to place anew
+        Raises Unbalanced: it pays to place anew
         """
         if now.verdict.reason:
             return Verdict()

@@ -17,23 +17,20 @@ class SelfStressMonitor(Monitor):
 
     name = "self_stress"
 
-    def __init__(self) -> None:
-        self.resting = False
-
     @classmethod
     def of(cls, case: Case) -> SelfStressMonitor | None:
         return None if case.problem.self_stress is None else cls()
 
     def judge(self, now: Evaluation) -> Verdict:
-        return Verdict(changes=(self.name,)) if not self.resting and now.verdict.measure <= RESTING else Verdict()
+        self.on = now.problem.self_stress.on
+        return Verdict(changes=(self.name,)) if not self.on and now.verdict.measure <= RESTING else Verdict()
 
     def change(self, now: Evaluation) -> Decomposition:
-        self.resting = True
-        return replace(now.problem, resting=True)
+        return self.restore({"on": True}, now.problem)
 
     def state(self) -> dict[str, Any]:
-        return {"resting": self.resting}
+        return {"on": self.on}
 
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
-        self.resting = state["resting"]
-        return replace(problem, resting=self.resting)
+        self.on = state["on"]
+        return replace(problem, self_stress=replace(problem.self_stress, on=self.on))

@@ -36,12 +36,7 @@ LESS = 0.5  # of what springs carried when they became weaker last, below which 
 class Weakening(Monitor):
     """Weakens the springs of one case.
 
-    Parameters
-    ----------
     allowed : law residual that the tolerance stands for
-
-    Attributes
-    ----------
     at : iterations after which springs have become weaker
     near : the last iteration that was near the tolerance
     withdrawn : iteration after which the last step has been taken back; 0: none has
@@ -82,8 +77,6 @@ class Weakening(Monitor):
     def due(self, laws: LawResiduals, met: bool, springs: float) -> bool:
         """Whether springs are to become weaker; all ranks see the same.
 
-        Parameters
-        ----------
         met : whether the stopping criterion holds
         springs : ε over that at the beginning
         """

@@ -35,14 +35,9 @@ TINY = np.finfo(float).tiny
 class Balancing:
     """Balanced forces of one decomposition.
 
-    Parameters
-    ----------
     direction : search direction
     weight : (B,) stiffness of the boundary dofs
     modes : rigid motions of all subdomains
-
-    Attributes
-    ----------
     share : (Q,) what the first side takes of a force imbalance
     soles : (Q, Q) k of the exchange: soles are made for the stiffer side, what both can exchange is set by the softer one
     """

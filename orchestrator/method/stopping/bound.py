@@ -39,8 +39,6 @@ ROUNDING = 1e-11  # relative energy error that double precision leaves in back-s
 class Bound:
     """Bound on one linear stage's error, all load steps together.
 
-    Parameters
-    ----------
     relative : bound on max_t ‖u_D − u_exact‖_K / max_t ‖u_exact‖_K; nan when only ``a`` is known
     a : the displacement part alone, relative
     energy : (T,) ‖u_D‖²_K
@@ -68,8 +66,6 @@ class Bound:
 class ErrorBound:
     """The bound for one decomposition; among ranks, sums per subdomain and per interface are formed where these are.
 
-    Parameters
-    ----------
     direction : search direction; what it then is asked of, a linear stage and loads, is told by ``of``
     stiffness : (B, B) the subdomains' stiffness on their boundary dofs
     modes : per subdomain (boundary dofs, r) rigid motions that vanish on its prescribed dofs
@@ -122,8 +118,6 @@ class ErrorBound:
     def __call__(self, fields: Admissible, useful: float = np.inf, known: tuple[Bound, np.ndarray, np.ndarray] | None = None) -> Bound:
         """Evaluate the bound of a linear stage.
 
-        Parameters
-        ----------
         useful : a bound above it need not be known: it is infinite then, and ``least`` what has been reached
         known : what ``first`` has found
         """

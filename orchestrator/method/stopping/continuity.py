@@ -25,8 +25,6 @@ from orchestrator.method.stopping.semidefinite import semidefinite_solver
 class Continuity:
     """The nearest continuous displacements.
 
-    Parameters
-    ----------
     space : numbering
     weight : (B,) the diagonal D, positive
     """

@@ -49,8 +49,6 @@ _WEIGHT = (1.0, 1.0, 1.0, 2.0, 2.0, 2.0)  # shear stresses stand twice in the te
 class Estimate:
     """The estimated discretisation error, all load steps together.
 
-    Parameters
-    ----------
     relative : max_t η_t / max_t √(‖u_t‖² + η_t²), in the energy norm
     cells : (T, m) share of each cell, among ranks of its own ones; the largest root of a step's sum of squares is ``relative``
     """
@@ -62,65 +60,52 @@ class Estimate:
 class Estimator:
     """The estimate for one mesh, or a rank's part of it.
 
-    Parameters
-    ----------
     nodes : (n, 3); cells : (m, 4 or 10) int, on nodes of which bodies have their own
     joined : (n,) int, equal where perfect interfaces make nodes one
-    matter : (m,) int, equal where moduli are
     lame : (m, 2), Lamé's λ and μ
     thermal : (T, m, 4) thermal strain at the corners; None where nothing is heated
     order : (m,) int, where shares of the cells are wanted; None: as they stand
-    number : (n,) int, what ``node`` shall be; None: the nodes themselves
     meeting : where others have parts of the mesh
-
-    Attributes
-    ----------
     gradients, volumes : (m, 4, 3) and (m,), of the linear shape functions
-    node : (K,) int, see ``recovered``; corner : (p, m) int, the index into it of each cell's nodes
+    corner : (p, m) int, of each cell's nodes the place where means are formed: within one matter, and one for nodes that are joined
     """
 
-    def __init__(self, nodes: np.ndarray, cells: np.ndarray, joined: np.ndarray, matter: np.ndarray, lame: np.ndarray,
-                 thermal: np.ndarray | None = None, order: np.ndarray | None = None, number: np.ndarray | None = None,
-                 meeting: Meeting | None = None):
+    def __init__(self, nodes: np.ndarray, cells: np.ndarray, joined: np.ndarray, lame: np.ndarray, thermal: np.ndarray | None = None,
+                 order: np.ndarray | None = None, meeting: Meeting | None = None):
         self.cells, self.lame, self.thermal, self.order = cells, lame, thermal, slice(None) if order is None else order
         self.gradients, self.volumes = shape_gradients(nodes, cells)
+        # what counts is whether the moduli differ, not whether the configuration lists them apart
+        matter = np.unique(lame[:, 0] + 1j * lame[:, 1], return_inverse=True)[1].ravel()
         keys = joined[cells.T] * (int(matter.max(initial=0)) + 1) + matter
         occurs = np.zeros(int(keys.max()) + 1, dtype=bool)
         occurs[keys] = True
         self.corner = (np.cumsum(occurs) - 1).astype(cells.dtype)[keys]
-        self.node = np.empty(self.corner.max() + 1, dtype=int)
-        self.node[self.corner] = cells.T if number is None else number[cells.T]
+        self.count = int(self.corner.max()) + 1
         self.team, self._borders = ALONE, None
         if meeting is not None:
-            behind = np.empty(len(self.node), dtype=int)
-            behind[self.corner] = np.arange(len(cells))
-            self.team, self._borders = meeting.team, meeting.borders(self.node, lame[behind])
+            node, behind = np.empty((2, self.count), dtype=int)
+            node[self.corner], behind[self.corner] = cells.T, np.arange(len(cells))
+            self.team, self._borders = meeting.team, meeting.borders(node, lame[behind])
         self.weight = self._sum(np.ones((1, len(cells))))
         self.product = _mean_products(cells.shape[1])
 
     @classmethod
     def of(cls, scene: Scene) -> Estimator:
         """For a whole scene of four-node or ten-node tets, every subdomain with its own nodes, one after another."""
-        sizes = [len(s.nodes) for s in scene.subdomains]
-        offsets = np.cumsum([0, *sizes])
+        offsets = np.cumsum([0, *(len(s.nodes) for s in scene.subdomains)])
         order = np.concatenate([s.cells for s in scene.subdomains])
         kind = np.int32 if offsets[-1] < np.iinfo(np.int32).max else np.int64
         cells = np.concatenate([(s.connectivity + a).astype(kind) for s, a in zip(scene.subdomains, offsets)])
-        number = np.concatenate([s.nodes for s in scene.subdomains])
-        lame, material = np.array([m.lame for m in scene.materials]), scene.cell_material[order]
+        nodes = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
         bonded = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
         one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
                     for side in (0, 1))
-        # what counts is whether the moduli differ, not whether the configuration lists them apart
-        matter = np.unique(lame, axis=0, return_inverse=True)[1].ravel()
-        return cls(scene.mesh.nodes[number], cells, components(one, two, len(number))[1], matter[material], lame[material],
-                   None if scene.thermal is None else scene.thermal[:, order], order, number)
+        lame = np.array([m.lame for m in scene.materials])[scene.cell_material[order]]
+        return cls(nodes, cells, components(one, two, len(nodes))[1], lame, None if scene.thermal is None else scene.thermal[:, order], order)
 
     def __call__(self, sides: Sequence[np.ndarray], numbers: Sequence[int] | None = None) -> Estimate:
         """Estimate the error of displacements.
 
-        Parameters
-        ----------
         sides : per subdomain (T, n_E, 3), continuous over perfect interfaces
         numbers : (T,) which load steps of the scene these are; none: all
         """
@@ -144,8 +129,6 @@ class Estimator:
     def _stress(self, displacement: np.ndarray, number: int | None = None) -> np.ndarray:
         """(6, p, m) stress at the cells' own p nodes; (6, 1, m) where it is the same at all.
 
-        Parameters
-        ----------
         number : load step of the scene, whose thermal strain is without stress; None: all strain has stress
         """
         ten = self.cells.shape[1] == 10
@@ -187,7 +170,7 @@ class Estimator:
     def _sum(self, values: np.ndarray) -> np.ndarray:
         """(K,) nodal sums of (p or 1, m), weighted by volume."""
         shares = np.broadcast_to(self.volumes * values, self.corner.shape)
-        total = sum(np.bincount(nodes, share, len(self.node)) for nodes, share in zip(self.corner, shares))
+        total = sum(np.bincount(nodes, share, self.count) for nodes, share in zip(self.corner, shares))
         return total if self._borders is None else self._borders(total)
 
     def _mean_square(self, values: np.ndarray) -> np.ndarray:
@@ -204,8 +187,6 @@ def moved_alone(u: np.ndarray, cells: np.ndarray, volumes: np.ndarray, lame: np.
 def size_of(squares: np.ndarray, alone: np.ndarray) -> float:
     """What estimated errors are relative to, from ‖u‖² (T,): what rounding leaves of zero has no error of its own.
 
-    Parameters
-    ----------
     alone : (T,) energies of which ``squares`` would be rounding
     """
     own, most = (float(np.sqrt(max(x.max(initial=0.0), 0.0))) for x in (squares, alone))

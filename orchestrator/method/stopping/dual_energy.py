@@ -28,8 +28,6 @@ def dual_energy(stage: LinearStage, h: np.ndarray, rest: np.ndarray, negligible:
     tail's own error the accuracy that the steps are stopped at. With stiff soles a² and b² are large and
     almost cancelled by the cross term: what counts is the accuracy of the sum. Infinite if it is not reached.
 
-    Parameters
-    ----------
     h : (T, B) forces on the boundary dofs, balanced on floating subdomains
     rest : (T,) what b² is added to: a² and the cross term
     negligible : sum over the steps that is not worth being told from zero

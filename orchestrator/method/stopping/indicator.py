@@ -21,8 +21,6 @@ EXACT_LIMIT = 50_000
 class Measures:
     """What is known of one iteration before any criterion.
 
-    Parameters
-    ----------
     indicator : the paper's η, see ``latin_parts``
     displacement_jump : ‖B w‖ / ‖w‖, weighted by the diagonal of k⁻
     force_imbalance : ‖A f‖ / ‖f‖, weighted by the inverse diagonal of k⁻
@@ -53,8 +51,6 @@ def measure(problem: Decomposition, fields: Admissible, local: LocalState, resid
             ends: tuple[float, float]) -> Measures:
     """Measure an iteration; one message among ranks.
 
-    Parameters
-    ----------
     residual : (T, D) F(s) − s
     exact : η exactly, whatever it costs
     ends : this rank's largest displacement, and whether codes were asked
@@ -84,8 +80,6 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
     It is a *squared* distance between both solution sets, and depends on the search direction: small soles
     make it small whatever the error is.
 
-    Parameters
-    ----------
     exact : factorise k for the inverse norms even where that is dear; otherwise its diagonal
         stands in for it beyond ``EXACT_LIMIT`` trace dofs
     """
@@ -112,8 +106,6 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
 def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, size: float) -> float:
     """max_t (‖w − ŵ‖²_k + ‖f − f̂‖²_k⁻¹)^½ / max_t ‖u‖_K: the numerator of η in the units of the energy error.
 
-    Parameters
-    ----------
     size : max_t ‖u‖_K; the diagonal of k stands in for it in the inverse norm
     """
     w_hat, f_hat, kw_hat = local.hats

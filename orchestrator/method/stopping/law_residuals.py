@@ -76,8 +76,6 @@ def law_residuals(parts: Sequence[tuple[Pairs, np.ndarray, np.ndarray, LocalStat
                   team: Team) -> LawResiduals:
     """How well laws hold in all load steps.
 
-    Parameters
-    ----------
     parts : for some load steps each: the pairs, traces w and f (T, D + G) of the linear stage, the local stage, and what the step
         before the first one has left
     lengths : the length scale of these displacements

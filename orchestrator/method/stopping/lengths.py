@@ -31,8 +31,6 @@ RIGID = 6
 class Lengths:
     """What displacements are compared with.
 
-    Parameters
-    ----------
     deformation : largest displacement beside rigid motions
     told : by the loads, supports and laws
     rigid : (bodies, T, 6) rigid motion of each body that its supports leave: of its centre, and its rotation times its
@@ -57,8 +55,6 @@ class Lengths:
 class LengthScale:
     """The lengths of one decomposition, for some or all of its load steps.
 
-    Attributes
-    ----------
     count, size, names : of the bodies; of what is joined, the first one's name
     body : (subdomains,) int, the body of each
 

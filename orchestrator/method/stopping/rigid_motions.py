@@ -18,13 +18,8 @@ RIGID = 6
 class RigidModes:
     """Rigid motions of all subdomains that their supports leave, on a rank's dofs.
 
-    Parameters
-    ----------
     space : numbering
     modes : per own subdomain (boundary dofs, r), r at most six
-
-    Attributes
-    ----------
     boundary : (B, modes of all ranks) sparse
     own : int, the modes of this rank's subdomains
     """
@@ -62,8 +57,6 @@ class RigidModes:
 class Repositioning:
     """The best rigid motions for given traces.
 
-    Parameters
-    ----------
     space : numbering
     modes : the motions
     weight : (Q, Q) sparse, stiffness k at the points, in which jumps are measured

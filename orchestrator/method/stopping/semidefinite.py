@@ -31,8 +31,6 @@ def is_semidefinite(matrix: sp.sparray, rounding: float) -> bool:
 
     It is, to rounding, if A + rounding × diag A has a factorisation with positive pivots (Sylvester's law of inertia).
 
-    Parameters
-    ----------
     rounding : relative error of the entries, above that of double precision
     """
     scale = matrix.diagonal()

@@ -63,7 +63,7 @@ class Piece:
             return None
         f = self.fields
         joined = np.arange(len(f.nodes)) if f.joined is None else f.joined
-        found = Estimator(f.nodes, f.cells, joined, f.material, f.lame, f.thermal, meeting=f.meeting)([f.displacement])
+        found = Estimator(f.nodes, f.cells, joined, f.lame, f.thermal, meeting=f.meeting)([f.displacement])
         self._know(discretisation_error=found.cells)
         return self._whole(found)
 

@@ -15,8 +15,6 @@ from orchestrator.parallel.team import Team
 def whole_states(subscribers: Sequence[Subscriber], numbers: Numbers, team: Team) -> Sequence[Subscriber]:
     """The subscribers, told of whole states and checkpoints: the same ones where there is one rank.
 
-    Parameters
-    ----------
     numbers : which columns of the whole scene's arrays are this rank's
     """
     return subscribers if team.size == 1 else [WholeStates(subscribers, numbers, team)]
@@ -25,8 +23,6 @@ def whole_states(subscribers: Sequence[Subscriber], numbers: Numbers, team: Team
 class WholeStates(Subscriber):
     """On every rank; tells those of rank 0, in the same iteration: what has arrived outlives the rank it came from.
 
-    Notes
-    -----
     The volume is some times that of all traces, to one rank: right for some hundreds of ranks.
     """
 
