@@ -26,8 +26,6 @@ class Pipes:
         self._worker = worker
         read_requests, self._out = os.pipe()
         self._in, write_replies = os.pipe()
-        self._buffer = bytearray(_PIPE_SIZE)
-        self._start = self._stop = 0
         for fd in (self._in, self._out):
             os.set_blocking(fd, False)
             with suppress(OSError):  # beyond this user's allowance: only slower
@@ -71,19 +69,15 @@ class Pipes:
         self._in = self._out = -1
 
     def _read_into(self, target: memoryview, deadline: float) -> None:
-        at = min(len(target), self._stop - self._start)
-        target[:at] = memoryview(self._buffer)[self._start : self._start + at]
-        self._start += at
-        while at < len(target):  # nothing is kept: what the target has room for goes there at once
+        while target:
             try:
-                received = os.readv(self._in, [target[at:], self._buffer])
+                received = os.readv(self._in, [target])
             except BlockingIOError:
                 _wait(self._in, select.POLLIN, deadline)
                 continue
             if received == 0:
                 raise Ended("it ended before its answer was complete")
-            here = min(received, len(target) - at)
-            at, self._start, self._stop = at + here, 0, received - here
+            target = target[received:]
 
 
 class Files:

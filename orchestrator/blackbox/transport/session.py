@@ -6,7 +6,7 @@ its model again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -57,16 +57,15 @@ class MessageWorker(RunWorker):
         """As ``Worker`` says; what ends after a run is solved once for the check: a model that is not held is found now."""
         for index, model in models.items():
             self.tallies[index] = Tally(model.name, len(model.trace))
-        for _ in self._about(models, messages.load, "loading failed", messages.check_load, kept=not self.keeps_models):
-            pass
+        self._about(models, messages.load, "loading failed", messages.check_load, kept=not self.keeps_models)
 
     def all_stiffness(self, models: Mapping[int, Model]) -> dict[int, sp.csr_array]:
-        return dict(self._about(models, messages.stiffness, "the stiffness matrix was not obtained",
-                                lambda reply, index: messages.check_stiffness(reply, index, models[index].fixed.size)))
+        return self._about(models, messages.stiffness, "the stiffness matrix was not obtained",
+                           lambda reply, index: messages.check_stiffness(reply, index, models[index].fixed.size))
 
     def own_loads(self, models: Mapping[int, Model], steps: int) -> dict[int, np.ndarray]:
-        return dict(self._about(models, lambda index, model: messages.own_loads(index, model, steps), "its own loads were not obtained",
-                                lambda reply, index: messages.check_own_loads(reply, index, steps, models[index].fixed.size)))
+        return self._about(models, lambda index, model: messages.own_loads(index, model, steps), "its own loads were not obtained",
+                           lambda reply, index: messages.check_own_loads(reply, index, steps, models[index].fixed.size))
 
     def solve(self, op: int, jobs: list[tuple[int, np.ndarray]], names: list[str]) -> dict[int, np.ndarray]:
         """As ``Worker`` says: through pipes all right-hand sides of all models travel in one message."""
@@ -108,35 +107,20 @@ class MessageWorker(RunWorker):
         return answer
 
     def _about(self, models: Mapping[int, Model], ask: Callable[[int, Model], Buffers], purpose: str,
-               read: Callable[[Reply, int], Any], kept: bool = False) -> Iterator[tuple[int, Any]]:
-        """What ``read`` makes of the replies to a request about each model, by their numbers.
-
-        A model's mesh is written while the code works on the one before, and that one's reply is read while it works on this
-        one. Mesh files, and requests, are ``kept`` for runs to come.
-        """
-        paths, before = {}, None
-        try:
-            for index in [*models, None]:
-                if index is not None:
-                    model = self.code.told(models[index])
-                    paths[index] = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(model)])
-                    request = ask(index, model)
-                    if kept:
-                        self._load_requests[index] = request
-                if before is not None:
-                    with self.telling(purpose, models[before].name):
-                        reply = self.link.receive()
-                    if not kept:
-                        paths.pop(before).unlink(missing_ok=True)
-                if index is not None:
-                    with self.telling(purpose, models[index].name):
-                        self.link.send(request)
-                if before is not None:
-                    with self.telling(purpose, models[before].name):
-                        answer = read(reply, before)
-                    self.count(reply.seconds)
-                    yield before, answer
-                before = index
-        finally:
-            for path in () if kept else paths.values():
-                path.unlink(missing_ok=True)
+               read: Callable[[Reply, int], Any], kept: bool = False) -> dict[int, Any]:
+        """What ``read`` makes of the replies to a request about each model. Mesh files, and requests, are ``kept`` for runs to come."""
+        answers = {}
+        for index, model in models.items():
+            told = self.code.told(model)
+            path = self.write(f"mesh-{index}.{self.code.mesh_suffix}", [self.code.mesh(told)])
+            request = ask(index, told)
+            if kept:
+                self._load_requests[index] = request
+            try:
+                with self.telling(purpose, model.name):
+                    self.link.send(request)
+                    answers[index] = self._counted(lambda reply: read(reply, index))
+            finally:
+                if not kept:
+                    path.unlink(missing_ok=True)
+        return answers

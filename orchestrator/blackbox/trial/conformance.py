@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
+from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.diagnosis import AGREE, diagnosis, difference
 from orchestrator.blackbox.protocol import BlackBox, Model
-from orchestrator.blackbox.codes.template import Solver
 from orchestrator.blackbox.trial.problem import Trial, trial_models
 from orchestrator.errors import BlackBoxError
 from orchestrator.scene.conditions.rigid import motions
@@ -24,12 +24,25 @@ RIGID, DEFINITE = 1e-10, 1e-14
 MANY = 600  # load cases at once
 
 
+CHECKS: dict[str, Callable[[Trial], tuple[str, str]]] = {}  # by name: a figure, and what is wrong
+
+
+def check(name: str, otherwise: str = ""):
+    """Adds a check; one that says what is wrong ``otherwise`` returns how far answers are from where they should be."""
+    def added(function: Callable) -> Callable:
+        def small(trial: Trial) -> tuple[str, str]:
+            apart = function(trial)
+            return f"{apart:.0e}", "" if apart <= AGREE else f"{otherwise}: {apart:.1e}"
+
+        CHECKS[name] = small if otherwise else function
+        return function
+    return added
+
+
 def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
-    """Run all checks on a black box.
+    """(check, figure, what is wrong: empty when it passed) of a black box; stops at a failure that ends the black box.
 
-    Returns iterator of (check, figure, what is wrong: empty when it passed); it stops at a failure that ends the black box
-
-    Raises InputError: the code is not there
+    Raises InputError where the code is not there.
     """
     models = trial_models()
     rng = np.random.default_rng(7)
@@ -41,16 +54,13 @@ def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
             folders = blackbox.usage.folders()
             for name, check in CHECKS.items():
                 yield name, *check(trial)
-            yield "clean death", *_clean_death(trial)
         left = [str(folder) for folder in folders if folder.exists()]
         yield "nothing left", "no file, no process", f"{', '.join(left)} was left behind" if left else ""
     except BlackBoxError as error:
         yield "an answer at all", "", str(error)
 
 
-# ---- checks: a figure, and what is wrong -----------------------------------------------------------
-
-
+@check("stiffness, reference values")
 def _reference_values(trial: Trial) -> tuple[str, str]:
     trial.stiffness = trial.blackbox.stiffness(trial.models)
     apart, wrong = 0.0, ""
@@ -63,12 +73,13 @@ def _reference_values(trial: Trial) -> tuple[str, str]:
     return f"{apart:.0e} from the reference values", wrong
 
 
+@check("stiffness, symmetry")
 def _symmetric(trial: Trial) -> tuple[str, str]:
     apart = max(difference(k.toarray().T, k.toarray()) for k in trial.stiffness)
-    wrong = "" if apart <= RIGID else f"the stiffness is not symmetric: |K − Kᵀ| is {apart:.1e} |K|"
-    return f"|K − Kᵀ| {apart:.0e}", wrong
+    return f"|K − Kᵀ| {apart:.0e}", "" if apart <= RIGID else f"the stiffness is not symmetric: |K − Kᵀ| is {apart:.1e} |K|"
 
 
+@check("stiffness, rigid motions")
 def _rigid(trial: Trial) -> tuple[str, str]:
     worst = 0.0
     for model, k in zip(trial.models, trial.stiffness):
@@ -77,11 +88,13 @@ def _rigid(trial: Trial) -> tuple[str, str]:
     return f"|K R| {worst:.0e}", "" if worst <= RIGID else f"rigid motions cost energy: |K R| is {worst:.1e} |K| |R|"
 
 
+@check("clamped and factorised")
 def _loads(trial: Trial) -> tuple[str, str]:
     trial.blackbox.load(trial.models)
     return f"{len(trial.models)} models", ""
 
 
+@check("fields")
 def _fields(trial: Trial) -> tuple[str, str]:
     answers, apart = trial.blackbox.fields({i: trial.everywhere(i) for i in range(len(trial.models))}), 0.0
     for i, model in enumerate(trial.models):
@@ -93,6 +106,7 @@ def _fields(trial: Trial) -> tuple[str, str]:
     return f"{apart:.0e} from the reference solution", ""
 
 
+@check("traces")
 def _traces(trial: Trial) -> tuple[str, str]:
     trial.traces = trial.blackbox.traces(dict(enumerate(trial.forces)))
     apart, wrong = 0.0, ""
@@ -102,41 +116,38 @@ def _traces(trial: Trial) -> tuple[str, str]:
     return f"{apart:.0e} from the reference solution", wrong
 
 
-def _linear(trial: Trial) -> tuple[str, str]:
+@check("linearity", "answers are not linear in the forces")
+def _linear(trial: Trial) -> float:
     f, u = trial.forces[0], trial.traces[0]
-    both = trial.blackbox.traces({0: 2 * f[:1] - 3 * f[3:4]})[0]
-    apart = difference(both, 2 * u[:1] - 3 * u[3:4])
-    return _small(apart, "answers are not linear in the forces")
+    return difference(trial.first(2 * f[:1] - 3 * f[3:4]), 2 * u[:1] - 3 * u[3:4])
 
 
-def _batch(trial: Trial) -> tuple[str, str]:
-    apart = 0.0
-    for case in range(len(trial.forces[0])):
-        single = trial.blackbox.traces({0: trial.forces[0][case : case + 1]})[0]
-        apart = max(apart, difference(single, trial.traces[0][case : case + 1]))
-    return _small(apart, "a load case is answered otherwise in a batch than alone")
+@check("batch and single", "a load case is answered otherwise in a batch than alone")
+def _batch(trial: Trial) -> float:
+    return max(difference(trial.first(f[None]), u[None]) for f, u in zip(trial.forces[0], trial.traces[0]))
 
 
+@check("many load cases")
 def _many(trial: Trial) -> tuple[str, str]:
     """More rows than any cache or buffer is likely to hold; one of them is zero."""
     rows = np.resize([1.0, -2.0, 0.5], MANY)[:, None] * np.resize(trial.forces[0], (MANY, trial.forces[0].shape[1]))
     rows[MANY // 2] = 0.0
-    found = trial.blackbox.traces({0: rows})[0]
+    found = trial.first(rows)
     if found.shape == rows.shape and found[MANY // 2].any():
         return "", f"a load case of zeros among {MANY} is answered with displacements"
     full = np.zeros((MANY, trial.models[0].fixed.size))
     full[:, trial.models[0].trace] = rows
     apart = _row_by_row(found, trial.answers(0, full)[:, trial.models[0].trace])
-    return _small(apart, f"of {MANY} load cases at once not all are answered as they are alone")
+    return f"{apart:.0e}", "" if apart <= AGREE else f"of {MANY} load cases at once not all are answered as they are alone: {apart:.1e}"
 
 
-def _sizes(trial: Trial) -> tuple[str, str]:
+@check("sizes of forces", "forces of twelve orders of magnitude in one batch: small load cases are answered worse than alone")
+def _sizes(trial: Trial) -> float:
     size = 10.0 ** np.arange(-6, 7)[:, None]
-    found = trial.blackbox.traces({0: size * trial.forces[0][:1]})[0]
-    apart = _row_by_row(found, size * trial.expected(0)[:1, trial.models[0].trace])
-    return _small(apart, "forces of twelve orders of magnitude in one batch: small load cases are answered worse than alone")
+    return _row_by_row(trial.first(size * trial.forces[0][:1]), size * trial.expected(0)[:1, trial.models[0].trace])
 
 
+@check("forces untouched")
 def _untouched(trial: Trial) -> tuple[str, str]:
     """The caller's arrays are the caller's: they may be read-only, and must be the same afterwards."""
     traces, fields = dict(enumerate(f.copy() for f in trial.forces)), {i: trial.everywhere(i) for i in range(len(trial.models))}
@@ -147,7 +158,8 @@ def _untouched(trial: Trial) -> tuple[str, str]:
     return "read-only arrays", ""
 
 
-def _order(trial: Trial) -> tuple[str, str]:
+@check("order of models", "answers depend on the order in which models are asked")
+def _order(trial: Trial) -> float:
     """In reverse at once, then one model after the other with matrices of others asked for in between."""
     last = list(range(len(trial.models)))[::-1]
     answers = trial.blackbox.traces({i: trial.forces[i] for i in last})
@@ -155,26 +167,17 @@ def _order(trial: Trial) -> tuple[str, str]:
     for i in last[::2] + last[1::2]:
         trial.blackbox.stiffness([trial.models[i - 1]])
         apart = max(apart, difference(trial.blackbox.traces({i: trial.forces[i]})[i], trial.traces[i]))
-    return _small(apart, "answers depend on the order in which models are asked")
+    return apart
 
 
-def _reloaded(trial: Trial) -> tuple[str, str]:
-    """The same models again, the last one first."""
-    count = len(trial.models)
-    trial.blackbox.load(trial.models[::-1])
-    answers = trial.blackbox.traces({count - 1 - i: f for i, f in enumerate(trial.forces)})
-    apart = max(difference(answers[count - 1 - i], trial.traces[i]) for i in range(count))
-    trial.blackbox.load(trial.models)
-    return _small(apart, "answers depend on the order in which models are prepared")
+@check("repeatability", "the same question is answered otherwise the second time")
+def _repeatable(trial: Trial) -> float:
+    return difference(trial.first(trial.forces[0]), trial.traces[0])
 
 
-def _repeatable(trial: Trial) -> tuple[str, str]:
-    again = trial.blackbox.traces({0: trial.forces[0]})[0]
-    return _small(difference(again, trial.traces[0]), "the same question is answered otherwise the second time")
-
-
+@check("interface compliance")
 def _compliance(trial: Trial) -> tuple[str, str]:
-    compliance = trial.blackbox.traces({0: np.eye(len(trial.models[0].trace))})[0]
+    compliance = trial.first(np.eye(len(trial.models[0].trace)))
     apart = difference(compliance.T, compliance)
     lowest = np.linalg.eigvalsh((compliance + compliance.T) / 2)[0] / np.abs(compliance).max()
     wrong = f"the interface compliance is not symmetric: {apart:.1e}" if apart > AGREE else \
@@ -182,6 +185,17 @@ def _compliance(trial: Trial) -> tuple[str, str]:
     return f"asymmetry {apart:.0e}, smallest eigenvalue {lowest:.0e}", wrong
 
 
+@check("order of preparing", "answers depend on the order in which models are prepared")
+def _reloaded(trial: Trial) -> float:
+    """The same models again, the last one first."""
+    last = len(trial.models) - 1
+    trial.blackbox.load(trial.models[::-1])
+    answers = trial.blackbox.traces({last - i: f for i, f in enumerate(trial.forces)})
+    trial.blackbox.load(trial.models)
+    return max(difference(answers[last - i], trial.traces[i]) for i in range(last + 1))
+
+
+@check("clean death")
 def _clean_death(trial: Trial) -> tuple[str, str]:
     """A process killed from outside is an error that names the subdomain, and ends the other processes."""
     pids = trial.blackbox.usage.pids()
@@ -190,23 +204,10 @@ def _clean_death(trial: Trial) -> tuple[str, str]:
     for pid in pids:
         os.kill(pid, signal.SIGKILL)
     try:
-        trial.blackbox.traces({0: trial.forces[0]})
+        trial.first(trial.forces[0])
     except BlackBoxError as error:
         return "reported", "" if error.subdomain == trial.models[0].name else f"the error names no subdomain: {error}"
     return "", "the death of its process went unnoticed"
-
-
-CHECKS: dict[str, Callable[[Trial], tuple[str, str]]] = {
-    "stiffness, reference values": _reference_values, "stiffness, symmetry": _symmetric,
-    "stiffness, rigid motions": _rigid, "clamped and factorised": _loads, "fields": _fields, "traces": _traces,
-    "linearity": _linear, "batch and single": _batch, "many load cases": _many, "sizes of forces": _sizes,
-    "forces untouched": _untouched, "order of models": _order, "repeatability": _repeatable,
-    "interface compliance": _compliance, "order of preparing": _reloaded,
-}
-
-
-def _small(apart: float, otherwise: str) -> tuple[str, str]:
-    return f"{apart:.0e}", "" if apart <= AGREE else f"{otherwise}: {apart:.1e}"
 
 
 def _row_by_row(found: np.ndarray, expected: np.ndarray) -> float:

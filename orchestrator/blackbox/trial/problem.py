@@ -30,6 +30,10 @@ class Trial:
     stiffness: list[sp.csr_array] = field(default_factory=list)
     traces: dict[int, np.ndarray] = field(default_factory=dict)
 
+    def first(self, rows: np.ndarray) -> np.ndarray:
+        """The black box's answers of the first model to trace forces (rhs, t)."""
+        return self.blackbox.traces({0: rows})[0]
+
     def everywhere(self, index: int) -> np.ndarray:
         """The trace forces among all dofs, (4, 3n)."""
         full = np.zeros((len(self.forces[index]), self.models[index].fixed.size))
