@@ -60,8 +60,8 @@ def test_colours_fill_what_they_should(draw):
     triangles = (4 * np.arange(3)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
     camera = Camera(np.array([3.0, 0, 1]), np.array([0.0, -1, 0]), np.array([1.0, 0, 0]), np.array([0.0, 0, 1]), 8.0, 4.0)
     view = View(corners.reshape(-1, 3), triangles, np.repeat([0.0, 1, 2], 4), camera, (-0.5, 2.5),
-                palette=ListedColormap(colours), inches=3.0, shaded=False)
-    picture = draw(view)
+                palette=ListedColormap(colours), shaded=False)
+    picture = draw(view, 3.0)
     assert picture.shape == (240, 480, 3)
     for colour, width in zip(colours, np.diff(x)):
         assert share(picture, colour) == pytest.approx(2 * width / 32, abs=0.006)
@@ -75,7 +75,7 @@ def test_a_body_fills_its_outline_and_its_lines_are_dark(draw):
     """The bending box from its own camera: shape, colours of the scale, subdomain borders; the same twice."""
     view = deformed(case.fields()).views[0]
     picture = draw(view)
-    assert picture.shape == (*view.pixels[::-1], 3)
+    assert picture.shape == (*view.pixels()[::-1], 3)
     white = share(picture, "white", within=2)
     normal = area_vectors(view.camera.project(view.points), view.triangles)
     assert 1 - white == pytest.approx(seen(view, normal[:, 2] > 0), abs=0.02)
@@ -85,7 +85,7 @@ def test_a_body_fills_its_outline_and_its_lines_are_dark(draw):
     bare = draw(View(**{**vars(view), "lines": view.lines[:0], "outline": view.outline[:0]}))
     darker = bare.sum(axis=2).astype(int) - picture.sum(axis=2)
     on_lines = view.camera.project(view.lines.mean(axis=1))[:, :2] / [view.camera.width, -view.camera.height] + 0.5
-    columns, rows = (on_lines * view.pixels).astype(int).T
+    columns, rows = (on_lines * view.pixels()).astype(int).T
     near = np.array([darker[r - 2:r + 3, c - 2:c + 3].max() for r, c in zip(rows, columns)])
     assert (near > 60).mean() > 0.4, "the others are at the back"
     np.testing.assert_array_equal(draw(view), picture)

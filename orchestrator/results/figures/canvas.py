@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import pyvista
 
-from orchestrator.results.figures.view import View
+from orchestrator.results.figures.view import WIDTH, View
 
 UNKNOWN = (0.75, 0.75, 0.75)  # of what has no value
 # colour, width in pixels of a picture of 1000, opacity
@@ -32,11 +32,11 @@ def _window() -> pyvista.Plotter:
     return plotter
 
 
-def draw(view: View) -> np.ndarray:
-    """(rows, columns, 3) uint8, the picture of a view."""
-    plotter, camera = _window(), view.camera
+def draw(view: View, inches: float = WIDTH) -> np.ndarray:
+    """(rows, columns, 3) uint8, the picture of a view in a width."""
+    plotter, camera, pixels = _window(), view.camera, view.pixels(inches)
     plotter.clear_actors()
-    plotter.render_window.SetSize(*view.pixels)
+    plotter.render_window.SetSize(*pixels)
     plotter.add_mesh(
         pyvista.PolyData.from_regular_faces(view.points, view.triangles), scalars=np.asarray(view.values, float), cmap=view.palette,
         clim=view.limits, nan_color=UNKNOWN, interpolate_before_map=True, show_scalar_bar=False, lighting=view.shaded,
@@ -45,7 +45,7 @@ def draw(view: View) -> np.ndarray:
     for name, (colour, width, opacity) in _LINES.items():
         if len(ends := getattr(view, name)):
             actor = plotter.add_mesh(pyvista.line_segments_from_points(ends.reshape(-1, 3)), color=colour, opacity=opacity, lighting=False,
-                                     line_width=max(1.0, view.pixels[0] / 1000) * width, reset_camera=False, render=False)
+                                     line_width=max(1.0, pixels[0] / 1000) * width, reset_camera=False, render=False)
             actor.mapper.resolve = "polygon_offset"  # a hair nearer than the faces they lie on
             actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
     plotter.camera.position = camera.focus + camera.height * camera.toward

@@ -11,7 +11,7 @@ from orchestrator.results.figures import surface
 from orchestrator.results.figures.look import Look
 from orchestrator.results.figures.sheet import Scale, Sheet
 from orchestrator.results.figures.skin import Skin, drawn_cells, skin
-from orchestrator.results.figures.view import WIDTH, Camera, View, colour_limits, toward_eye
+from orchestrator.results.figures.view import Camera, View, colour_limits, toward_eye
 from orchestrator.results.summary.codes import code_label
 from orchestrator.scene.mesh.geometry import area_vectors
 
@@ -128,5 +128,5 @@ def codes(fields: Fields, summary: Mapping[str, object]) -> Sheet | None:
     view = View(points, np.arange(len(points)).reshape(-1, 3), np.repeat(of_subdomain[fields.subdomain[cell]], 3), Camera.framing(points),
                 (-0.5, len(entries) - 0.5), lines=moved[surface.edges(drawn.nodes, faces, fields.subdomain[cell])],
                 palette=ListedColormap([PALETTE[k % len(PALETTE)] for k in range(len(entries))]))
-    return Sheet([view.wide(WIDTH)], [""], 1, [Scale(view, "which code solves what", list(map(code_label, entries)))],
+    return Sheet([view], [""], 1, [Scale(view, "which code solves what", list(map(code_label, entries)))],
                  f"displacements drawn × {factor:g}")

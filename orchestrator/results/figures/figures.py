@@ -62,7 +62,7 @@ def warm_up() -> None:
     nodes = np.eye(4)[:, :3]
     faces, _ = outer_faces(nodes, np.arange(4)[None])
     lines = nodes[edges(nodes, faces)]
-    draw(View(nodes, faces, nodes[:, 0], Camera.framing(nodes), (0.0, 1.0), lines=lines, outline=lines, inches=0.1))
+    draw(View(nodes, faces, nodes[:, 0], Camera.framing(nodes), (0.0, 1.0), lines=lines, outline=lines), inches=0.1)
     figure = new_figure(1, 1)
     figure.text(0, 0, "1")
     png(figure)

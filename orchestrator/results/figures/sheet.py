@@ -61,7 +61,7 @@ def compose(sheet: Sheet, title: str) -> Figure:
     for k, (view, text) in enumerate(zip(sheet.views, sheet.headings)):
         row, column = divmod(k, sheet.columns)
         left, bottom = column * width, total - _ABOVE - (row + 1) * (height + heading)
-        figure.add_artist(_dot_for_dot(draw(view.wide(width)), round(left * DPI), round(bottom * DPI)))
+        figure.add_artist(_dot_for_dot(draw(view, width), round(left * DPI), round(bottom * DPI)))
         if view.mark is not None:
             _point_at(figure, view, left, bottom, width)
         figure.text((left + 0.5 * width) / WIDTH, (bottom + height + 0.04) / total, text, ha="center", va="bottom", fontsize=9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,7 +78,6 @@ class View:
     limits : of the colour scale; beyond : whether values lie below and above it
     lines, outline : (e, 2, 3) edges on the surface, undeformed edges
     palette : colours from the lower limit to the upper
-    inches : width of the picture
     shaded : whether light falls on it; without, colours are exactly those of the scale
     closed : whether the triangles are those of whole bodies, turned outward: the far side of a body is then never seen
     mark : place (3,) of the largest value, the value, and whether it is on a face turned to the eye; None: not marked
@@ -93,20 +92,14 @@ class View:
     lines: np.ndarray = field(default_factory=lambda: NO_LINES)
     outline: np.ndarray = field(default_factory=lambda: NO_LINES)
     palette: Colormap = field(default_factory=viridis)
-    inches: float = WIDTH
     shaded: bool = True
     closed: bool = False
     mark: tuple[np.ndarray, float, bool] | None = None
 
-    @property
-    def pixels(self) -> tuple[int, int]:
-        """Columns and rows of the picture."""
-        columns = int(self.inches * DPI)
+    def pixels(self, inches: float = WIDTH) -> tuple[int, int]:
+        """Columns and rows of the picture in a width."""
+        columns = int(inches * DPI)
         return columns, round(columns * self.camera.height / self.camera.width)
-
-    def wide(self, inches: float) -> View:
-        """The same in another width."""
-        return replace(self, inches=inches)
 
 
 # Of the surface, percentiles that may be the ends of the scale: the widest whose upper quartile is visibly above the lowest
