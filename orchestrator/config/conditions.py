@@ -56,34 +56,31 @@ def directions(data: Any) -> Iterator[Problem]:
 def load_steps(data: Any) -> Iterator[Problem]:
     """Histories exist, and all entries agree on the number of steps."""
     histories = get(data, "histories") or {}
-    counts: list[tuple[KeyPath, int]] = []
+    entries: list[tuple[KeyPath, dict[str, Any], list[str]]] = []  # with the keys that list something for each load step
     for group in ("boundary", "loads", "interfaces", "bolts"):
         keys = [name for name, kind in ACTING.get(group, {}).items() if kind.listed]
         for path, entry in find(data, (group, "*")):
-            if not isinstance(entry, dict) or not isinstance(histories, dict):
-                continue
-            keys = law_of(entry).Parameters.per_step if group == "interfaces" else keys
-            listed = [key for key in keys if is_per_step(entry.get(key))]
-            counts += [((*path, key), len(entry[key])) for key in listed]
-            history = entry.get("history")
-            if not isinstance(history, str):
-                continue
-            if listed:
-                yield Problem((*path, "history"), f"history beside one vector per step in {listed[0]}",
-                              "one of the two", "remove the history, or give a single vector")
-            elif isinstance(factors := histories.get(history), list):
-                counts.append(((*path, "history"), len(factors)))
-            elif history not in histories:
-                yield Problem((*path, "history"), f"history '{history}', which is not defined",
-                              "one of " + ", ".join(histories) if histories else "a name defined under histories",
-                              f"define it under histories: {{{history}: [0.5, 1.0]}}")
-    for kind in KINDS:
-        for path, own in find(data, ("parts", "*", kind)):
-            if isinstance(own, dict) and isinstance(histories, dict):
-                if isinstance(factors := histories.get(own.get("history")) if isinstance(own.get("history"), str) else None, list):
-                    counts.append(((*path, "history"), len(factors)))
-                if isinstance(own.get("loads"), list) and len(own["loads"]) > 1:
-                    counts.append(((*path, "loads"), len(own["loads"])))
+            if isinstance(entry, dict):
+                own = law_of(entry).Parameters.per_step if group == "interfaces" else keys
+                entries.append((path, entry, [key for key in own if is_per_step(entry.get(key))]))
+    for path, own in (found for kind in KINDS for found in find(data, ("parts", "*", kind))):
+        if isinstance(own, dict):
+            entries.append((path, own, ["loads"] if isinstance(own.get("loads"), list) and len(own["loads"]) > 1 else []))
+    counts: list[tuple[KeyPath, int]] = []
+    for path, entry, listed in entries if isinstance(histories, dict) else []:
+        counts += [((*path, key), len(entry[key])) for key in listed]
+        history = entry.get("history")
+        if not isinstance(history, str):
+            continue
+        if listed and path[0] != "parts":
+            yield Problem((*path, "history"), f"history beside one vector per step in {listed[0]}",
+                          "one of the two", "remove the history, or give a single vector")
+        elif isinstance(factors := histories.get(history), list):
+            counts.append(((*path, "history"), len(factors)))
+        elif history not in histories:
+            yield Problem((*path, "history"), f"history '{history}', which is not defined",
+                          "one of " + ", ".join(histories) if histories else "a name defined under histories",
+                          f"define it under histories: {{{history}: [0.5, 1.0]}}")
     for path, count in counts[1:]:
         if count != counts[0][1]:
             yield Problem(path, f"{count} load steps", f"{counts[0][1]} load steps, as in {dotted(counts[0][0])}",

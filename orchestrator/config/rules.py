@@ -161,13 +161,10 @@ def a_mesh(data: Any) -> Iterator[Problem]:
 
 def parts_fit(data: Any) -> Iterator[Problem]:
     """Parts have names of their own, at most one element size, and one element."""
-    seen: dict[str, int] = {}
+    yield from _called_twice(data, ("parts", "*"), "part", "")
     for path, part in find(data, ("parts", "*")):
         if not isinstance(part, dict):
             continue
-        name = part.get("name")
-        if isinstance(name, str) and seen.setdefault(name, path[1]) != path[1]:
-            yield Problem((*path, "name"), f"a second part called '{name}'", "a name for each part", "give it another name")
         if part.get("h") is None:
             continue
         if get(part, "mesh", "step") is None:
@@ -188,9 +185,8 @@ def parts_fit(data: Any) -> Iterator[Problem]:
 
 def foreign_parts(data: Any) -> Iterator[Problem]:
     """Parts whose mesh is not ours stay whole, where they are, and meet linear tets."""
-    histories = get(data, "histories") or {}
     for kind in KINDS:
-        for path, own in find(data, ("parts", "*", kind)):
+        for path, _ in find(data, ("parts", "*", kind)):
             part = get(data, *path[:2])
             for key in ("move", "h", "element"):
                 if part.get(key) is not None:
@@ -205,27 +201,28 @@ def foreign_parts(data: Any) -> Iterator[Problem]:
                 if isinstance(entry, dict) and entry.get("element") == "P2":
                     yield Problem(("blackbox",), f"element: P2 beside a part that is a {kind}", "element: P1 there",
                                   "write element: P1, with a finer mesh; the part's own elements may be quadratic")
-            history = own.get("history") if isinstance(own, dict) else None
-            if isinstance(history, str) and history not in histories:
-                yield Problem((*path, "history"), f"history '{history}', which is not defined",
-                              "one of " + ", ".join(histories) if histories else "a name defined under histories",
-                              f"define it under histories: {{{history}: [0.5, 1.0]}}")
 
 
 def probes_fit(data: Any) -> Iterator[Problem]:
     """Probes have names of their own, and keys that their quantity heeds."""
-    seen: dict[str, int] = {}
+    yield from _called_twice(data, ("output", "probes", "*"), "probe", "probe_{}")
     for path, probe in find(data, ("output", "probes", "*")):
         if not isinstance(probe, dict):
             continue
-        name = probe.get("name") or f"probe_{path[-1] + 1}"
-        if isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
-            yield Problem((*path, "name"), f"a second probe called '{name}'", "a name for each probe", "give it another name")
         resultant = probe.get("quantity") == "resultant"
         for key, fits, where in (("of", not resultant, "a mean or an extreme"), ("about", resultant, "a resultant")):
             if "on" in probe and probe.get(key) is not None and not fits:
                 yield Problem((*path, key), f"{key} beside quantity: {shown(probe.get('quantity', 'mean'))}",
                               f"{key} beside {where} only", f"remove {key}")
+
+
+def _called_twice(data: Any, where: KeyPath, what: str, default: str) -> Iterator[Problem]:
+    """Entries of one name; without one, they have a default name with their number in it."""
+    seen: dict[str, int] = {}
+    for path, entry in find(data, where):
+        name = (entry.get("name") or default.format(path[-1] + 1)) if isinstance(entry, dict) else ""
+        if name and isinstance(name, str) and seen.setdefault(name, path[-1]) != path[-1]:
+            yield Problem((*path, "name"), f"a second {what} called '{name}'", f"a name for each {what}", "give it another name")
 
 
 RULES = [following, magnitudes, exactly_one, belongs_to, places, acting, sole_ratio, load_steps,
