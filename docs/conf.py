@@ -1,5 +1,6 @@
 """How `make docs` makes pages of these documents."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import orchestrator  # noqa: E402 - from the clone, whether or not it is install
 
 project = "Orchestrator"
 version = release = orchestrator.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
 exclude_patterns = ["_build"]
 suppress_warnings = [
     "misc.highlighting_failure",  # "…" in what is shown of YAML and Python
@@ -18,7 +19,6 @@ suppress_warnings = [
 myst_heading_anchors = 3
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
-napoleon_google_docstring = False
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 html_theme = "furo"
@@ -26,3 +26,20 @@ html_title = f"Orchestrator {release}"
 html_static_path: list[str] = []
 html_show_sourcelink = False
 html_copy_source = False
+
+
+def with_lists(app, what, name, obj, options, lines):
+    """Show lines ``name : meaning`` of a docstring as a list, what it returns or raises as paragraphs of their own."""
+    shown = []
+    for line in lines:
+        item = re.match(r"([\w*, ]+) : (.*)", line)
+        if item:
+            line = f"- **{item[1]}**: {item[2]}"
+        if (item and shown and not shown[-1].startswith(("-", " "))) or re.match(r"(Returns|Raises) ", line):
+            shown.append("")
+        shown.append(line)
+    lines[:] = shown
+
+
+def setup(app):
+    app.connect("autodoc-process-docstring", with_lists)

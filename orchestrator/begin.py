@@ -23,17 +23,9 @@ METIS = 20_000  # dofs of a subdomain, where the file has one volume
 def begin(target: Path, source: Path | None, h: float | None) -> list[str]:
     """Writes the configuration ``target`` for the mesh or CAD file ``source``, or for a beam without one.
 
-    Parameters
-    ----------
     h : element size for CAD files; None: the mesher derives one
-
-    Returns
-    -------
-    what was written and what to do next, lines
-
-    Raises
-    ------
-    InputError : the file cannot be read or has no surfaces; the target is there already, or its folder cannot be written to
+    Returns what was written and what to do next, lines
+    Raises InputError: the file cannot be read or has no surfaces; the target is there already, or its folder cannot be written to
     """
     text = _beam(target.stem) if source is None else _of_file(target, source, h)
     try:

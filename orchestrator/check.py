@@ -19,14 +19,9 @@ PAIRS = 50  # that are shown; ``orchestrator inspect`` shows all
 def checked(config: Config, run_programs: bool = False) -> list[str]:
     """Lines on a sound scene.
 
-    Parameters
-    ----------
     run_programs : whether programs, interpreters and forms that the configuration names are run; else it is told what is not
         checked therefore: with a program among the parts, all but the meshes, matrices and decks of the others
-
-    Raises
-    ------
-    InputError : the mesh, the codes or the number of iterations do not fit it
+    Raises InputError: the mesh, the codes or the number of iterations do not fit it
     """
     unsaid = [] if run_programs else not_asked(config)
     if not run_programs and any(part.program for part in config.parts or []):

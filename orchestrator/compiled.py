@@ -30,8 +30,6 @@ PART = 1 << 14
 class Compiled:
     """A function compiled at its first call, in which other threads may run.
 
-    Parameters
-    ----------
     function : plain loops over arrays and numbers, in a module that imports nothing that numba does not know
     """
 
@@ -85,8 +83,6 @@ def _nothing(number):
 def in_parts(function: Compiled, size: int, *arguments, part: int = PART) -> list:
     """What ``function(start, stop, *arguments)`` returns for parts of ``range(size)``, in their order; on all cores.
 
-    Parameters
-    ----------
     function : writes to entries of its own part alone
     part : how many of them
     """
@@ -114,8 +110,6 @@ def in_parts(function: Compiled, size: int, *arguments, part: int = PART) -> lis
 def together(function: Callable[[Any], Any], arguments: Sequence[Any]) -> list:
     """What ``function`` returns for each of some arguments, in their order; each by a thread of its own.
 
-    Parameters
-    ----------
     function : spends its time where other threads may run
     """
     helpers = [_helpers().submit(function, argument) for argument in arguments[1:]]
@@ -129,8 +123,6 @@ def together(function: Callable[[Any], Any], arguments: Sequence[Any]) -> list:
 def in_slices(work: Callable[[slice], None], size: int, part: int = PART) -> None:
     """Have ``range(size)`` worked on slice by slice, each core on some: what is written in between stays in its own cache.
 
-    Parameters
-    ----------
     work : writes to places of its own slice alone, and spends its time where other threads may run
     """
     parts = [slice(first, min(first + part, size)) for first in range(0, size, part)]

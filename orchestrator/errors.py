@@ -17,8 +17,6 @@ KeyPath = tuple[str | int, ...]
 class Problem:
     """One thing wrong with the input.
 
-    Parameters
-    ----------
     path : keys of the YAML entry concerned, e.g. ``("boundary", 1, "on")``; empty when none is
     found : what was there
     expected : what would have been accepted
@@ -117,8 +115,6 @@ class Problems:
 class BlackBoxError(OrchestratorError):
     """The black box died, hung or answered nonsense.
 
-    Parameters
-    ----------
     what : what happened, in one sentence
     subdomain : name of the subdomain being worked on, if known
     exit_code_meaning : the code's own exit code explained, if it ended

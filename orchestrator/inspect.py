@@ -25,9 +25,7 @@ CAD = {".stp", ".step", ".brep"}
 def inspected(path: Path, h: float | None = None) -> tuple[list[str], Mesh]:
     """Lines on a mesh file, or on a CAD file whose solids are meshed one by one, and the mesh.
 
-    Raises
-    ------
-    InputError : it cannot be read, or is no sound mesh
+    Raises InputError: it cannot be read, or is no sound mesh
     """
     mesh, faces = make_mesh(section_of(path, h))
     return _lines(mesh, faces), mesh
@@ -43,13 +41,8 @@ def section_of(path: Path, h: float | None = None) -> Section:
 def listed(config: Config, run_programs: bool = False) -> tuple[list[str], Mesh]:
     """Lines on a configuration, and its mesh: of its scene where it makes one, else of its meshes, and what is wrong.
 
-    Parameters
-    ----------
     run_programs : whether parts that are programs are started; else these are not there
-
-    Raises
-    ------
-    InputError : there is no mesh
+    Raises InputError: there is no mesh
     """
     young = [matter.young for matter in config.matter]
     if not run_programs and any(part.program for part in config.parts or []):
@@ -70,9 +63,7 @@ def listed(config: Config, run_programs: bool = False) -> tuple[list[str], Mesh]
 def model_html(mesh: Mesh) -> bytes:
     """The model as a page that turns, see ``results.figures.interactive``: its named surfaces, or without any its volumes' faces.
 
-    Raises
-    ------
-    InputError : as there
+    Raises InputError: as there
     """
     from orchestrator.results.figures.interactive import model_page
 

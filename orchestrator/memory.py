@@ -21,9 +21,7 @@ NEEDED = 1_200_000_000  # addresses that libraries, their threads and the buffer
 def check_addresses() -> None:
     """Before numpy is imported: OpenBLAS waits for ever, without a word, for a buffer that a limit does not allow.
 
-    Raises
-    ------
-    InputError : the limit of this process's addresses is below what any run takes
+    Raises InputError: the limit of this process's addresses is below what any run takes
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     if limit != resource.RLIM_INFINITY and limit < NEEDED:

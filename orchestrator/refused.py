@@ -42,9 +42,7 @@ CAUSES: dict[str, tuple[tuple[str, ...], str, str, str]] = {
 def by_keys() -> Iterator[None]:
     """Have what the method refuses in here told as a problem of the configuration.
 
-    Raises
-    ------
-    InputError : it was refused
+    Raises InputError: it was refused
     """
     from orchestrator.method.refusal import Refusal  # ``check`` asks before the method is imported
 

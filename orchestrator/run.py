@@ -36,16 +36,8 @@ def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, ref
         quiet: bool = False, team: Team = ALONE, artist: Artist | None = None) -> int:
     """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
 
-    Parameters
-    ----------
     artist : who draws the figures; default: where they are asked for, one that gets ready now
-
-    Returns
-    -------
-    exit code: 0 converged, 1 stopped without converging
-
-    Raises
-    ------
+    Returns exit code: 0 converged, 1 stopped without converging
     InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and checkpoint have been saved
     """
     config, watch = loaded.config, Stopwatch.since_launch()

@@ -14,14 +14,9 @@ from orchestrator.parallel.team import Team
 def check_codes(codes: Sequence, used: Sequence[int], blackbox: BlackBox, method: Method, reference: bool, team: Team) -> None:
     """Compare the entries of ``blackbox`` with what their solvers say of themselves, and with what is asked for.
 
-    Parameters
-    ----------
     codes : entries of ``blackbox``; used : numbers of those that this rank uses
     reference : whether the undecomposed solution is asked for
-
-    Raises
-    ------
-    InputError : they disagree
+    Raises InputError: they disagree
     """
     own = any(blackbox.traits(number).own_matter for number in used)
     if reference and len(codes) > 1 and own:

@@ -48,8 +48,6 @@ from orchestrator.timing import Stopwatch
 class Ranks:
     """Who solves a problem together.
 
-    Parameters
-    ----------
     speeds : (ranks,) shares of 1, by which they get subdomains; None: all alike
     may_stop : on rank 0, whether a run that is unbalanced can be gone on from; None: it is not asked
     """
@@ -63,8 +61,6 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
           start: Start | None = None, watch: Stopwatch | None = None, ranks: Ranks = Ranks()) -> Solution | Piece:
     """Solve a problem; nothing is written.
 
-    Parameters
-    ----------
     scene : default: what ``build_scene`` makes of the configuration
     subscribers : told what goes on
     reference : also solve undecomposed, and follow the true error; with perfect interfaces only
@@ -72,16 +68,10 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
     watch : where seconds are counted
     ranks : that solve it together; each calls this, rank 0 alone needs the scene, and hands out its parts. Only rank 0 gets
         the solution, the others their pieces of its fields, and only its subscribers see whole states
-
-    Returns
-    -------
-    the solution, converged or not
-
-    Raises
-    ------
-    InputError : the problem cannot be solved, or a code is not there
-    BlackBoxError : a code fails, hangs or answers nonsense
-    Unbalanced : where ``ranks.may_stop`` allows it: call it again, on all ranks, with the speeds found and the latest start
+    Returns the solution, converged or not
+    Raises InputError: the problem cannot be solved, or a code is not there
+    Raises BlackBoxError: a code fails, hangs or answers nonsense
+    Raises Unbalanced: where ``ranks.may_stop`` allows it: call it again, on all ranks, with the speeds found and the latest start
 
     Examples
     --------
@@ -118,8 +108,6 @@ def solve(config: Config, scene: Scene | None = None, subscribers: Sequence[Subs
 class _Solving:
     """One solution; every rank has its own, and the whole scene is on rank 0.
 
-    Attributes
-    ----------
     rank_of : (subdomains,) int
     exact : the undecomposed solution, on rank 0 where it is asked for
     """
@@ -172,8 +160,6 @@ class _Solving:
                      placed: bool) -> tuple[Delivered, float, list[Spent] | None]:
         """This rank's part: what is delivered, back-substitutions in set-up, and on rank 0 what all have spent.
 
-        Parameters
-        ----------
         parts : this rank's, taken out of the list so that nobody else holds it
         placed : whether the balance of the ranks is watched
         """

@@ -12,8 +12,6 @@ from contextlib import contextmanager
 class Stopwatch:
     """Adds up wall-clock seconds and calls under names; stages do not overlap.
 
-    Attributes
-    ----------
     waited : what says how many seconds this process has waited for others so far
     waiting : seconds of each stage in which it waited
     """

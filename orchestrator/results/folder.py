@@ -22,13 +22,8 @@ _FULL = {errno.ENOSPC, errno.EDQUOT}
 class ResultsFolder:
     """A folder that takes the results of one run; files in it that are not this program's are neither removed nor replaced.
 
-    Parameters
-    ----------
     directory : where; created with its parents if missing
-
-    Raises
-    ------
-    InputError : it cannot be created or written to; later, from any writing, also when the disk is full
+    Raises InputError: it cannot be created or written to; later, from any writing, also when the disk is full
     """
 
     def __init__(self, directory: str | os.PathLike[str]):
@@ -75,9 +70,7 @@ class ResultsFolder:
         On any failure, an interrupt included, the temporary file is removed and what stood
         under ``name`` before stays.
 
-        Raises
-        ------
-        InputError : disk full or folder not writable; what stands there is not this program's
+        Raises InputError: disk full or folder not writable; what stands there is not this program's
         """
         target = self.path / name
         temporary = target.with_name(f".{target.name}{UNFINISHED}")
@@ -110,9 +103,7 @@ class ResultsFolder:
     def check_free(self, pattern: str = RESULTS) -> None:
         """Whether names that match the regular expression can be written under.
 
-        Raises
-        ------
-        InputError : files that are not this program's, or were changed since, are in the way
+        Raises InputError: files that are not this program's, or were changed since, are in the way
         """
         with self.guarded("the list of its files"):
             if foreign := self.manifest.foreign(pattern):
@@ -121,9 +112,7 @@ class ResultsFolder:
     def clear(self) -> None:
         """Removes what earlier runs left here, and nothing else: call it before a fresh run.
 
-        Raises
-        ------
-        InputError : files that are not this program's are in the way; nothing is removed then
+        Raises InputError: files that are not this program's are in the way; nothing is removed then
         """
         self.check_free()
         self.remove("*")
@@ -138,9 +127,7 @@ class ResultsFolder:
     def of_part(self, name: str) -> Iterator[Path]:
         """The empty folder parts/``name``, for a program of the user's: what it leaves there becomes this program's to remove.
 
-        Raises
-        ------
-        InputError : folder not writable; files that no such run has left there
+        Raises InputError: folder not writable; files that no such run has left there
         """
         path, pattern = self.path / PARTS / name, of_parts([name])
         self.check_free(pattern)

@@ -31,8 +31,6 @@ from orchestrator.scene.model import Scene
 class Solution:
     """What a run has found; T load steps, n nodes.
 
-    Parameters
-    ----------
     summary : the content of summary.json
     history : column of history.csv → (iterations,) array
     fields : displacements on the undecomposed mesh and what follows from them, as in fields.npz; None if none were
@@ -92,9 +90,7 @@ class Solution:
     def read(cls, directory: str | os.PathLike[str]) -> Solution:
         """Reads a results folder.
 
-        Raises
-        ------
-        InputError : missing folder, or not one that a run has written
+        Raises InputError: missing folder, or not one that a run has written
         """
         summary = read_summary(directory)  # first: its message says best what is wrong with a foreign folder
         return cls(summary, read_history(directory), read_npz(directory), Path(directory))
@@ -102,9 +98,7 @@ class Solution:
     def write(self, directory: str | os.PathLike[str]) -> Path:
         """Writes summary.json, history.csv and fields.npz; ``read`` gives the same back.
 
-        Raises
-        ------
-        InputError : folder not writable, or disk full
+        Raises InputError: folder not writable, or disk full
         """
         folder = ResultsFolder(directory)
         write_history(folder, self.history)

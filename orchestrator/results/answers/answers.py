@@ -27,8 +27,6 @@ FILES = (largest.NAME, carried.NAME, asked.NAME)
 class Answers:
     """Of a run that has just been finished.
 
-    Parameters
-    ----------
     extremes : of every part
     interfaces : what all interfaces carry
     probes : as ``probes.read_probes`` gives them
@@ -45,8 +43,6 @@ class Answers:
            piece: Piece | None = None) -> Answers:
         """Of a solved scene.
 
-        Parameters
-        ----------
         detached : names of bodies that nothing holds, per load step
         piece : rank 0's, where there are several; the others ask for the extremes of theirs
         """
@@ -70,9 +66,7 @@ class Answers:
     def write(self, folder: ResultsFolder) -> None:
         """Writes extremes.csv, interfaces.csv and, where there are probes, probes.csv.
 
-        Raises
-        ------
-        InputError : disk full or folder not writable
+        Raises InputError: disk full or folder not writable
         """
         write_extremes(folder, self.extremes)
         if self.interfaces.names:

@@ -26,8 +26,6 @@ COLUMNS = ("part", "quantity", "extreme", "value", "x", "y", "z", "load_step")
 class Extremes:
     """Of p parts and q quantities, as ``DISPLACEMENT`` and ``STRESS`` name them, the smallest and the largest.
 
-    Parameters
-    ----------
     parts : names; quantities : names
     value : (2, p, q), nan where nothing is known or to be believed
     at : (2, p, q, 3) places in the undeformed body; step : (2, p, q) int, from 1
@@ -81,8 +79,6 @@ def components_of_displacement(u: np.ndarray) -> np.ndarray:
 def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
     """Those of a solution, over all load steps.
 
-    Parameters
-    ----------
     lost : (steps, subdomains) bool, bodies that nothing holds: where they are means nothing; None: there are none
     """
     fields, names = nodal.fields, nodal.fields.parts or ("",)
@@ -124,9 +120,7 @@ def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray,
 def write_extremes(folder: ResultsFolder, found: Extremes) -> Path:
     """Writes extremes.csv.
 
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     import csv
 

@@ -23,8 +23,6 @@ COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz"
 class InterfaceTable:
     """Of all I interfaces, T load steps.
 
-    Parameters
-    ----------
     names, sides, laws : (I,) texts, pairs of texts, texts
     resultants : forces and moments on side 1
     pressure : (T, I) the largest at a node; nan of bonded interfaces, where stresses tell
@@ -55,9 +53,7 @@ class InterfaceTable:
     def write(self, folder: ResultsFolder) -> Path:
         """Writes the file; places without a centre of pressure are empty.
 
-        Raises
-        ------
-        InputError : disk full or folder not writable
+        Raises InputError: disk full or folder not writable
         """
         r, text = self.resultants, io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
@@ -76,8 +72,6 @@ class InterfaceTable:
 def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(T, I) W and D of the interfaces that are not perfect.
 
-    Parameters
-    ----------
     rubs : (I,) bool, whether what acts along the interface is friction
     """
     i = interfaces

@@ -42,13 +42,8 @@ FOREIGN = "the matter there is its code's own: what it is stressed by is not kno
 def read_probes(scene: Scene, nodal: Nodal, parts: Sequence[np.ndarray]) -> list[dict[str, object]]:
     """Per probe of the scene its name, what it tells, and per component the values of all load steps.
 
-    Parameters
-    ----------
     parts : per subdomain (T, n_E, 3), in equilibrium with its interface forces
-
-    Returns
-    -------
-    dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
+    Returns dictionaries with ``name``, ``quantity``, ``of``, ``at`` (point, centre or per component and step the extreme's place),
     ``values`` (component → list per step) and, in place of numbers that would not be true, ``why``
     """
     return [_at_point(probe, nodal) if isinstance(probe, Point)
@@ -143,8 +138,6 @@ def _resultant(probe: Surface, scene: Scene, fields: Fields, parts: Sequence[np.
 def _elsewhere(probe: Surface, scene: Scene, mine: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """(N,) bool, copies of nodes at which interfaces act that have no face on the surface: theirs are not its forces.
 
-    Parameters
-    ----------
     mine : keys of the surface's faces; ends : where the subdomains' copies begin
     """
     on, beside = np.zeros((2, int(ends[-1])), dtype=bool)
@@ -168,9 +161,7 @@ def columns(probes: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, list[
 def write_probes(folder: ResultsFolder, probes: Sequence[Mapping[str, object]], steps: int) -> Path:
     """Writes probes.csv: a line per load step, a column per component; empty where there is no number.
 
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     found = list(columns(probes))
     text = io.StringIO()

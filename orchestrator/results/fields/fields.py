@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 class Fields:
     """Displacements of every load step on the undecomposed mesh, and what follows from them.
 
-    Parameters
-    ----------
     nodes : (n, 3) float, in the order of the input mesh, mid-edge nodes last; cells : (m, 4 or 10) int, VTK's order
     subdomain : (m,) int
     lame : (m, 2), Lamé's λ and μ per cell; 0 of cells that stand for a part whose mesh is another program's

@@ -31,14 +31,9 @@ def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = No
     Several ranks write a piece of every step each, step_0001_0.vtu …, that step_0001.pvtu puts together; the others
     ``write_piece`` meanwhile.
 
-    Parameters
-    ----------
     piece : rank 0's, where there are several ranks
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
-
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
@@ -129,14 +124,9 @@ def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: Inter
                      displacement: Sequence[np.ndarray]) -> None:
     """Writes the triangles of all interfaces with gap, slip, pressure, friction traction and status.
 
-    Parameters
-    ----------
     nodes : (n, 3) of the mesh
     displacement : of side 1 and side 2, (steps, N, 3) each
-
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
     for step, name in enumerate(names):

@@ -26,8 +26,6 @@ class Nodal:
 
     Of a rank's piece of a solution each rank makes one, and all ask together. Made of ``Fields``, which keep it.
 
-    Attributes
-    ----------
     fields : those on ``Fields.opened``, whose nodes are meant
     corner : (m, 4) int, which of the K each tet's corners are
     node : (K,) int, one of the nodes of ``fields`` at each; where copies have been joined, the first

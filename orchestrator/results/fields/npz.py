@@ -40,9 +40,7 @@ _OWN = "own_"
 def write_npz(folder: ResultsFolder, written: Fields) -> Path:
     """Writes fields.npz, uncompressed (compression would take longer than the solution).
 
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     arrays = {name: getattr(written, name) for name in _ALWAYS}
     arrays |= {f"{_SIDES}{e}": u for e, u in enumerate(written.sides or ())}
@@ -59,9 +57,7 @@ def write_npz(folder: ResultsFolder, written: Fields) -> Path:
 def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
     """Fields of a results folder; None if the run was asked for none.
 
-    Raises
-    ------
-    InputError : fields.npz is there but cannot be read, or does not fit in memory
+    Raises InputError: fields.npz is there but cannot be read, or does not fit in memory
     """
     path = Path(directory) / NAME
     if not path.is_file():

@@ -20,8 +20,6 @@ from orchestrator.results.fields.fields import Fields
 class Piece:
     """Of one rank. Every rank asks the same of its own, in the same order.
 
-    Parameters
-    ----------
     fields : of its cells, bodies with nodes of their own where interfaces open
     cells : (k,) int, their numbers in the whole
     team : the ranks
@@ -35,8 +33,6 @@ class Piece:
     def handed_out(cls, fields: Fields | None, rank_of: np.ndarray, team: Team) -> Piece:
         """This rank's own.
 
-        Parameters
-        ----------
         fields : the whole ones, on rank 0
         rank_of : (subdomains,) int, the rank of each
         """
@@ -79,8 +75,6 @@ class Piece:
     def extremes(self, believed: np.ndarray | None = None, lost: np.ndarray | None = None) -> Extremes | None:
         """Those of the whole, on rank 0, which knows the parameters.
 
-        Parameters
-        ----------
         believed : (m,) bool, of all cells, as for ``Fields``
         lost : as for ``extremes``
         """

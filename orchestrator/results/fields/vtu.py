@@ -22,16 +22,11 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
               point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray]) -> None:
     """Writes one grid.
 
-    Parameters
-    ----------
     name : of the file in the folder
     points : (n, 3) float
     cells : (m, 3, 4 or 10) int: triangles, tets or ten-node tets
     point_data, cell_data : name → (n,) or (n, components), (m,) or (m, components)
-
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     appended, at = [], 0
 
@@ -68,13 +63,8 @@ def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_da
                cell_data: Mapping[str, np.ndarray]) -> None:
     """Writes what puts the pieces of one grid together, files beside it.
 
-    Parameters
-    ----------
     point_data, cell_data : as for ``write_vtu``, of any one cell
-
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     def array(name: str, values: np.ndarray) -> str:
         return f"      <PDataArray {_kind(name, values)}/>"
@@ -90,13 +80,8 @@ def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_da
 def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str], parts: Sequence[Sequence[str]] = ()) -> None:
     """Writes a ParaView collection of one file per load step beside it, time = step from 1.
 
-    Parameters
-    ----------
     parts : of further parts, one file per load step each
-
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     rows = [f'    <DataSet timestep="{step}" group="" part="{part}" file="{file}"/>'
             for part, files in enumerate([steps, *parts]) for step, file in enumerate(files, 1)]

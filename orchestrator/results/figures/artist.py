@@ -50,10 +50,8 @@ class Artist:
     def finish(self) -> list[object]:
         """Waits for what the functions return, but not for ever.
 
-        Raises
-        ------
-        CannotDraw : the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
-        InputError : from a function: disk full or folder not writable
+        Raises CannotDraw: the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
+        Raises InputError: from a function: disk full or folder not writable
         """
         self._work.put(None)
         self._thread.join(PATIENCE)

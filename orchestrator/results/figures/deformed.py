@@ -63,13 +63,8 @@ def _largest(fields: Fields, steps: Sequence[int]) -> list[float]:
 def deformed(fields: Fields, look: Look = Look(), stress: Mapping[int, np.ndarray] | None = None) -> Sheet | None:
     """The deformed surface at ``shown_steps``: one camera, one exaggeration, one colour scale; bodies apart where interfaces opened.
 
-    Parameters
-    ----------
     stress : step → ``Nodal.von_mises``; None: computed here
-
-    Returns
-    -------
-    None where there is no part to draw that has a mesh of ours
+    Returns None where there is no part to draw that has a mesh of ours
     """
     if not len(drawn_cells(fields, look)):
         return None

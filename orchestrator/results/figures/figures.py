@@ -24,20 +24,12 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
                   look: Look | None = None, stress: Mapping[int, np.ndarray] | None = None) -> list[Path]:
     """Draw charts and pictures of a run, of what is known; pictures in a process apart (see ``artist``).
 
-    Parameters
-    ----------
     summary : as in summary.json; history : as from ``read_history``
     fields : for deformed.png, interfaces.png, jumps.png and codes.png; None: charts alone
     look : of the structure; None: as the configuration says
     stress : step → ``Nodal.von_mises`` of ``shown_steps``; None: computed here
-
-    Returns
-    -------
-    paths of the figures written
-
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Returns paths of the figures written
+    Raises InputError: disk full or folder not writable
     """
     made = {"convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
             "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary)}

@@ -30,9 +30,7 @@ MOST = 600_000  # triangles: more than browsers turn smoothly
 def result_page(fields: Fields, title: str, look: Look) -> bytes:
     """The deformed structure at the load step of its largest displacement, a surface for each part, coloured by von Mises stress.
 
-    Raises
-    ------
-    InputError : Plotly is not installed, the surface is too large for a browser, or there is none
+    Raises InputError: Plotly is not installed, the surface is too large for a browser, or there is none
     """
     step = most_deformed(fields)
     if not len(drawn_cells(fields, look)):
@@ -70,13 +68,8 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
 def model_page(nodes: np.ndarray, groups: Sequence[tuple[str, np.ndarray]], title: str) -> bytes:
     """A model's named surfaces, each in its colour and with its name in the legend and under the pointer.
 
-    Parameters
-    ----------
     groups : name and triangles (k, 3) int of each
-
-    Raises
-    ------
-    InputError : as for ``result_page``
+    Raises InputError: as for ``result_page``
     """
     _check(sum(len(triangles) for _, triangles in groups))
     graph, figure = _figure(title)
@@ -130,9 +123,7 @@ _SEAL = re.compile(rb"\n<!-- orchestrator ([0-9a-f]{64}) -->\n\Z")
 def write_sealed(path: Path, page: bytes) -> None:
     """Writes the page.
 
-    Raises
-    ------
-    InputError : a file is there that is no such page, or was changed since; it cannot be written
+    Raises InputError: a file is there that is no such page, or was changed since; it cannot be written
     """
     try:
         if path.is_symlink() or path.exists() and not _sealed(path.read_bytes()):

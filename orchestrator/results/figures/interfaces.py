@@ -32,8 +32,6 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
     Those whose jump is imposed, whatever force it takes, have another scale: of them and of the others only one kind is
     drawn, unless there is no other. Where all of a triangle's nodes are open, it is grey.
 
-    Parameters
-    ----------
     imposed : whether those are meant; then there must be others too
     """
     i = _chosen(fields.interfaces, imposed)

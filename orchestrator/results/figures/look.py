@@ -16,8 +16,6 @@ NO_UNITS = {"length": "", "force": "", "stress": ""}
 class Look:
     """What is drawn of a structure.
 
-    Parameters
-    ----------
     parts : patterns of their names; none: all
     cut : axis (0, 1, 2) and place of a plane; what is in front of it is left out; None: nothing is cut
     angles : degrees of the eye, from x towards y, and above; None: as suits the structure

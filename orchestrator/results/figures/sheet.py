@@ -34,8 +34,6 @@ class Scale:
 class Sheet:
     """A grid of views, row by row.
 
-    Parameters
-    ----------
     views : all of the same proportions; headings : one each, of which all may be empty
     columns : of the grid
     scales : beside each other below the grid

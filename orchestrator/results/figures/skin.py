@@ -17,8 +17,6 @@ from orchestrator.results.figures.view import NO_LINES
 class Skin:
     """Triangles on points of their own, at some load steps.
 
-    Parameters
-    ----------
     points : (p, 3) undeformed; triangles : (k, 3) int; lines : (e, 2) int, edges worth a line
     cell : (k,) int, the tet behind each triangle
     displacement : step → (p, 3); stress : step → (p,) von Mises stress, nan where it is not known
@@ -45,8 +43,6 @@ def drawn_cells(fields: Fields, look: Look) -> np.ndarray:
 def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray, known: Mapping[int, np.ndarray] | None = None) -> Skin:
     """What is drawn of a solution.
 
-    Parameters
-    ----------
     toward : (3,) from the structure to the eye: what a cut takes away is there
     known : step → ``Nodal.von_mises``; None: computed here
     """

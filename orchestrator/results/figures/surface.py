@@ -20,13 +20,8 @@ def grid_of(nodes: np.ndarray, cells: np.ndarray):
 def outer_faces(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Faces that belong to one tet only; those of a ten-node tet in four triangles each.
 
-    Parameters
-    ----------
     nodes : (n, 3); cells : (m, 4 or 10) int, VTK's order
-
-    Returns
-    -------
-    triangles : (k, 3) node ids, oriented outward; cell : (k,) the tet of each
+    Returns triangles : (k, 3) node ids, oriented outward; cell : (k,) the tet of each
     """
     grid = grid_of(nodes, cells)
     grid.point_data["node"], grid.cell_data["cell"] = np.arange(len(nodes)), np.arange(len(cells))
@@ -38,8 +33,6 @@ def outer_faces(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.nd
 def edges(nodes: np.ndarray, triangles: np.ndarray, part: np.ndarray | None = None, sharp: float = SHARP) -> np.ndarray:
     """(e, 2) node ids of the edges where faces turn sharply, at borders between parts, and of open rims.
 
-    Parameters
-    ----------
     nodes : (n, 3); triangles : (k, 3) int
     part : (k,) int, of each triangle; none: they are one
     sharp : degrees; 180 for rims and borders only

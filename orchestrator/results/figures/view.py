@@ -21,8 +21,6 @@ _FLATTEST, _TALLEST = 0.22, 0.75  # height of a drawing over its width
 class Camera:
     """Parallel projection with z upward.
 
-    Parameters
-    ----------
     focus : (3,) the point at the picture's centre
     toward : (3,) unit vector from the scene to the eye; right, up : (3,) the picture's axes
     width, height : of the picture, in the model's unit
@@ -70,8 +68,6 @@ def toward_eye(points: np.ndarray) -> np.ndarray:
 class View:
     """A coloured surface with lines on it, as one camera sees it.
 
-    Parameters
-    ----------
     points : (p, 3) as drawn; triangles : (k, 3) int
     values : (p,) what gives the colour; nan is grey
     camera : where it is seen from
@@ -110,8 +106,6 @@ ENDS, VISIBLE = (99.5, 98.0, 95.0, 90.0), 0.15
 def colour_limits(values: np.ndarray, weights: np.ndarray | None = None) -> tuple[tuple[float, float], tuple[bool, bool]]:
     """Colour limits that a singular corner does not stretch, and whether values lie beyond them.
 
-    Parameters
-    ----------
     values : (n,), nan where nothing is known
     weights : (n,) area that each stands for; None: the same
     """

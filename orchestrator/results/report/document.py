@@ -58,8 +58,6 @@ def heading(text: str, level: int = 2) -> str:
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: bool = False) -> str:
     """Rows of texts below a ``head``; a text of several lines takes several rows.
 
-    Parameters
-    ----------
     numeric : columns after the first are aligned right
     """
     rule = ["---"] + ["---:" if numeric else "---"] * (len(head) - 1)

@@ -63,19 +63,11 @@ _PICTURES = [("deformed.png", "Deformed structure, coloured by von Mises stress;
 def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | None = None, interactive: bool = False) -> Path:
     """Draws the figures anew and writes report.md and report.html (one file, pictures inside).
 
-    Parameters
-    ----------
     directory : a results folder
     figures : how the structure is drawn, as ``output.figures`` in the YAML; None: as the run's configuration says
     interactive : also write result.html, in which the structure turns
-
-    Returns
-    -------
-    path of report.md
-
-    Raises
-    ------
-    InputError : missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
+    Returns path of report.md
+    Raises InputError: missing folder, or not one that a run has written; disk full or folder not writable; nothing that is to be
         drawn is there
     """
     solution = Solution.read(directory)

@@ -22,8 +22,6 @@ _WITHOUT = "if it is damaged, remove it: --resume goes on without its lines"
 class HistoryWriter(Subscriber):
     """Appends every iteration to history.csv.
 
-    Parameters
-    ----------
     folder : where
     resume_after : iteration of the checkpoint a run resumes from: lines up to it are kept,
         later ones (run after the checkpoint, then lost) dropped; None starts a new file
@@ -73,9 +71,7 @@ class HistoryWriter(Subscriber):
     def complete(self) -> None:
         """Writes the whole file again, if lines found no room or somebody has removed it.
 
-        Raises
-        ------
-        InputError : it cannot be written now either
+        Raises InputError: it cannot be written now either
         """
         if not self._whole or self._file.closed or not (self._folder / NAME).exists():
             self._folder.write(NAME, b"".join(self._lines))
@@ -110,14 +106,9 @@ def write_history(folder: ResultsFolder, history: dict[str, np.ndarray]) -> Path
 def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """Reads a history.csv, or the one in a results folder.
 
-    Returns
-    -------
-    column name → (iterations,) array, int for counts and float for the rest. A last line cut
+    Returns column name → (iterations,) array, int for counts and float for the rest. A last line cut
     short by a killed run is left out.
-
-    Raises
-    ------
-    InputError : missing file, or not a history
+    Raises InputError: missing file, or not a history
     """
     path = Path(path)
     path = path / NAME if path.is_dir() else path

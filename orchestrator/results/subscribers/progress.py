@@ -13,8 +13,6 @@ from orchestrator.method.events import Finished, Iteration, Subscriber
 class Progress(Subscriber):
     """A line on the terminal; silent when ``quiet`` or, but for warnings, when the stream is no terminal.
 
-    Parameters
-    ----------
     quiet : no output at all
     stream : default: standard output
     """

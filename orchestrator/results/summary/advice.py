@@ -30,8 +30,6 @@ _DEFAULTS = Method()
 class Stopped:
     """A run that has not converged.
 
-    Parameters
-    ----------
     loose : names of bodies that are detached or weakly held
     codes : names of the codes
     stabilised : what stabilisation carried; None where there is none

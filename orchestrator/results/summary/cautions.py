@@ -22,8 +22,6 @@ def cautions(scene: Scene, sides: list[np.ndarray], interfaces: InterfaceFields 
              detached: Iterable[list[str]] = (), discretisation_error: float | None = None) -> list[str]:
     """What a reader of the results must know.
 
-    Parameters
-    ----------
     sides : per subdomain (steps, n_E, 3) displacement
     detached : names per load step; where such bodies are means nothing, so that they are left out
     discretisation_error : estimated, relative, energy norm; None: not known

@@ -62,8 +62,6 @@ OFF = ["error bound", "superposition", "batches of load steps", "GMRES", "strain
 def nonlinear_parts(scene: Scene, iterations: int) -> dict[str, object]:
     """The summary's entry; empty where all matter is linear.
 
-    Parameters
-    ----------
     iterations : of all load steps; each asked every such subdomain once, and each load step's end once more
     """
     names = [s.name for s in scene.subdomains if s.remembers]

@@ -29,8 +29,6 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
               ranks: Sequence[Spent], watch: Stopwatch) -> dict[str, object]:
     """The content of summary.json, where numbers may be numpy's, nan and infinite.
 
-    Parameters
-    ----------
     setup_sweeps : back-substitutions per subdomain and load step before the first iteration
     exact : the undecomposed solution, if asked for
     ranks : what each rank has spent

@@ -17,8 +17,6 @@ from orchestrator.scene.model import Scene
 def passing_through(scene: Scene, sides: list[np.ndarray], lost: Iterable[str] = ()) -> list[str]:
     """A sentence per pair of parts, for the load step at which they are deepest.
 
-    Parameters
-    ----------
     sides : per subdomain (steps, n_E, 3) displacement
     lost : names of bodies whose place means nothing
     """

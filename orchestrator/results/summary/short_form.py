@@ -23,8 +23,6 @@ def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[st
                   console: object | None = None) -> None:
     """Prints what matters of a summary as a compact table.
 
-    Parameters
-    ----------
     summary : as for ``write_summary``
     directory : the results folder, to say where the figures are
     console : a rich Console; default: standard output

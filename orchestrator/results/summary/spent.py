@@ -16,8 +16,6 @@ from orchestrator.scene.model import Scene
 class Spent:
     """One rank's share.
 
-    Parameters
-    ----------
     clock : the codes' own CPU seconds per kind of work, summed over workers
     memory_mb, own_memory_mb : largest, of this process and of the codes', and of this process alone
     codes : number of a code in the configuration → what it has spent
@@ -41,8 +39,6 @@ class Spent:
            for_reference: float = 0.0) -> Spent:
         """This rank's, so far.
 
-        Parameters
-        ----------
         usage : what its black box has taken
         numbers : of the black box's codes in the configuration
         for_reference : seconds that it was asked for the true error, which are no part of the solution's

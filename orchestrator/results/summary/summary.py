@@ -39,9 +39,7 @@ def write_summary(folder: ResultsFolder, summary: Mapping[str, object]) -> Path:
 
     Numpy numbers and arrays become plain ones; nan and infinities become null, which JSON can hold.
 
-    Raises
-    ------
-    InputError : disk full or folder not writable
+    Raises InputError: disk full or folder not writable
     """
     complete = {key: summary.get(key) for key in KEYS} | dict(summary)
     return folder.write(NAME, json.dumps(jsonable(complete), indent=1, allow_nan=False) + "\n")
@@ -50,9 +48,7 @@ def write_summary(folder: ResultsFolder, summary: Mapping[str, object]) -> Path:
 def read_summary(directory: str | os.PathLike[str]) -> dict[str, object]:
     """Reads the summary of a results folder.
 
-    Raises
-    ------
-    InputError : no such folder, or not one a run has written
+    Raises InputError: no such folder, or not one a run has written
     """
     path = Path(directory) / NAME
     expected = "a results folder written by a run"

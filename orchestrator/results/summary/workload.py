@@ -30,13 +30,9 @@ Record = dict[str, dict[str, object]]
 class Workload:
     """Measures one period of a run after the other.
 
-    Parameters
-    ----------
     usage, watch : what is observed: the black box's workers, and the stages
     team : the ranks; what this one waits for others is part of its stages
 
-    Notes
-    -----
     Peak memory is that of the rank's own process since it was started, at the end of the period; its CPU seconds are those of
     all its threads, the codes' not among them.
     """
