@@ -22,8 +22,6 @@ from orchestrator.laws.status import BONDED, Status
 class Measure:
     """A relative measure of how far fields are from a law.
 
-    Parameters
-    ----------
     name : in history.csv and summary.json
     label : in the convergence figure
     formula, meaning : in the report
@@ -42,8 +40,6 @@ class Measure:
 class Stages:
     """Both stages at the points of a law, T load steps.
 
-    Parameters
-    ----------
     force, jump : (T, 3, P) force on side 1 and jump u₂ − u₁ of the linear stage
     answered : (T, 3, P) jump of the local stage; before : (3, P) the jump before the first step
     status : (T, P) int
@@ -69,8 +65,6 @@ class Stages:
 class Written:
     """What the results hold of one interface, T load steps, n nodes that are not prescribed altogether.
 
-    Parameters
-    ----------
     opening : (T, n) what the sides have moved apart along the normal, a length
     slip : (T, n, 3) tangential displacement of side 2 relative to side 1
     pressure : (T, n) positive in compression
@@ -93,8 +87,6 @@ class Written:
 class Variable:
     """A number that a law remembers of each pair from load step to load step: 0 before the first one.
 
-    Parameters
-    ----------
     name : in ``points[name]``, in ``Answer.own`` and in the files of the interfaces
     meaning : in the report
     """
@@ -106,8 +98,6 @@ class Variable:
 class Law:
     """An interface law; derive from it and enter the class in ``registry.LAWS``.
 
-    Attributes
-    ----------
     name : in the YAML and in fields.npz
     Parameters : model of its entry in the YAML
     formula, meaning : in the report
@@ -124,12 +114,8 @@ class Law:
     measures : of its residuals
     variables : what it remembers of each pair beside its jump, such as a damage
 
-    Notes
-    -----
     What is not overruled is on the safe side: history, a joint that holds nothing.
 
-    Examples
-    --------
     A law of one's own: sides that have parted, between which nothing passes. Below, all rests; above, all moves.
 
     >>> import numpy as np
@@ -175,8 +161,6 @@ class Law:
     def of(cls, entry: Entry, count: int, direction: float, distance: np.ndarray | None = None) -> Law:
         """The law of one interface.
 
-        Parameters
-        ----------
         entry : of the YAML
         count : number of nodes n
         direction : 1 where the entry's first part is side 1, −1 where it is side 2
@@ -213,8 +197,6 @@ class Law:
     def forbids(self, jump: np.ndarray, known: np.ndarray, normal: np.ndarray, chosen: np.ndarray) -> np.ndarray:
         """(P,) by how much a jump breaks the law whatever the force, a length ≥ 0.
 
-        Parameters
-        ----------
         jump, normal : (P, 3); known : (P, 3) bool, components of the jump that are prescribed
         chosen : (P,) int, among the interface's n nodes
         """
@@ -234,8 +216,6 @@ class Law:
     def parameters(self, chosen: np.ndarray, length: np.ndarray, area: np.ndarray) -> dict[str, np.ndarray]:
         """Name → (…, P) parameters at some of the nodes, for ``Points.own``.
 
-        Parameters
-        ----------
         chosen : (P,) int, among the interface's n nodes
         length : (P,) what is left of the unit normal within the components that are free: there a jump d along the
             points' normal opens the interface by ``length`` d, and a pressure p has the force ``length`` p A
@@ -247,8 +227,6 @@ class Law:
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The force that the interface carries, b of eq. 3, with d = (F − f̂)/keq.
 
-        Parameters
-        ----------
         F : (3, P) predicted force on side 1
         previous : (3, P) jump at the previous load step
         derivative : also return ∂f̂/∂F, wherever it is not zero
@@ -264,9 +242,7 @@ class Law:
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """How far the linear stage is from the law.
 
-        Returns
-        -------
-        pressures that tell the size of what the interface carries, force/length², and for each name of ``measures``
+        Returns pressures that tell the size of what the interface carries, force/length², and for each name of ``measures``
         what is to be made relative; of all arrays the largest entries count
         """
         return np.zeros(0), {}
@@ -274,8 +250,6 @@ class Law:
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """What the written fields break, in words, and by how much, relative.
 
-        Parameters
-        ----------
         length, pressure : the scene's length scale; largest pressure on interfaces of this law, or what
             counts as next to nothing
         """

@@ -61,8 +61,6 @@ class Parameters(Entry):
 class Cohesive(Law):
     """Glue that breaks.
 
-    Parameters
-    ----------
     stiffness : K, force/length³; strength : σ, force/length²; toughness : G, force/length
     """
 

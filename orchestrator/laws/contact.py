@@ -77,8 +77,6 @@ class Parameters(Entry):
 class Contact(Law):
     """Unilateral contact with Coulomb friction.
 
-    Parameters
-    ----------
     friction : Coulomb's coefficient
     gap : (n,) initial gap along the normal, negative where the parts are pressed into each other
     follows : the sides are paired anew as they slide

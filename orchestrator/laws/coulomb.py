@@ -85,8 +85,6 @@ def slopes(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, ac
 def measured(start, stop, normal, area, gap, friction, force, jump, answered, before, status):
     """The largest |p|, −(g₀ + n·d), n·f/A, |f_t|/A − μ p and, where it slips, (|f_t| |Δs| − f_t·Δs)/A; at least 0.
 
-    Parameters
-    ----------
     force, jump : (T, 3, P) of the linear stage; answered : (T, 3, P) jump of the local stage, before (3, P) the first step
     status : (T, P)
     """

@@ -29,8 +29,6 @@ COUPLED = Status(12, "coupled", "#0072B2", Hold.ALWAYS, Hold.ALWAYS)
 class Coupling(Law):
     """A surface that follows a point.
 
-    Parameters
-    ----------
     motions : (6, 3, n) R: displacement of each node in the three translations of the point and the rotations about it
     prescribed : (6,) bool
     given : (6,) amounts of the motions that are prescribed, force and moment of the others

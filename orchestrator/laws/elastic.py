@@ -40,8 +40,6 @@ class Parameters(Entry):
 class Elastic(Law):
     """Springs along the normal and across it.
 
-    Parameters
-    ----------
     stiffness_n, stiffness_t : k_n and k_t, force/length³
     tension_only : normal springs are slack where the sides approach
     """

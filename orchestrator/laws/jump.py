@@ -47,8 +47,6 @@ class Parameters(Entry):
 class Jump(Law):
     """Imposed jump of displacement.
 
-    Parameters
-    ----------
     jump : (3,) from side 1 to side 2
     """
 

@@ -15,8 +15,6 @@ import numpy as np
 class Points:
     """Node pairs that share a law. n points from side 1 to side 2.
 
-    Parameters
-    ----------
     normal : (3, P) unit normals
     stiff_n, stiff_t : (P,) keq = k₁k₂/(k₁ + k₂) of the search direction, along n and across it
     area : (P,) share of the interface's area
@@ -24,8 +22,6 @@ class Points:
     stepped : name → (T, …, P), those of them that differ from load step to load step, at all steps of the scene
     interface : (P,) int, which interface each is on, for laws whose pairs answer together
 
-    Notes
-    -----
     ``points[name]`` is a parameter, or one of the law's own variables at the end of the load step before.
     """
 
@@ -82,8 +78,6 @@ class Points:
 class Answer:
     """What a law says.
 
-    Parameters
-    ----------
     force : (3, P) f̂ on side 1
     status : (P,) int, one of the law's statuses
     active : (Q,) pairs whose force changes with F, only if the derivative is asked for
@@ -104,8 +98,6 @@ class Answer:
 class Collective:
     """What pairs that answer together add to the derivative: ∂f̂_p/∂F_q = −given_p takenᵀ_q for p and q of one group.
 
-    Parameters
-    ----------
     group : (R,) int, of the pairs ``at``; all pairs of a group belong to one interface
     at : (R,) int, ascending within a group
     given, taken : (3, R)

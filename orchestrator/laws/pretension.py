@@ -67,8 +67,6 @@ class Parameters(Entry):
 class Pretension(Law):
     """Pretension across a cut.
 
-    Parameters
-    ----------
     pull : N at this load step; None: the bolt keeps its length
     """
 

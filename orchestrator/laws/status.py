@@ -22,8 +22,6 @@ class Hold(IntEnum):
 class Status(int):
     """A status, which is its number.
 
-    Parameters
-    ----------
     number : in fields.npz and the interface files; unique among the laws of a scene
     name, colour : in tables and pictures, the colour as #rrggbb
     normal, tangential : when the sides are kept from moving along the normal, and across it
@@ -52,9 +50,7 @@ BONDED = Status(3, "bonded", "#009E73", Hold.ALWAYS, Hold.ALWAYS)
 def table(laws: Iterable) -> list[Status]:
     """All statuses of some laws, and ``BONDED``, by number.
 
-    Raises
-    ------
-    ValueError : two laws give the same number different names
+    Raises ValueError: two laws give the same number different names
     """
     found = {int(BONDED): BONDED}
     for law in laws:

@@ -28,8 +28,6 @@ UPRIGHT = 0.99  # cosine between a direction and the normal, from which it is wh
 class Support(Law):
     """A rigid ground, at n nodes.
 
-    Parameters
-    ----------
     frame : (3, 3, n) directions, at [which, component, node], of length one, or shorter where components are prescribed
     stiffness : (3, n) k_i, infinite where held, 0 where free
     given : (3, n) displacements of the body along them

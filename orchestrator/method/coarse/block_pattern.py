@@ -20,8 +20,6 @@ BLOCKS = 1024  # that are worth a thread's while
 class BlockPattern:
     """Where the blocks of bodies and of pairs of bodies go.
 
-    Parameters
-    ----------
     ends : (I, 2) int, the two bodies of every interface
     bodies : number of bodies
     size : rows of a body's block
@@ -44,8 +42,6 @@ class BlockPattern:
     def values(self, pairs: np.ndarray, own: np.ndarray) -> np.ndarray:
         """(n, size, size) blocks of the matrix, block row after block row.
 
-        Parameters
-        ----------
         pairs : (I, 2, 2, size, size) blocks of the interfaces, first body first
         own : (bodies, size, size) blocks of the bodies
         """

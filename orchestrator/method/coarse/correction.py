@@ -63,15 +63,10 @@ class _Response:
 class CoarseCorrection:
     """The coarse contact problem of one decomposition.
 
-    Parameters
-    ----------
     scene : for the coordinates
     stage : linear stage; solves the fields of every body once
     pairs : node pairs of all interfaces, perfect ones included
     kind : "affine", 12 fields per body, or "rigid", 6
-
-    Attributes
-    ----------
     sweeps : back-substitutions per subdomain at set-up
     problem : the contact problem of one load step
     """
@@ -145,8 +140,6 @@ class CoarseCorrection:
     def __call__(self, fields: Admissible) -> Admissible:
         """Corrected admissible fields.
 
-        Parameters
-        ----------
         fields : result of a linear stage
         """
         if not self.radius:
@@ -180,8 +173,6 @@ class CoarseCorrection:
     def _solved(self, fields: Admissible, moved: np.ndarray | None = None) -> np.ndarray:
         """(T, bodies, n) y.
 
-        Parameters
-        ----------
         moved : (T, 3, P) change of the jumps in each load step at which springs carry nothing; None: none
         """
         y = np.zeros((len(fields.s), self.bodies, self.sweeps))
@@ -227,8 +218,6 @@ class CoarseCorrection:
 
         On a body that has a single plane interface, the gradients along its normal are.
 
-        Parameters
-        ----------
         fields, k_fields : (12, D); allowed : (12, n) combinations of them
         """
         result = np.zeros((len(self.own), *allowed.shape))
@@ -291,8 +280,6 @@ def kind_of(asked: str, scene: Scene, pairs: Pairs, team: Team) -> str:
 class _Frames:
     """Affine fields of a rank's bodies: translations, and gradients about the body's centre scaled by its size.
 
-    Parameters
-    ----------
     fields : (12, D) per trace dof; field 3m + c is monomial m in component c. Held ones are no exception: they do
         not move, but their force answers a change of s and has to agree with the laws as well
     centre, size : (own bodies, 3) and (own bodies,)

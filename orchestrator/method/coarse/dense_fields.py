@@ -21,8 +21,6 @@ from orchestrator.method.interface.pairs import Pairs
 class DenseFields(PairFields):
     """The fields at points of which some have no pair of nodes.
 
-    Parameters
-    ----------
     T : (P, 3, 2n); all_L, bodies : as for ``PairFields``
     """
 

@@ -36,13 +36,8 @@ BAND = 48  # rows of a band: products of so many columns are nearly as quick as 
 class Elimination:
     """Order and fronts for one pattern.
 
-    Parameters
-    ----------
     indptr, indices : the pattern, block row after block row, symmetric, with the diagonal
     size : rows of a block
-
-    Attributes
-    ----------
     order : (bodies,) int, in which they are eliminated
     fronts : (F, 2) int, how many bodies each eliminates, and how many these see among the ones to come
     layout : where they lie
@@ -74,14 +69,9 @@ class Elimination:
     def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
         """Factorise a matrix.
 
-        Parameters
-        ----------
         blocks : (n, size, size) in the order of the pattern
         instead : earlier factors whose place these may take
-
-        Raises
-        ------
-        ZeroDivisionError : a pivot vanishes
+        Raises ZeroDivisionError: a pivot vanishes
         """
         from orchestrator.method.coarse.fronts import eliminate
         from orchestrator.method.coarse.products import PRODUCT
@@ -99,8 +89,6 @@ class Elimination:
 class Layout(NamedTuple):
     """Fronts as ``fronts`` wants them; bodies are numbered in the order of elimination.
 
-    Parameters
-    ----------
     panel, band : their rows
     sizes : (F, 2) int, rows that are eliminated, rows that are left
     places : (F, 3) int, where a front begins in all L, all U, and all that is left
@@ -127,8 +115,6 @@ class Layout(NamedTuple):
     def of(cls, fronts: np.ndarray, rests: Sequence[np.ndarray], entries: tuple[np.ndarray, np.ndarray], size: int) -> Layout:
         """Of fronts (F, 2).
 
-        Parameters
-        ----------
         rests : per front, ascending, the bodies that it leaves
         entries : rows and columns (n,) of the matrix's blocks
         """
@@ -158,8 +144,6 @@ class Layout(NamedTuple):
 class Factors:
     """A factorised matrix.
 
-    Parameters
-    ----------
     of : order and fronts
     own, beside : the numbers, front after front
     """

@@ -105,8 +105,6 @@ def _inverted_by_panels(P, panel, product):
 def eliminate(product, blocks, layout, own, beside, work):
     """Eliminate all fronts, children before parents: −1, or the number of one whose pivot vanishes.
 
-    Parameters
-    ----------
     product : address of BLAS's product
     blocks : (b, size, size) of the matrix
     layout : as ``elimination.Layout`` has it
@@ -130,8 +128,6 @@ def eliminate(product, blocks, layout, own, beside, work):
 def _entered(f, blocks, layout, own, work, right, runs):
     """What enters a front: blocks of the matrix, and what its children leave in the rows and columns that it eliminates.
 
-    Parameters
-    ----------
     right : (·,) takes U before it is multiplied
     runs : (·, 3) int, to work in
     """
@@ -307,8 +303,6 @@ def _times_each(row, other):
 def solve(factors, right, result):
     """Write the solution (bodies, size) for a right-hand side.
 
-    Parameters
-    ----------
     factors : (bodies,) int, the order of elimination; ``layout``, ``own`` and ``beside`` as for ``eliminate``
     """
     _solved(factors, right, result)
@@ -340,17 +334,12 @@ def times(blocks, starts, columns, x, result):
 def gmres(factors, blocks, starts, columns, right, most, accuracy, seen, x, more):
     """Solve with a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, preconditioned from the right.
 
-    Parameters
-    ----------
     factors : as for ``solve``, of a matrix like it
     right : (bodies, size)
     most : products that are allowed; accuracy : relative residual that is asked for
     seen : products after which it can be told how many more it takes
     x, more : (bodies, size) take the solution, and what the factors make of the residual that it leaves
-
-    Returns
-    -------
-    bool : whether it is solved
+    Returns bool : whether it is solved
     """
     shape, length = right.shape, np.sqrt((right**2).sum())
     x[:], more[:] = 0.0, 0.0

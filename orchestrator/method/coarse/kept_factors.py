@@ -20,8 +20,6 @@ SEEN = 2  # products after which it can be told how many more it takes
 class KeptFactors:
     """Factors of one matrix after the other, of one pattern.
 
-    Parameters
-    ----------
     blocks : those that factors are kept of; None: of none
     """
 
@@ -32,8 +30,6 @@ class KeptFactors:
     def solve(self, values: np.ndarray, right: np.ndarray, shift: float, alike: bool = True) -> np.ndarray:
         """(bodies, size) solution x of (matrix + shift) x = right, whose residual is ``ACCURACY`` of it or less.
 
-        Parameters
-        ----------
         alike : the matrix may be much like the one whose factors are kept, so that these are tried
         """
         blocks = self.pattern.shifted(values, shift)

@@ -13,8 +13,6 @@ BLOCK = 128  # columns of fields that stay in the first cache from one load step
 def carried_along(start, stop, body, y, fields, at, result):
     """result (T, D) = at + y fields in columns from start to stop: each moves with the fields of its body.
 
-    Parameters
-    ----------
     body : (D,) int, same ones together; y : (T, bodies, m); fields : (m, D)
     """
     a = start
@@ -37,8 +35,6 @@ def carried_along(start, stop, body, y, fields, at, result):
 def spread(start, stop, L, chosen, bounds, both, F):
     """F (3, Q) += L y at some of the pairs, those of the interfaces from start to stop.
 
-    Parameters
-    ----------
     L : (P, 3, 2n); chosen : (Q,) int, among these, interface after interface
     bounds : (I + 1,) int, where those of each interface start
     both : (I, 2n) fields of the two bodies
@@ -72,8 +68,6 @@ def moved(start, stop, phi, chosen, bounds, C, d):
 def swept(start, stop, L, phi, A, chosen, bounds, ends, fields, weight, dF, against):
     """dF = L y and against = ω (1₃ ⊗ φ) A y, (3, Q), at some of the pairs; as for ``spread`` and ``carried``.
 
-    Parameters
-    ----------
     ends : (I, 2) int, the two bodies of each interface; fields : (bodies, n), of which y are those of the two
     """
     m, half = phi.shape[1], fields.shape[1]
@@ -115,8 +109,6 @@ def along(start, stop, F, theta, dF, result):
 def carried(start, stop, phi, chosen, bounds, A, force, weight, result):
     """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
-    Parameters
-    ----------
     phi : (P, m); A : (I, 3m, 2n); weight : (P,) ω
     others : as for ``spread``
     """
@@ -153,8 +145,6 @@ def gathered(ends, each, result):
 def added_up(start, stop, starts, which, sign, blocks, at, result):
     """result (n, s) = at + sign · the sum of some blocks (k, s), in rows from start to stop.
 
-    Parameters
-    ----------
     starts : (n + 1,) int, where those of each row begin in ``which``
     """
     for i in range(start, stop):

@@ -36,8 +36,6 @@ REACH = 2.0  # size of the fields that pairs must be able to close at, over the 
 class Bodies:
     """What the load steps have in common.
 
-    Parameters
-    ----------
     team : the ranks
     count : number of bodies, of all ranks
     fields : at the node pairs of all interfaces that this rank touches
@@ -109,8 +107,6 @@ class Bodies:
 class LoadStep:
     """ρ of one load step, and its derivative.
 
-    Parameters
-    ----------
     bodies : what all load steps share
     number : of the load step in the scene
     F0 : (3, P) predicted forces
@@ -118,9 +114,6 @@ class LoadStep:
     before : what the load step before has left
     reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
     anchor : (3, P) jump at which springs carry nothing; None: the one before
-
-    Attributes
-    ----------
     seen : (I,) largest size of the fields so far
     F, stiff, sprung : (3, Q) forces, (bodies, n) K₀ y and this rank's ΣTᵀε L y, with which ρ was formed last
     """
@@ -218,8 +211,6 @@ class LoadStep:
 class Line:
     """A line y + θ dy of one load step.
 
-    Parameters
-    ----------
     at : the load step, where it formed ρ(y)
     dy : (bodies, n)
     """

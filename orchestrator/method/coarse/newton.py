@@ -26,13 +26,8 @@ SLOW, IDLE = 0.9, 2  # two steps that gain less than a tenth each are a stall
 class Newton:
     """The iterates of Newton's method.
 
-    Parameters
-    ----------
     at : the load step
     direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
-
-    Attributes
-    ----------
     y, rho, size : (bodies, n) fields, their ρ, and ‖ρ‖
     still : the last accepted step gained next to nothing
     """

@@ -29,8 +29,6 @@ RANK = 1e-9  # singular value of rows of 0, 1 and −1 that is none
 class Groups:
     """Groups of the same number of pairs and of states of self-stress.
 
-    Parameters
-    ----------
     slots : (n, m) int, the pairs of each group on this rank; −1 where another knows it
     states : (n, m, 3, r) G
     shared : (n,) bool, several ranks have bodies there, and all have these groups, in the same order

@@ -29,8 +29,6 @@ SLOPES = 4  # how much longer pairs take whose slopes are summed
 class PairFields:
     """Fields at all or some of the node pairs of a set of interfaces.
 
-    Parameters
-    ----------
     pairs : Q of the node pairs, of I interfaces
     phi : (P, m) monomials at all P node pairs
     A : (I, 3m, 2n), components outside, from the fields of the first body, then of the second, to the monomials of T
@@ -108,8 +106,6 @@ class PairFields:
     def carried(self, force: np.ndarray, weight: np.ndarray, bodies: int) -> np.ndarray:
         """(bodies, n) ΣTᵀ ω f̂ of forces (3, Q).
 
-        Parameters
-        ----------
         weight : (P,) ω of all node pairs
         """
         each, result = np.empty((len(self.A), 2, self.size)), np.zeros((bodies, self.size))

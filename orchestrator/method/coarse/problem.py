@@ -44,16 +44,11 @@ SETTLED = 0.05  # of what the whole is solved to, for one body alone
 class CoarseProblem:
     """The coarse contact problem, for any load step.
 
-    Parameters
-    ----------
     team : the ranks
     bodies, own : their number; (b,) int, those of this rank
     fields : at the node pairs of all interfaces that this rank touches
     K0 : (bodies, n, n) stiffness of the fields
     W : per own body (t, n), displacement of its traces in the fields
-
-    Attributes
-    ----------
     newton_steps : Newton steps taken so far
     ends : how solves have ended so far → how many: "tolerance", or why not there: "stalled", "standing still" (the last
         step gained next to nothing), "steps" (as many as are allowed), "no direction" (whatever the shift)
@@ -76,8 +71,6 @@ class CoarseProblem:
               radius: float, anchor: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(bodies, n) y of one load step, and (3, P) F = F₀ + L y.
 
-        Parameters
-        ----------
         step : of those solved together: what it needed is remembered for the next iteration; number : in the scene
         F0 : (3, P) predicted forces
         resultant : (bodies, n) Uᵀf

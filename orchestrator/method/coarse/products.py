@@ -16,8 +16,6 @@ PRODUCT = {np.dtype(np.float32): get_cython_function_address("scipy.linalg.cytho
 def gemm(typing, routine, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc):
     """C ← α A B + β C of matrices that lie row after row, (m, k) by (k, n), ``ld`` entries from one row to the next.
 
-    Parameters
-    ----------
     routine : address of BLAS's; alpha, beta : of the precision that it works in
     a, b, c : address of the first entry
     """

@@ -27,15 +27,10 @@ PATIENCE, GAIN = 40, 0.9  # steps in which the least imbalance has to fall by a 
 class SearchedNewton:
     """The iterates.
 
-    Parameters
-    ----------
     at : the load step
     direction : (matrix values, ρ, δ, whether the step before was whole) → (bodies, n) the step dy, no longer than allowed
     ahead : ρ → (bodies, n) about the step that would follow, by the last step's own factors
     farthest : fields (bodies, n) → how far any body moves in them at most
-
-    Attributes
-    ----------
     y, size : (bodies, n) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
     length : θ of the last step
     """

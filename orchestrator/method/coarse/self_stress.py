@@ -40,8 +40,6 @@ GAIN = 0.1  # share of ‖φ‖ that a step has to gain
 class _Family:
     """Groups of the same size on this rank.
 
-    Parameters
-    ----------
     at : (n, m) int, their pairs among those chosen; 0 where this rank does not know one
     states : (n, 3m, r) G, zero there
     counted : (n, 3m, r) keq⁻¹ G at the pairs that this rank counts, zero elsewhere
@@ -71,8 +69,6 @@ class _Family:
 class SelfStress:
     """The self-stress of one decomposition.
 
-    Parameters
-    ----------
     space : numbering
     pairs : of the interfaces that are not perfect, all load steps
     groups : of ``node_loops``
@@ -113,8 +109,6 @@ class SelfStress:
     def __call__(self, fields: Admissible, local: LawStage) -> Admissible:
         """Fields whose self-stress is nearer to what the laws say.
 
-        Parameters
-        ----------
         local : the laws, at these load steps; the jumps before the first
         """
         w, f = fields.extended

@@ -29,8 +29,6 @@ JUMP = 3.0  # growth of the imbalance in one step that is not accepted
 class Body:
     """One body of a coarse contact problem.
 
-    Parameters
-    ----------
     pairs : the Q node pairs of its interfaces; chosen : (Q,) int, where they are among all
     T, L : (Q, 3, n) its fields at these pairs and their response, as in ``coarse``
     K : (n, n) stiffness of its fields
@@ -47,8 +45,6 @@ class Body:
     def settle(self, F: np.ndarray, before: History, number: int, rho: np.ndarray, goal: float, radius: float) -> np.ndarray:
         """(n,) change of the body's fields that brings the size of its ρ to ``goal``, or as far as it may go.
 
-        Parameters
-        ----------
         F : (3, P) predicted forces; before : what the load step before has left, of all pairs
         number : of the load step in the scene
         rho : (n,) imbalance of the body there

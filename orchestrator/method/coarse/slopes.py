@@ -14,8 +14,6 @@ TOGETHER = 64  # pairs to a product: enough for it to be quick, and what it take
 def slopes(start, stop, product, phi, L, chosen, A, active, first, derivative, weight, result):
     """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of the interfaces from start to stop, blocks of the two bodies.
 
-    Parameters
-    ----------
     product : address of BLAS's product, in L's precision, that of all sums
     phi : (P, m); L : (P, 3, 2n); chosen : (Q,) int, pairs among these; A : (I, 2n, 3m), transposed, in L's precision
     active : (R,) int, ascending, among the chosen pairs; first : (I + 1,) int, where those of each interface start

@@ -48,20 +48,12 @@ def fitted(scene: Scene, soles: Sequence[tuple[Sole, Sole]], sides: Sequence[Seq
            method, blackbox: BlackBox) -> tuple[SearchDirection, float, int]:
     """Springs as stiff as suits the bodies where these may part, if ``method`` wants that.
 
-    Parameters
-    ----------
     soles : per interface, as they are loaded
     sides : per subdomain, its (interface, side) pairs
     guarded : what answers for them
     blackbox : what bodies with other soles are loaded into
-
-    Returns
-    -------
-    as ``fit``
-
-    Raises
-    ------
-    BlackBoxError : from the code
+    Returns as ``fit``
+    Raises BlackBoxError: from the code
     """
     direction = guarded.direction
     own, team = [scene.subdomains[e] for e in direction.space.subdomains], direction.space.team
@@ -85,17 +77,12 @@ def fit(scene: Scene, direction: SearchDirection, guarded: Callable[[SearchDirec
         load: Callable[[np.ndarray], None], again: bool) -> tuple[SearchDirection, float, int]:
     """Soles that suit the bodies behind them.
 
-    Parameters
-    ----------
     direction : of the soles as they are loaded
     guarded : direction → the black box with these
     wanted : (interfaces of the scene,) bool, whose soles may change
     load : (interfaces,) factors on the soles' moduli → None; bodies are loaded with these
     again : whether to look again at soles that have been changed: not worth it where every answer costs a factorisation
-
-    Returns
-    -------
-    direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
+    Returns direction of the soles that are loaded in the end; their factor; back-substitutions per subdomain
     """
     scale, directions, found, sweeps = 1.0, {1.0: direction}, {}, 0  # by factor, the latest last
     while True:

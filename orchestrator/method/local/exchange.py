@@ -32,8 +32,6 @@ from orchestrator.method.local.state import LocalState
 class Exchange:
     """Local stage of perfect interfaces.
 
-    Parameters
-    ----------
     direction : search direction k⁻
     kplus : "exchange", "full" or "diagonal"
     """

@@ -35,8 +35,6 @@ COUPLED = 10
 class LawStage:
     """Local stage of a scene with interfaces that are not perfect.
 
-    Parameters
-    ----------
     direction : search direction k⁻
     pairs : node pairs that a law answers for: those of all interfaces that are not perfect
     before : what the load step before the first one has left; None: nothing was before
@@ -101,8 +99,6 @@ class LawStage:
 
         Points whose nodes match have S = 1/keq: for them nothing changes.
 
-        Parameters
-        ----------
         F, q : (3, P) predicted forces F = q* + keq d*, and q*
         force : f̂ = law(F) to begin with; before : what the load step before has left
         t : of the load steps here

@@ -15,8 +15,6 @@ from orchestrator.method.interface.point_traces import PointTraces
 class LocalState:
     """What a local stage hands on: an element of the set ℒ, eq. 9.
 
-    Parameters
-    ----------
     s : (T, D) next state f̂ + k⁻ŵ
     hats : ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
     force : (T, 3, P) f̂ on side 1 of each pair that is not perfect
