@@ -120,7 +120,7 @@ def test_the_coarse_problem_knows_that_a_bolts_pairs_answer_together(monkeypatch
     F0, before = 100 * rng.normal(size=(3, len(pairs))), 1e-3 * rng.normal(size=(3, len(pairs)))
     resultant, y, change = (rng.normal(size=(2, 12)) for _ in range(3))
     for number in (0, 1):  # tightened, locked
-        step = LoadStep(problem.bodies, number, F0, resultant, History(before), np.full(1, np.inf))
+        step = LoadStep(problem.bodies, number, F0, resultant, History(before))
         step.residual(y)
         matrix = problem.bodies.pattern.matrix(step.matrix(), 0.0).toarray()
         found = (step.residual(y + change) - step.residual(y - change)) / 2

@@ -72,20 +72,6 @@ def test_moments_do_the_work_of_the_fields(coarse, steps):
     assert np.abs(at.slopes(answer, weight)[0].swapaxes(1, 2).reshape(slopes.shape) - slopes).max() < 1e-5 * np.abs(slopes).max()
 
 
-@pytest.mark.parametrize("reach", [0.0, 1e-3, 1.0])
-def test_pairs_left_out_come_back_when_they_matter(coarse, steps, reach):
-    """However small the fields were believed to be, the solution is that with all pairs."""
-    problem, before = coarse.problem, History.none(len(coarse.pairs))
-    for step, (F0, resultant) in enumerate(steps):
-        problem._reach = {}
-        exact, force = problem.solve(step, step, F0, resultant, before, 1.0)
-        problem._reach = {step: np.full(1, reach)}
-        found, same = problem.solve(step, step, F0, resultant, before, 1.0)
-        assert np.abs(exact).max() > 0
-        assert found == pytest.approx(exact, abs=1e-6 * np.abs(exact).max())
-        assert same == pytest.approx(force, abs=1e-6 * np.abs(force).max())
-
-
 def test_rigid_bodies_move_as_such_and_lead_to_the_same_end():
     """Six fields per body, that strain nothing; where bodies end is no matter of how many there are."""
     config = contact(0.3, error=1e-8)

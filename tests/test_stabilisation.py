@@ -12,7 +12,7 @@ from test_contact_verification import slider
 from test_keeping import stopped_and_resumed
 
 from orchestrator.method.history import History
-from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.method.coarse.load_step import Line, LoadStep
 from orchestrator.method.interface.stabilisation import SHARE, cautions, stabilisation
 from orchestrator.method.stopping.law_residuals import LawResiduals
 from orchestrator.method.monitors.places import SEEN, Places
@@ -97,7 +97,7 @@ def test_the_coarse_problem_blends_them_alike(decomposed):
     F0 = 100 * rng.normal(size=(3, len(pairs)))
     previous, resultant = 1e-4 * rng.normal(size=F0.shape), rng.normal(size=(2, 12))
     y = 1e-2 * rng.normal(size=(2, 12))
-    step = LoadStep(problem.bodies, 0, F0, resultant, History(previous), np.full(1, np.inf))
+    step = LoadStep(problem.bodies, 0, F0, resultant, History(previous))
     T, F = at.at_pairs(), at.predicted(F0, y)
     force = 0.95 * pairs.force(F, History(previous), 0).force + 0.05 * (F - pairs.points.stiffness(previous))
     carried = np.einsum("pif,ip->f", T, force).reshape(2, 12)
@@ -109,23 +109,19 @@ def test_the_coarse_problem_blends_them_alike(decomposed):
     assert (matrix @ change.ravel()) == pytest.approx(found.ravel(), abs=1e-5 * np.abs(found).max())
 
 
-@pytest.mark.parametrize("reach", [1e-3, np.inf])
-def test_the_work_along_a_line_is_that_of_the_imbalance(decomposed, reach):
-    """Pairs that were left out, and come back on the way, do their work as well."""
+def test_the_work_along_a_line_is_that_of_the_imbalance(decomposed):
     coarse, rng = decomposed.coarse, np.random.default_rng(5)
     F0 = 100 * rng.normal(size=(3, len(coarse.pairs)))
     y, dy, resultant = 1e-4 * rng.normal(size=(2, 12)), 0.1 * rng.normal(size=(2, 12)), rng.normal(size=(2, 12))
     before = 1e-4 * rng.normal(size=F0.shape)
-    step = LoadStep(coarse.problem.bodies, 0, F0, resultant, History(before), np.full(1, reach))
+    step = LoadStep(coarse.problem.bodies, 0, F0, resultant, History(before))
     step.residual(y)
-    near = step.F0_near.shape[1]
-    work = step.along(y, dy)
-    assert near < step.F0_near.shape[1] if reach < 1 else near == F0.shape[1]
+    work = Line(step, dy)
     for theta in (0.0, 0.3, 1.0):
         rho = step.residual(y + theta * dy)
         assert work(theta) == pytest.approx(np.vdot(dy, rho), rel=1e-6)
         step.residual(y)
-        assert step.along(y, dy).end(theta) == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
+        assert Line(step, dy).end(theta) == pytest.approx(rho, abs=1e-9 * np.abs(rho).max())
 
 
 # --- what comes of it -------------------------------------------------------------------------------------

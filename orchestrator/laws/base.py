@@ -234,11 +234,6 @@ class Law:
         raise NotImplementedError
 
     @staticmethod
-    def idle(points: Points, F: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """(P,) bool, pairs that certainly carry no force while F n changes by at most ``change`` (P,), F otherwise at will."""
-        return np.zeros(len(points), dtype=bool)
-
-    @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """How far the linear stage is from the law.
 

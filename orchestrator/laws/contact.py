@@ -15,9 +15,9 @@ from pydantic import Field
 from orchestrator.compiled import in_parts
 from orchestrator.config.base import Positive, either
 from orchestrator.config.entry import Entry
-from orchestrator.laws.coulomb import OPENS, SLIPS, STICKS, answer, measured, slopes
+from orchestrator.laws.coulomb import OPENS, SLIPS, STICKS, answer, slopes
 from orchestrator.laws.base import Law, Measure, Stages, Written
-from orchestrator.laws.points import Answer, Points
+from orchestrator.laws.points import Answer, Points, dot
 from orchestrator.laws.status import BONDED, Hold, Status
 
 WORTH = 1 << 13  # pairs, whose forces take several times as long as to hand them out to a thread
@@ -138,7 +138,7 @@ class Contact(Law):
     def force(points: Points, F: np.ndarray, previous: np.ndarray, derivative: bool = False) -> Answer:
         """The force a contact carries; the tangential part of ``previous`` is where friction sticks."""
         F, previous = np.ascontiguousarray(F), np.ascontiguousarray(previous)
-        given = points.normal, points.stiff_n, points.stiff_t, points["gap"], points["friction"], F, previous
+        given = (*points.search, points["gap"], points["friction"]), F, previous
         force, status = np.empty(F.shape), np.empty(len(points), dtype=int)
         in_parts(answer, len(points), *given, force, status, part=WORTH)
         if not derivative:
@@ -149,17 +149,18 @@ class Contact(Law):
         return Answer(force, status, active, slope)
 
     @staticmethod
-    def idle(points: Points, F: np.ndarray, change: np.ndarray) -> np.ndarray:
-        """Open pairs that stay open."""
-        return points.along(F) - change + points.stiff_n * points["gap"] >= 0
-
-    @staticmethod
     def residuals(points: Points, at: Stages) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Pressures, and the four measures."""
-        parts = in_parts(measured, len(points), points.normal, points.area, points["gap"], points["friction"],
-                         *(np.ascontiguousarray(x) for x in (at.force, at.jump, at.answered, at.before, at.status)))
-        pressure, *largest = np.max(parts, axis=0)[:, None]
-        return pressure, dict(zip(("penetration", "tension", "cone", "slip_direction"), largest))
+        """Pressures, and the four measures; load step after load step, as arrays of all are no better than memory."""
+        gap, friction, largest = points["gap"], points["friction"], []
+        for t, (force, jump, answered, status) in enumerate(zip(at.force, at.jump, at.answered, at.status)):
+            traction, slip = force / points.area, points.across(answered - (at.answered[t - 1] if t else at.before))
+            pressed, shear = points.along(traction), points.across(traction)
+            size = np.sqrt(dot(shear, shear))
+            rubbed = np.where((status == SLIPS) & (friction > 0), size * np.sqrt(dot(slip, slip)) - dot(shear, slip), 0.0)
+            largest.append([np.max(x, initial=0.0) for x in (np.abs(pressed), -(gap + points.along(jump)), pressed,
+                                                             size - friction * np.maximum(-pressed, 0.0), rubbed)])
+        pressure, *measures = np.max(np.reshape(largest, (-1, 5)), axis=0)[:, None]
+        return pressure, dict(zip(("penetration", "tension", "cone", "slip_direction"), measures))
 
     def violations(self, at: Written, length: float, pressure: float) -> dict[str, float]:
         """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open gap."""

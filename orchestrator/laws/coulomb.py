@@ -22,9 +22,10 @@ OPENS, STICKS, SLIPS = 0, 1, 2
 
 
 @compiled
-def answer(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, force, status):
-    """f̂ (3, P) and status (P,) at predicted forces F (3, P), of pairs from start to stop; the parameters as in ``Points`` and
-    ``Contact``."""
+def answer(start, stop, points, F, previous, force, status):
+    """f̂ (3, P) and status (P,) at predicted forces F (3, P), of pairs from start to stop; points: normal, stiff_n and stiff_t as in
+    ``Points``, gap and friction."""
+    normal, stiff_n, stiff_t, gap, friction = points
     part = slice(start, stop)  # of the points
     normal, F, previous, force = normal[:, part], F[:, part], previous[:, part], force[:, part]
     stiff_n, stiff_t, gap, friction, status = stiff_n[part], stiff_t[part], gap[part], friction[part], status[part]
@@ -51,12 +52,12 @@ def answer(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, fo
 
 
 @compiled
-def slopes(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, active, slope):
+def slopes(start, stop, points, F, previous, active, slope):
     """∂f̂/∂F (3, 3, Q) at the closed pairs ``active`` (Q,) int, of these from start to stop.
 
     Stick: 1; slip: n nᵀ − μ e nᵀ + turn (1 − n nᵀ − e eᵀ), as f̂_t = −μ p e turns with the trial force T = |T| e.
     """
-    n, e = np.empty(3), np.empty(3)
+    n, e, (normal, stiff_n, stiff_t, gap, friction) = np.empty(3), np.empty(3), points
     for r in range(start, stop):
         q = active[r]
         p, along = stiff_n[q] * gap[q], 0.0
@@ -79,41 +80,3 @@ def slopes(start, stop, normal, stiff_n, stiff_t, gap, friction, F, previous, ac
             for d in range(3):
                 slope[c, d, r] = ((1.0 - turn) * n[c] - steep * e[c]) * n[d] - curved * e[c] * e[d]
             slope[c, c, r] += turn
-
-
-@compiled
-def measured(start, stop, normal, area, gap, friction, force, jump, answered, before, status):
-    """The largest |p|, −(g₀ + n·d), n·f/A, |f_t|/A − μ p and, where it slips, (|f_t| |Δs| − f_t·Δs)/A; at least 0.
-
-    force, jump : (T, 3, P) of the linear stage; answered : (T, 3, P) jump of the local stage, before (3, P) the first step
-    status : (T, P)
-    """
-    largest, traction, slip, part = np.zeros(5), np.empty(3), np.empty(3), slice(start, stop)
-    force, jump, answered = force[:, :, part], jump[:, :, part], answered[:, :, part]
-    normal, before, status, area, gap, friction = (
-        normal[:, part], before[:, part], status[:, part], area[part], gap[part], friction[part])
-    for t in range(len(force)):
-        earlier = before if t == 0 else answered[t - 1]
-        for p in range(stop - start):
-            pressed, opened, moved = 0.0, gap[p], 0.0
-            for c in range(3):
-                n = normal[c, p]
-                traction[c] = force[t, c, p] / area[p]
-                slip[c] = answered[t, c, p] - earlier[c, p]
-                pressed += traction[c] * n
-                opened += jump[t, c, p] * n
-                moved += slip[c] * n
-            shear, length, work = 0.0, 0.0, 0.0
-            for c in range(3):
-                across, along = traction[c] - pressed * normal[c, p], slip[c] - moved * normal[c, p]
-                shear += across * across
-                length += along * along
-                work += across * along
-            shear = math.sqrt(shear)
-            rubbed = 0.0
-            if status[t, p] == SLIPS and friction[p] > 0.0:
-                rubbed = shear * math.sqrt(length) - work
-            for m, value in enumerate((abs(pressed), -opened, pressed, shear - friction[p] * max(-pressed, 0.0), rubbed)):
-                if value > largest[m] or value != value:
-                    largest[m] = value
-    return largest

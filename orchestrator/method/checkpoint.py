@@ -6,7 +6,6 @@ more. Arrays are named ``kind/owner.name`` by how their columns are numbered:
 
 - ``trace``, ``boundary``  (T, D) and (T, B), the columns as in ``TraceSpace``;
 - ``macro``                (T, size), as in ``Macro``; several ranks may have the same ones;
-- ``interface``            (T, I), a column per interface;
 - ``common``               the same on all ranks.
 
 Each rank has its own columns; files have those of the whole scene, so that a run may go on with another number of ranks.
@@ -197,7 +196,7 @@ class Start:
                 wrong = f"{array.ndim} dimensions"
             elif kind != COMMON and array.shape[1] != columns[kind] or name == "trace/state" and len(array) != steps:
                 wrong = f"shape {array.shape} where there are {columns[kind]:,} columns"
-            elif kind != "interface" and not np.isfinite(array).all():
+            elif not np.isfinite(array).all():
                 wrong = "values that are not finite"
             if wrong:
                 raise Refusal("another start", iteration=iteration, name=name, wrong=wrong)
@@ -207,5 +206,4 @@ def numbers_of(d: Decomposition) -> Numbers:
     """Which columns of the whole scene's arrays are this rank's."""
     none = np.empty(0, dtype=int)
     return {"trace": d.space.link.number, "boundary": d.space.link.boundary_number,
-            "macro": none if d.stage.macro is None else d.stage.macro.number,
-            "interface": none if d.coarse is None else d.coarse.interfaces}
+            "macro": none if d.stage.macro is None else d.stage.macro.number}

@@ -199,11 +199,6 @@ class CoarseCorrection:
         parts = self.stage.space.boundary
         return np.repeat(self.own, [part.stop - part.start for part in parts])
 
-    @property
-    def interfaces(self) -> np.ndarray:
-        """(I,) int, the numbers of the interfaces that this rank touches."""
-        return np.array([i.index for i in self.pairs.interfaces], dtype=int)
-
     def state(self) -> dict[str, object]:
         """What a resumed run has to know."""
         return {"radius": self.radius, **self.problem.state()}

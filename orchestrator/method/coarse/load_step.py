@@ -5,9 +5,6 @@
 Where contacts are stabilised law(F) is f̂ = (1 − ε) law(F) + ε (F − keq d_before). Its second part is affine, and summed
 once: ΣTᵀε L with the bodies, ΣTᵀε(F₀ − keq d_before) with the load step.
 
-Most pairs are open and stay so. With |n·L y| ≤ ‖n·L‖ ‖y‖, those that no fields of the size seen so far can close
-are left out, and come back if the fields grow beyond it.
-
 Among ranks, what belongs to an interface is formed by the rank of its first side. ρ is summed.
 """
 
@@ -28,8 +25,6 @@ from orchestrator.method.history import History
 from orchestrator.parallel.team import Team
 
 WORTH = 1 << 14  # pairs, over which F + θ dF takes longer than to hand them out to a thread
-LEFT_OUT = 0.2  # of the pairs, from which on it saves more than it costs to look only at the others
-REACH = 2.0  # size of the fields that pairs must be able to close at, over the size last seen
 
 
 @dataclass
@@ -112,51 +107,29 @@ class LoadStep:
     F0 : (3, P) predicted forces
     resultant : (bodies, n) Uᵀf
     before : what the load step before has left
-    reach : (I,) size of the two bodies' fields up to which the pairs left out cannot close; grows if need be
     anchor : (3, P) jump at which springs carry nothing; None: the one before
-    seen : (I,) largest size of the fields so far
-    F, stiff, sprung : (3, Q) forces, (bodies, n) K₀ y and this rank's ΣTᵀε L y, with which ρ was formed last
+    F, stiff, sprung : (3, Q) forces at the pairs that this rank adds up, (bodies, n) K₀ y and its ΣTᵀε L y, with which ρ was formed last
     """
 
-    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
-                 reach: np.ndarray, anchor: np.ndarray | None = None):
-        self.bodies, self.number, self.F0, self.resultant = bodies, number, F0, resultant
-        self.before, self.reach = before, reach
-        self.seen = np.zeros_like(reach)
+    def __init__(self, bodies: Bodies, number: int, F0: np.ndarray, resultant: np.ndarray, before: History, anchor: np.ndarray | None = None):
+        self.bodies, self.number, self.F0, self.resultant, self.before = bodies, number, F0, resultant, before
         if bodies.springs is not None:
             pairs = bodies.fields.pairs
             resisted = pairs.resisted(F0, before.jump if anchor is None else anchor)
             self.resisted = bodies.fields.carried(resisted, bodies.resisting, bodies.count)
-        self._choose()
-
-    def _choose(self) -> None:
-        fields, (chosen, self.fields) = self.bodies.fields, self.bodies.summed
-        if np.isfinite(self.reach).all():
-            change = fields.normal_size * np.repeat(self.reach, np.diff(fields.pairs.bounds))
-            near = np.flatnonzero(self.bodies.theirs & ~fields.pairs.idle(self.F0, change, self.number))
-            if len(near) <= (1 - LEFT_OUT) * len(chosen):
-                chosen, self.fields = near, fields.some(near)
-        if len(chosen) == self.F0.shape[1]:
-            self.F0_near, self.before_near = self.F0, self.before
-        else:
-            self.F0_near, self.before_near = self.F0.take(chosen, axis=1), self.before.take(chosen)
-
-    def _reach_for(self, y: np.ndarray) -> bool:
-        """Take in the size of fields; whether pairs came back for it."""
-        size = np.sqrt((y**2).sum(axis=1)[self.fields.bodies].sum(axis=1))
-        self.seen = np.maximum(self.seen, size)
-        if not (size > self.reach).any():
-            return False
-        self.reach = np.maximum(self.reach, REACH * self.seen)
-        self._choose()
-        return True
+        chosen, self.fields = bodies.summed
+        whole = len(chosen) == F0.shape[1]
+        self.here, self.left = (F0, before) if whole else (F0.take(chosen, axis=1), before.take(chosen))
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """(bodies, n) ρ; the forces that it was formed with are kept for ``matrix``."""
-        self._reach_for(y)
-        self.F = self.fields.predicted(self.F0_near, y)
+        self.F = self.fields.predicted(self.here, y)
         self.stiff, self.sprung = self._linear(y)
-        return self._imbalance(self.fields.pairs.force(self.F, self.before_near, self.number).force)
+        return self._imbalance(self.answer(self.F).force)
+
+    def answer(self, F: np.ndarray, derivative: bool = False) -> Answer:
+        """What the laws say at forces (3, Q)."""
+        return self.fields.pairs.force(F, self.left, self.number, derivative=derivative)
 
     def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
         """(bodies, n) K₀ y, and ΣTᵀε L y of this rank's interfaces."""
@@ -185,39 +158,27 @@ class LoadStep:
     def matrix(self) -> np.ndarray | bool:
         """Values of K₀ − ΣTᵀA L at the last forces, for the pattern; False where that is not: all but rank 0."""
         bodies = self.bodies
-        answer = self.fields.pairs.force(self.F, self.before_near, self.number, derivative=True)
-        slopes = self.fields.slopes(answer, bodies.weight)
+        slopes = self.fields.slopes(self.answer(self.F, derivative=True), bodies.weight)
         everyone = bodies.team.gather(slopes if len(bodies.counted) == len(slopes) else slopes[bodies.counted])
         if not everyone:
             return False
         return bodies.pattern.less(bodies.affine, everyone[0] if len(everyone) == 1 else np.concatenate(everyone))
 
-    def along(self, y: np.ndarray, dy: np.ndarray) -> Line:
-        """The line y + θ dy from where ρ was formed last; θ from 0 to 1."""
-        if self._reach_for(y + dy):
-            self.F = self.fields.predicted(self.F0_near, y)
-        return Line(self, dy)
-
     def forces(self, y: np.ndarray) -> np.ndarray:
         """(3, P) F₀ + L y at all pairs."""
         return self.bodies.fields.predicted(self.F0, y)
 
-    @property
-    def reach_next(self) -> np.ndarray:
-        """(I,) the reach to begin this load step with at the next iteration."""
-        return REACH * self.seen
-
 
 class Line:
-    """A line y + θ dy of one load step.
+    """A line y + θ dy of one load step, θ from 0 to 1.
 
     at : the load step, where it formed ρ(y)
     dy : (bodies, n)
     """
 
     def __init__(self, at: LoadStep, dy: np.ndarray):
-        self.at, self.F, self.theta, bodies, near = at, at.F, None, at.bodies, at.fields
-        self.dF, self.against = near.swept(dy, bodies.weight)
+        self.at, self.F, self.theta, bodies = at, at.F, None, at.bodies
+        self.dF, self.against = at.fields.swept(dy, bodies.weight)
         self.there = np.empty_like(at.F)
         self.stiff, self.sprung = at._linear(dy)
         self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
@@ -230,7 +191,7 @@ class Line:
         at = self.at
         at.F = self.there
         in_parts(along, at.F.shape[1], self.F, theta, self.dF, at.F, part=WORTH)
-        self.force, self.theta = at.fields.pairs.force(at.F, at.before_near, at.number).force, theta
+        self.force, self.theta = at.answer(at.F).force, theta
         team, work = at.bodies.team, np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1]
         if team.size > 1:  # most lines end at their first point: what ρ needs there travels along
             work, self.carried = team.sum(work, at.carried(self.force, at.sprung + theta * self.sprung))

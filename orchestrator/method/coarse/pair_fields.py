@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -140,9 +139,3 @@ class PairFields:
         """(Q, 3, 2n) T."""
         A = np.repeat(self.A.reshape(len(self.A), 3, -1, 2 * self.size), np.diff(self.pairs.bounds), axis=0)
         return np.einsum("pm,pimf->pif", self.phi[self.chosen], A)
-
-    @cached_property
-    def normal_size(self) -> np.ndarray:
-        """(Q,) Euclidean norm of n·L: the most that the normal force changes with fields of that size."""
-        along = np.einsum("ip,pif->pf", self.pairs.points.normal, self.L)
-        return np.linalg.norm(along, axis=1)

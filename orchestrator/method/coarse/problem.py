@@ -63,7 +63,6 @@ class CoarseProblem:
         self.newton_steps, self.reduction = 0, REDUCTION if self.bodies.springs is None else FINELY
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
-        self._reach: dict[int, np.ndarray] = {}
         self._kept: dict[int, KeptFactors] = {}
         self._alone: dict[int, Body] = {}
 
@@ -78,12 +77,10 @@ class CoarseProblem:
         radius : longest move of a body in one Newton step
         anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
-        at = LoadStep(self.bodies, number, F0, resultant, before,
-                      self._reach.get(step, np.full(len(self.fields.bodies), np.inf)), anchor)
+        at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
         y, size, start, end = self._newton(at, radius) if self.bodies.springs is None else self._searched(step, at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
-        self._reach[step] = at.reach_next
         return y, at.forces(y)
 
     def weakened(self, pairs: Pairs) -> CoarseProblem:
@@ -96,7 +93,7 @@ class CoarseProblem:
     def aside(self) -> CoarseProblem:
         """The same problem for an estimate, whose solves leave no trace in this one."""
         other = copy(self)
-        other.ends, other.left, other._reach, other._kept = {}, {}, dict(self._reach), {}
+        other.ends, other.left, other._kept = {}, {}, {}
         other.reduction = ROUGH
         return other
 
@@ -169,12 +166,10 @@ class CoarseProblem:
 
     def state(self) -> dict[str, object]:
         """What a resumed run has to know; factors are formed anew."""
-        reach = np.reshape([self._reach[t] for t in sorted(self._reach)], (len(self._reach), len(self.fields.bodies)))
-        return {"interface/reach": reach, "newton_steps": self.newton_steps, "ends": dict(self.ends)}
+        return {"newton_steps": self.newton_steps, "ends": dict(self.ends)}
 
     def restore(self, state: Mapping[str, object]) -> None:
         """Take ``state`` back."""
-        self._reach = dict(enumerate(state["interface/reach"]))
         self.newton_steps, self.ends = state["newton_steps"], dict(state["ends"])
 
     @staticmethod

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.method.coarse.load_step import LoadStep
+from orchestrator.method.coarse.load_step import Line, LoadStep
 
 LEAST, SLOWER, MOST = 1e-8, 100.0, 1e3  # shift relative to k: the first, by how much it grows, beyond what nothing is tried
 LEFT = 0.5  # work at the end of a step over that at its start; a closer search saves no steps
@@ -79,7 +79,7 @@ class SearchedNewton:
             shift *= SLOWER
             if not shift <= MOST:
                 return "no direction"
-        line = self.at.along(self.y, dy)
+        line = Line(self.at, dy)
         self.length = search(line, work)
         self.y = self.y + self.length * dy
         self._rho = line.end(self.length)

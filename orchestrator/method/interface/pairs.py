@@ -148,11 +148,6 @@ class Pairs:
                         for name in ("given", "taken"))
         return Collective(np.concatenate([c.group + start for (_, c), start in zip(parts, first)]), at, given, taken)
 
-    def idle(self, F: np.ndarray, change: np.ndarray, step: int) -> np.ndarray:
-        """(P,) bool, pairs that carry no force while the normal part of F changes by at most ``change`` (P,)."""
-        parts = [run.law.idle(run.points.at(step), F[:, run.part], change[run.part]) for run in self.runs]
-        return np.concatenate([np.zeros(0, dtype=bool), *parts])
-
     def masked(self, x: np.ndarray) -> np.ndarray:
         """(…, 3, P) values, zero where prescribed."""
         return x if self._all_free else np.where(self.free, x, 0.0)
