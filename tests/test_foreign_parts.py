@@ -17,7 +17,7 @@ from orchestrator.registry import FOREIGN
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.interactive import result_page
-from orchestrator.results.figures.look import Look
+from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from orchestrator import build_scene, config_from
-from orchestrator.results.figures.look import Look
+from orchestrator.results.figures.view import Look
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.mesh.cad import leave_out
 from orchestrator.scene.mesh.solids import _sizes

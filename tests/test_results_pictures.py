@@ -23,10 +23,9 @@ from orchestrator.results.figures.deformed import PALETTE, codes, deformed, exag
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.figures.interactive import model_page, result_page
 from orchestrator.results.figures.interfaces import interfaces
-from orchestrator.results.figures.look import Look
+from orchestrator.results.figures.view import Camera, DPI, Look, View
 from orchestrator.results.figures.sheet import compose
-from orchestrator.results.figures.skin import skin
-from orchestrator.results.figures.view import DPI, Camera, View
+from orchestrator.results.figures.surface import skin
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.geometry import area_vectors
 

@@ -1,9 +1,14 @@
-"""What one sees of a mesh: its outer faces, and the edges worth a line."""
+"""What one sees of a mesh: its outer faces, edges worth a line, what a cut shows, and the stresses there."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
+from orchestrator.results.fields.fields import Fields
+from orchestrator.results.figures.view import Look, NO_LINES
 from orchestrator.scene.mesh.geometry import area_vectors
 
 SHARP = 30.0  # degrees by which neighbouring faces turn
@@ -58,3 +63,104 @@ def box_edges(points: np.ndarray) -> np.ndarray:
     one, other = np.nonzero(np.triu(np.abs(corner[:, None] - corner).sum(axis=2) == 1))
     low, high = points.min(axis=0), points.max(axis=0)
     return np.where(corner[np.column_stack([one, other])], high, low)
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Triangles on points of their own, at some load steps.
+
+    points : (p, 3) undeformed; triangles : (k, 3) int; lines : (e, 2) int, edges worth a line
+    cell : (k,) int, the tet behind each triangle
+    displacement : step → (p, 3); stress : step → (p,) von Mises stress, nan where it is not known
+    peaks : step → (2, 3) place and displacement of the largest stress in what is drawn, and its value; None: not known
+    outline : (o, 2, 3) sharp edges of the whole undeformed structure, or its box; none where it is cut or parts are drawn
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    lines: np.ndarray
+    cell: np.ndarray
+    displacement: dict[int, np.ndarray]
+    stress: dict[int, np.ndarray]
+    peaks: dict[int, tuple[np.ndarray, float] | None]
+    outline: np.ndarray
+
+
+def drawn_cells(fields: Fields, look: Look) -> np.ndarray:
+    """(k,) int, tets that are drawn; none of those that stand for parts whose mesh is another program's."""
+    kept = look.chosen(fields.parts, fields.part, len(fields.cells))
+    return kept[fields.lame[kept, 1] > 0]
+
+
+def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray, known: Mapping[int, np.ndarray] | None = None) -> Skin:
+    """What is drawn of a solution.
+
+    toward : (3,) from the structure to the eye: what a cut takes away is there
+    known : step → ``Nodal.von_mises``; None: computed here
+    """
+    drawn, (node, cells), kept = fields.opened, fields.nodal.split, drawn_cells(fields, look)
+    stress = {step: fields.nodal.von_mises(step) for step in steps} if known is None else {step: known[step] for step in steps}
+    places = np.unique(cells[kept])  # those with a stress in what is drawn
+    if look.cut is not None:
+        axis, at = look.cut
+        behind = (drawn.nodes[node[places], axis] <= at) == (toward[axis] >= 0)
+        places = places[behind] if behind.any() else places
+        points, triangles, cell, arrays = _cut(fields, cells[kept], kept, steps, stress, look.cut, toward)
+        outline, lines = NO_LINES, _lines_of_cut(fields, points, triangles, cell, look.cut)
+    else:
+        faces, cell = outer_faces(drawn.nodes, drawn.cells[kept])
+        cell = kept[cell]
+        local = (drawn.cells[cell][:, None] == faces[:, :, None]).argmax(axis=2)  # which of its tet's nodes a corner is
+        used, triangles = np.unique(cells[cell[:, None], local], return_inverse=True)
+        triangles, points = triangles.reshape(-1, 3), drawn.nodes[node[used]]
+        arrays = {step: (drawn.displacement[step][node[used]], stress[step][used]) for step in steps}
+        place = np.zeros(len(drawn.nodes), dtype=int)
+        place[node[used][::-1]] = np.arange(len(used))[::-1]
+        lines = place[edges(drawn.nodes, faces, fields.subdomain[cell])]
+        outline = NO_LINES if look.parts else _outline(fields)
+    peaks = {step: _peak(drawn, node[places], step, values[places]) for step, values in stress.items()}
+    return Skin(points, triangles, lines, cell, *({step: found[k] for step, found in arrays.items()} for k in (0, 1)), peaks, outline)
+
+
+def _outline(fields: Fields) -> np.ndarray:
+    whole = outer_faces(fields.nodes, fields.cells[fields.lame[:, 1] > 0])[0]
+    sharp = edges(fields.nodes, whole)
+    return fields.nodes[sharp] if len(sharp) else box_edges(fields.nodes)
+
+
+def _peak(drawn: Fields, nodes: np.ndarray, step: int, values: np.ndarray) -> tuple[np.ndarray, float] | None:
+    if not np.isfinite(values).any():
+        return None
+    most = int(np.nanargmax(values))
+    return np.stack([drawn.nodes[nodes[most]], drawn.displacement[step][nodes[most]]]), float(values[most])
+
+
+def _cut(fields: Fields, cells: np.ndarray, kept: np.ndarray, steps: Sequence[int], stress: Mapping[int, np.ndarray],
+         plane: tuple[int, float], toward: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[int, tuple]]:
+    """Points, triangles, tets behind them, and per step displacement and stress: what is linear on clipped tets stays so."""
+    drawn, (axis, at) = fields.opened, plane
+    used, corners = np.unique(cells[:, :4], return_inverse=True)
+    at_used = fields.nodal.split[0][used]
+    grid = grid_of(drawn.nodes[at_used], corners.reshape(-1, 4))
+    for step in steps:
+        grid.point_data[f"u{step}"], grid.point_data[f"s{step}"] = drawn.displacement[step][at_used], stress[step][used]
+    grid.cell_data["tet"] = kept
+    normal, origin = np.zeros(3), np.zeros(3)
+    normal[axis], origin[axis] = 1.0 if toward[axis] >= 0 else -1.0, at
+    left = grid.clip(normal=normal, origin=origin)  # keeps what the normal looks away from
+    seen = (left if left.n_cells else grid).extract_surface(algorithm="dataset_surface", pass_pointid=False, pass_cellid=False)
+    seen = seen.triangulate()
+    return np.asarray(seen.points, float), seen.regular_faces, np.asarray(seen["tet"]), {
+        step: (np.asarray(seen[f"u{step}"]), np.asarray(seen[f"s{step}"])) for step in steps}
+
+
+def _lines_of_cut(fields: Fields, points: np.ndarray, triangles: np.ndarray, cell: np.ndarray, plane: tuple[int, float]) -> np.ndarray:
+    """Points that are one but for rounding are one; slivers of the cut have no normals to speak of and count for nothing."""
+    axis, at = plane
+    grain = 1e-6 * np.ptp(fields.nodes, axis=0).max()
+    first, same = np.unique(np.rint(points / grain), axis=0, return_index=True, return_inverse=True)[1:]
+    merged = first[same.ravel()[triangles]]
+    whole = (merged[:, 0] != merged[:, 1]) & (merged[:, 1] != merged[:, 2]) & (merged[:, 2] != merged[:, 0])
+    flat = (np.abs(points[triangles, axis] - at) <= grain).all(axis=1)
+    return np.concatenate([edges(points, merged[some], fields.subdomain[cell[some]], sharp)
+                           for some, sharp in ((whole & ~flat, SHARP), (whole & flat, 180.0))])

@@ -19,7 +19,7 @@ from orchestrator.results.summary.codes import CODE_HEAD, code_rows
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
-from orchestrator.results.figures.look import Look
+from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows
