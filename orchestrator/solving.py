@@ -33,8 +33,7 @@ from orchestrator.results.fields.piece import Piece
 from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
-from orchestrator.results.summary.spent import Spent
-from orchestrator.results.summary.workload import Workload
+from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.savings import Savings
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.build import build_scene

@@ -17,7 +17,7 @@ from orchestrator.results.answers.interfaces import InterfaceTable
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.summary.units import place_text
+from orchestrator.results.summary.words import place_text
 from orchestrator.scene.model import Scene
 
 FILES = (largest.NAME, carried.NAME, asked.NAME)

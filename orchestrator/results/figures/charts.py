@@ -12,9 +12,8 @@ from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.plotting import (
     BLUE, BROWN, COLOURS, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, powers_of_ten, tidy)
-from orchestrator.results.summary.codes import code_label
+from orchestrator.results.summary.words import code_label, units_of
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, jsonable
-from orchestrator.results.summary.units import units_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

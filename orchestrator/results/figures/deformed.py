@@ -11,7 +11,7 @@ from orchestrator.results.figures import surface
 from orchestrator.results.figures.view import Camera, Look, View, colour_limits, toward_eye
 from orchestrator.results.figures.sheet import Scale, Sheet
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
-from orchestrator.results.summary.codes import code_label
+from orchestrator.results.summary.words import code_label
 from orchestrator.scene.mesh.geometry import area_vectors
 
 _MOST = 6  # pictures of load steps; of more steps, evenly many are shown

@@ -16,7 +16,7 @@ from orchestrator.results.figures.plotting import new_figure, png
 from orchestrator.results.figures.sheet import compose
 from orchestrator.results.figures.surface import edges, outer_faces
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.summary.units import units_of
+from orchestrator.results.summary.words import units_of
 
 
 def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray], fields: Fields | None = None,

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from orchestrator.config.method import Method
 from orchestrator.results.report.document import heading, plain, table
-from orchestrator.results.summary.units import place_text
-from orchestrator.results.summary.units import units_of
+from orchestrator.results.summary.words import place_text, units_of
 
 _BESIDE = ("on", "history", "name")  # keys of an entry that are not what it prescribes
 

@@ -11,11 +11,10 @@ from pydantic import ValidationError
 
 from orchestrator.config.output import Figures
 from orchestrator.errors import InputError, Problem, Problems
-from orchestrator.results.report.answer import answer, carried, extremes, probes, reactions
-from orchestrator.results.report.interface_section import interface_section, law_quantities
+from orchestrator.results.report.answer import answer, carried, extremes, interface_section, law_quantities, probes, reactions
 from orchestrator.results.report.document import heading, number, page, picture, plain, table
 from orchestrator.results.report.question import question, settings
-from orchestrator.results.summary.codes import CODE_HEAD, code_rows
+from orchestrator.results.summary.words import CODE_HEAD, code_rows, units_of
 from orchestrator.results.figures.artist import CannotDraw, drawn
 from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
@@ -23,7 +22,6 @@ from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows
-from orchestrator.results.summary.units import units_of
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
 from orchestrator.results.summary.workload import (
     PERIODS,

@@ -7,10 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from orchestrator.method.events import COUNTED
-from orchestrator.results.summary.codes import codes_text
-from orchestrator.results.summary.codes import nonlinear_text
+from orchestrator.results.summary.words import codes_text, nonlinear_text, units_of
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
-from orchestrator.results.summary.units import units_of
 from orchestrator.results.summary.workload import idle_text, ranks_text
 from orchestrator.wording import some
 

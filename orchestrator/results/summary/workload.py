@@ -1,4 +1,4 @@
-"""Who did what, and who waited: stages of each rank and seconds of its workers, like the paper's tables 3 and 4.
+"""Who did what, who waited, and what all have used: stages of each rank and seconds of its workers, as in the paper's tables 3 and 4.
 
 A record is plain data. Rows carry the rank they were measured on, so that those of several ranks are joined by
 putting their lists one after the other (``joined``).
@@ -8,12 +8,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 from orchestrator.blackbox.usage import Activity, Usage
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.results.summary.summary import memory_peak_mb
+from orchestrator.results.summary.summary import memory_peak_mb, versions
+from orchestrator.savings import Savings
 from orchestrator.timing import Stopwatch
+
+if TYPE_CHECKING:  # who reads a report has no scene, and need not load what makes one
+    from orchestrator.scene.model import Scene
 
 STAGE_HEAD = ("stage", "rank", "calls", "seconds", "waiting for other ranks", "share")
 WORKER_HEAD = ("rank", "worker", "subdomains", "dofs", "calls", "assemble, factorise", "solve", "messages",
@@ -143,3 +148,54 @@ def rank_rows(period: Mapping[str, object]) -> list[tuple[str, ...]]:
     return [(str(row["rank"]), f"{row['seconds']:.2f}", f"{row['waiting']:.2f}", f"{100 * row['share']:.1f} %",
              f"{row['messages']:,}", f"{row['reductions']:,}", f"{row['bytes'] / 1e6:.2f}", f"{row['memory_peak_mb']:,.0f}")
             for row in ranks] if len(ranks) > 1 else []
+
+
+@dataclass(frozen=True)
+class Spent:
+    """One rank's share.
+
+    clock : the codes' own CPU seconds per kind of work, summed over workers
+    memory_mb, own_memory_mb : largest, of this process and of the codes', and of this process alone
+    codes : number of a code in the configuration → what it has spent
+    asked : seconds for which the black box has been asked, but for the true error
+    workload : who did what, per period
+    workers : processes of the codes that work at the same time
+    savings : what need not be done
+    """
+
+    clock: dict[str, float]
+    memory_mb: float
+    own_memory_mb: float
+    codes: dict[int, dict[str, object]]
+    asked: float
+    workload: Record
+    workers: int
+    savings: Savings
+
+    @classmethod
+    def of(cls, usage: Usage, numbers: Sequence[int], workload: Record, workers: int, savings: Savings,
+           for_reference: float = 0.0) -> Spent:
+        """This rank's, so far.
+
+        usage : what its black box has taken
+        numbers : of the black box's codes in the configuration
+        for_reference : seconds that it was asked for the true error, which are no part of the solution's
+        """
+        own = memory_peak_mb()
+        return cls(usage.clock(), usage.memory_peak_mb() + own, own, dict(zip(numbers, usage.codes())),
+                   usage.asked - for_reference, workload, workers, savings)
+
+
+def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
+    """What all ranks have used, under the keys of summary.json."""
+    codes = codes_of_all([rank.codes for rank in ranks])
+    for number, entry in codes.items():
+        entry["subdomains"] = [s.index for s in scene.subdomains if s.code == number]
+    return {
+        "timing": {"blackbox": {work: sum(rank.clock[work] for rank in ranks) for work in ranks[0].clock}},
+        "asking_seconds": max(rank.asked for rank in ranks), "codes": list(codes.values()),
+        "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
+        "workload": joined([rank.workload for rank in ranks]), "workers": sum(rank.workers for rank in ranks),
+        "memory_peak_mb": sum(rank.memory_mb for rank in ranks), "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
+        "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks),
+    }
