@@ -11,7 +11,7 @@ from orchestrator.method.interface.pair_geometry import pair_areas
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about
-from orchestrator.scene.mesh.patch import node_areas
+from orchestrator.scene.mesh.geometry import node_areas
 from benchmarks.kit.calculix_whole import displacements
 
 ELEMENTS = ("P1", "P2")

@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.skins import bulges, smooth_faces
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.pairing import outer_bodies
 from orchestrator.scene.interfaces.skins import Skin
-from orchestrator.scene.mesh.cad import _arrays
+from orchestrator.scene.mesh.solids import _arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session
 from orchestrator.scene.mesh.sources import joined, make_mesh, moved

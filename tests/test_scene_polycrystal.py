@@ -21,7 +21,7 @@ from orchestrator.scene.mesh.gmsh_session import TET, session
 from orchestrator.scene.mesh.mending import mend
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.mesh.stars import Stars
+from orchestrator.scene.mesh.mending import Stars
 from orchestrator.scene.mesh.quality import dihedral_range, roundness
 from benchmarks.problems.soundness import is_ball, split_interfaces, unsound
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from quick import quick
 
 from orchestrator.cli import app
-from orchestrator.scene.mesh import cad
+from orchestrator.scene.mesh import solids
 
 pytestmark = pytest.mark.xdist_group("shipped")  # one process reads the CAD model for all
 
@@ -79,14 +79,14 @@ def hertz_pressure(force):
 def cad_is_read_once():
     """Three configurations share a CAD model: gmsh joins its 18 solids once."""
     with pytest.MonkeyPatch.context() as patch:
-        read, known = cad.load, {}
+        read, known = solids._conforming, {}
 
         def load(*arguments):
             if (key := repr(arguments)) not in known:
                 known[key] = read(*arguments)
             return deepcopy(known[key])
 
-        patch.setattr(cad, "load", load)
+        patch.setattr(solids, "_conforming", load)
         yield
 
 

@@ -25,9 +25,8 @@ from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import tet_volumes
+from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.patch import node_areas
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
@@ -155,7 +154,7 @@ def _meshed(config: Config, run_programs: bool, problems: Problems) -> Body:
     if element == "auto":
         from orchestrator.scene.mesh.element import choose_element
 
-        choice = choose_element(mesh, faces, *assign_materials(mesh, config.matter, Problems()))
+        choice = choose_element(mesh, *assign_materials(mesh, config.matter, Problems()))
         element = choice.element
     if element == "P2":
         check_memory(QUADRATIC_BYTES * len(mesh.nodes), ("blackbox",), f"element: P2 on a mesh of {len(mesh.nodes)} corners",

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import node_areas, node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_normals
 from orchestrator.scene.model import Interface
 
 # Prescribed components are taken out of a normal that keeps this much of its length.

@@ -16,7 +16,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
-from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface

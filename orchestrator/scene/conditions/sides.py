@@ -9,8 +9,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface
 

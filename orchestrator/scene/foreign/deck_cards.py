@@ -58,9 +58,7 @@ def runs_on(file: Path, path: KeyPath) -> bool:
 def period(file: Path, path: KeyPath) -> float:
     """How long the load step of a file of loads lasts: the second number of *STATIC's own line, where the file begins with it.
 
-    Raises
-    ------
-    InputError : no length of time
+    Raises InputError: no length of time
     """
     where, line = _first(file)
     if line.startswith("*"):

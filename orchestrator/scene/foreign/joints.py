@@ -24,8 +24,6 @@ FLAT = 1e-10
 class Joints:
     """The joints of a part.
 
-    Parameters
-    ----------
     ids : (n,) int, the part's own numbers of the joints' nodes
     points : (n, 3) where they are
     triangles : (k, 3) int, their faces cut in triangles, indices into these nodes, outward
@@ -66,8 +64,6 @@ class Joints:
 def supports_left(points: np.ndarray, nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """(6, r) the rigid motions, about the mean of points (n, 3) and divided by their size, that supports leave.
 
-    Parameters
-    ----------
     nodes : (s, 3) where the supports are; fixed : (s, 3) bool, what they prescribe
     """
     return null_space(motions_about(nodes, points.mean(axis=0), size_of(points)).reshape(-1, 6)[fixed.ravel()])
@@ -77,15 +73,10 @@ def cut_in_triangles(faces: Sequence[np.ndarray], points: np.ndarray, path: KeyP
                      name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles (k, 3) of faces, which face (k,) each is of, and the same where it has another diagonal too, else -1.
 
-    Parameters
-    ----------
     faces : tables (f, 3, 4, 6 or 8) int, indices of points
     points : (n, 3)
     path, name : for messages
-
-    Raises
-    ------
-    InputError : a face without area
+    Raises InputError: a face without area
     """
     found, owner, other, first = [np.empty((0, 3), int)], [np.empty(0, int)], [np.empty(0, int)], 0
     for table in faces:

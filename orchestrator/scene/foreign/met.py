@@ -43,8 +43,6 @@ def report_joints(mesh: Mesh, interfaces: list[Interface], numbering: SplitNumbe
 def report_units(mesh: Mesh, interfaces: list[Interface], subdomain: np.ndarray, young: np.ndarray, problems: Problems) -> None:
     """Adds a warning for each such part whose own modulus seems to be in another unit than the scene's.
 
-    Parameters
-    ----------
     subdomain : (m,) int, of every tet; young : (m,) the modulus that the YAML, or the part itself, gives it
     """
     for stand in mesh.foreign:

@@ -37,8 +37,6 @@ LINES = 400_000  # of forces in one call: more cases are more calls
 class ProgramRuns:
     """Runs of one program.
 
-    Parameters
-    ----------
     part : the entry of ``parts``; path : where it stands in the YAML
     name : of the part
     """
@@ -67,8 +65,6 @@ class ProgramRuns:
                       folder: Path | None = None) -> np.ndarray:
         """(cases, 3n) displacements of the joint nodes.
 
-        Parameters
-        ----------
         ids : (n,) int, the program's own; springs : (3n,) stiffness to add
         own : per case, 0 or the load step whose own loads act
         forces : (cases, 3n)

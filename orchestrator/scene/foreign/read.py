@@ -18,13 +18,8 @@ READERS = {"matrix": "tables", "deck": "deck", "program": "program"}
 def read_joints(part: ForeignPart, path: KeyPath, name: str) -> Joints:
     """The joints of a part.
 
-    Parameters
-    ----------
     path : of its entry in the YAML; name : of the part
-
-    Raises
-    ------
-    InputError : files that cannot be read, joints that are none
+    Raises InputError: files that cannot be read, joints that are none
     """
     return import_module(f"orchestrator.scene.foreign.{READERS[part.kind]}").joints(part, path, name)
 

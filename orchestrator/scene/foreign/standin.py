@@ -19,9 +19,8 @@ from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.foreign.joints import Joints, components_held
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.geometry import area_vectors, local_size
 from orchestrator.scene.mesh.mesh import Mesh, StandIn
-from orchestrator.scene.mesh.patch import local_size
 from orchestrator.scene.soles.facets import Facets
 from orchestrator.scene.soles.prisms import prisms
 
@@ -40,8 +39,6 @@ def outer_surfaces(mesh: Mesh) -> list[tuple[np.ndarray, np.ndarray]]:
 def fitted(joints: Joints, others: list[tuple[np.ndarray, np.ndarray]]) -> Joints:
     """The same nodes, with diagonals that are edges of other bodies wherever they can be.
 
-    Parameters
-    ----------
     others : points (n, 3) and triangles (k, 3) of the surface of each other body
     """
     triangles = joints.triangles.copy()
@@ -106,14 +103,9 @@ SLANTED = np.array([0.45, 0.6, 0.66])
 def stand_in(joints: Joints, name: str, path: KeyPath) -> Mesh:
     """The mesh of the layer; the joints' nodes come first, in their order.
 
-    Parameters
-    ----------
     name : of the part
     path : of its entry in the YAML
-
-    Raises
-    ------
-    InputError : joint nodes on no face; supports that hold the part in a way that the layer cannot
+    Raises InputError: joint nodes on no face; supports that hold the part in a way that the layer cannot
     """
     used = np.zeros(len(joints.points), dtype=bool)
     used[joints.triangles] = True

@@ -8,8 +8,7 @@ import numpy as np
 
 from orchestrator.config.parts import MatrixPart, ProgramPart
 from orchestrator.errors import InputError, KeyPath, Problem
-from orchestrator.scene.foreign.covering import check_surface, missing_faces
-from orchestrator.scene.foreign.flat import of_plane
+from orchestrator.scene.foreign.flat import check_surface, missing_faces, of_plane
 from orchestrator.scene.foreign.joints import CUT, Joints, cut_in_triangles
 
 
@@ -23,9 +22,7 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
     """Joints of a part's nodes (n,) at points (n, 3), with the joint's name of each: between the faces of its table, or of a flat one
     between all nodes. A matrix has nodes that are on no joint.
 
-    Raises
-    ------
-    InputError : no faces, faces of nodes of two joints, faces that are no surface
+    Raises InputError: no faces, faces of nodes of two joints, faces that are no surface
     """
     names = list(dict.fromkeys(labels))
     own, remarks = np.array([names.index(label) for label in labels]), []
@@ -59,9 +56,7 @@ def between(part: MatrixPart | ProgramPart, ids: np.ndarray, points: np.ndarray,
 def nodes(file: str, path: KeyPath) -> tuple[np.ndarray, np.ndarray]:
     """(n,) ids and (n, 3) coordinates, in the file's order.
 
-    Raises
-    ------
-    InputError : lines that are not four numbers, ids that come twice, nodes at one place
+    Raises InputError: lines that are not four numbers, ids that come twice, nodes at one place
     """
     return checked_nodes(_rows(file, path, "id, x, y, z"), file, path)
 
@@ -105,9 +100,7 @@ def forces_of(file: str, ids: np.ndarray, path: KeyPath) -> np.ndarray:
     """(3n, cases) nodal forces, of a table of lines id, fx, fy, fz, and three more for each further load step; in any order, 0 on
     nodes that it leaves out.
 
-    Raises
-    ------
-    InputError : lines of other lengths, nodes that are not in the table ``ids`` (n,), nodes that come twice
+    Raises InputError: lines of other lengths, nodes that are not in the table ``ids`` (n,), nodes that come twice
     """
     rows, place = _rows(file, path, "id, fx, fy, fz"), {int(number): i for i, number in enumerate(ids)}
     width, seen = len(rows[0][1]), set()

@@ -22,14 +22,9 @@ Triangles = list[tuple[int, int, int]]
 def cut(points: np.ndarray, loops: list[list[int]]) -> list[Triangles | None]:
     """Cuts polygons, not necessarily plane, into triangles whose smallest angle is as large as possible.
 
-    Parameters
-    ----------
     points : (v, 3) coordinates
     loops : per polygon the indices of its corners, in order
-
-    Returns
-    -------
-    per polygon triangles turning like the loop, or None when it is so bent that there are none
+    Returns per polygon triangles turning like the loop, or None when it is so bent that there are none
     """
     chosen = [_triples(len(loop)) for loop in loops]
     corners = np.concatenate([np.array(loop)[triples] for loop, triples in zip(loops, chosen)])
@@ -85,15 +80,10 @@ def corner_angles(triangles: np.ndarray) -> np.ndarray:
 def narrowest(points: np.ndarray, triangles: np.ndarray, body: np.ndarray) -> np.ndarray | None:
     """How good some bodies are, from the triangles that bound them.
 
-    Parameters
-    ----------
     points : (v, 3) coordinates
     triangles : (t, 3) int, indices into the points, turning outward
     body : (t,) int, ascending, the body each triangle bounds
-
-    Returns
-    -------
-    of each body the smallest angle in radians, in a triangle or between two neighbours through the body; or None
+    Returns of each body the smallest angle in radians, in a triangle or between two neighbours through the body; or None
     when one of them is no ball or cannot be seen as a whole from a point inside. Bodies that can, share faces and
     fill a space cannot overlap.
     """
@@ -140,8 +130,6 @@ def _mates(triangles: np.ndarray, body: np.ndarray, points: int) -> np.ndarray |
 def _seen_whole(normal: np.ndarray, offset: np.ndarray, body: np.ndarray, point: np.ndarray, margin: np.ndarray) -> bool:
     """Whether in every body there is a point with all planes of the surface a margin before it.
 
-    Parameters
-    ----------
     normal, offset : (t, 3) and (t,), the planes normal · x = offset
     body : (t,) int, ascending
     point : (b, 3), where to begin looking

@@ -22,12 +22,7 @@ NARROW, NARROWEST = np.pi / 18, np.pi / 36
 class Grains:
     """The faces of a tessellation while vertices are merged.
 
-    Parameters
-    ----------
     cells : what to start from
-
-    Attributes
-    ----------
     points, sides : (v, 3) and (v, 6) as in the tessellation; merged vertices keep their place
     loops : face → its vertices; faces that have vanished are gone
     cells : face → its two cells
@@ -60,9 +55,7 @@ class Grains:
     def merge(self, a: int, b: int, narrow: float) -> bool:
         """Makes b and a one vertex, unless a grain around would lose its soundness or get an angle below ``narrow``.
 
-        Returns
-        -------
-        whether they are one now
+        Returns whether they are one now
         """
         around = self.faces_at[a] | self.faces_at[b]
         loops = {face: without_repeats([a if v == b else v for v in self.loops[face]]) for face in sorted(around)}
@@ -79,8 +72,7 @@ class Grains:
             return [(self.points[a] + self.points[b]) / 2, self.points[a], self.points[b]]
         return [self.points[a]] if more else [self.points[b]] if less else []
 
-    def _merge_at(self, a: int, b: int, place: np.ndarray, loops: dict[int, list[int]], grains: set[int],
-                  narrow: float) -> bool:
+    def _merge_at(self, a: int, b: int, place: np.ndarray, loops: dict[int, list[int]], grains: set[int], narrow: float) -> bool:
         before = self.points[a].copy()
         self.points[a] = place
         whole = {face: loop for face, loop in loops.items() if len(loop) > 2}

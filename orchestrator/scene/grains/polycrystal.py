@@ -36,9 +36,7 @@ def polycrystal(mesh: Any) -> Mesh:
     mended; when the grains of a seed cannot be meshed at all, the next seed is taken; ``remarks`` tell of both.
     The same entry always gives the same mesh; size and h times ten give that mesh times ten.
 
-    Raises
-    ------
-    InputError : h too coarse or too fine, or no seed gives a good mesh
+    Raises InputError: h too coarse or too fine, or no seed gives a good mesh
     """
     entry = mesh.polycrystal
     count, h, seed = int(entry.grains), float(entry.h), int(entry.seed)

@@ -20,8 +20,6 @@ SAME = 1e-9
 class Tessellation:
     """Polyhedral cells that fill a box from the origin and share vertices and faces.
 
-    Parameters
-    ----------
     size : (3,) lengths of the box
     vertices : (v, 3) coordinates
     sides : (v, 6) bool, the sides of the box each vertex lies on
@@ -39,8 +37,6 @@ class Tessellation:
 def scattered(grains: int, size: np.ndarray, seed: int, lloyd: int) -> Tessellation:
     """The cells of uniformly random points, moved ``lloyd`` times to the centroids of their cells.
 
-    Parameters
-    ----------
     size : (3,) lengths of the box
     """
     points = np.random.default_rng(seed).random((grains, 3)) * size

@@ -12,8 +12,7 @@ from orchestrator.scene.interfaces.pairing import Body, close_bodies, match, out
 from orchestrator.scene.interfaces.patches import patches
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface, Scene
 

@@ -10,7 +10,7 @@ from orchestrator.errors import Problems
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.search import side_nodes
 from orchestrator.scene.mesh.faces import edge_patches
-from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.mesh.geometry import node_normals
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
 from orchestrator.scene.partition.numbering import SplitNumbering

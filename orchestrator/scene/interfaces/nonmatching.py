@@ -19,7 +19,7 @@ from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skin, Skins
 from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.geometry import local_size
 from orchestrator.scene.model import Interface
 
 

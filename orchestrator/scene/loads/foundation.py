@@ -14,7 +14,7 @@ from orchestrator.errors import KeyPath, Problem
 from orchestrator.registry import GROUND
 from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.loads.base import Ground, Kind, OnFaces
-from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.mesh.geometry import node_normals
 
 
 class Foundation(Part):

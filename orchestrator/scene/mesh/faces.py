@@ -19,8 +19,6 @@ MAX_NODES = 2_097_151
 class Faces:
     """All faces of a mesh, each once, in the order of their keys.
 
-    Parameters
-    ----------
     nodes : number of corner nodes of the mesh
     triangles : (f, 3) int, oriented outward of the owner; (f, 6) on ten-node tets, the corners first
     keys : (f,) int, ascending; equal keys mean the same three nodes
@@ -64,14 +62,9 @@ def pack(triangles: np.ndarray, nodes: int) -> np.ndarray:
 def faces_of(cells: np.ndarray, nodes: int) -> Faces:
     """Pairs the faces of tets.
 
-    Parameters
-    ----------
     cells : (m, 4) int, positively oriented
     nodes : number of nodes
-
-    Raises
-    ------
-    ValueError : more than ``MAX_NODES`` nodes
+    Raises ValueError: more than ``MAX_NODES`` nodes
     """
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
@@ -117,13 +110,8 @@ def _even(triangles: np.ndarray) -> np.ndarray:
 def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
     """Parts of the mesh held together by faces between tets of equal label.
 
-    Parameters
-    ----------
     labels : (m,) int, one per tet
-
-    Returns
-    -------
-    count : number of pieces
+    Returns count : number of pieces
     piece : (m,) int, the piece of each tet
     """
     inner = faces.inner

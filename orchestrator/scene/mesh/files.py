@@ -44,9 +44,7 @@ def read(path: Path) -> Mesh:
     Volumes are named by gmsh's physical names or the format's cell sets, else ``volume_<tag>``;
     surfaces likewise, else ``surface_<tag>``. A named surface none of whose triangles lies on tets is there, empty.
 
-    Raises
-    ------
-    InputError : no such file, too large, unreadable, no solid cells, of higher order, too distorted to be split
+    Raises InputError: no such file, too large, unreadable, no solid cells, of higher order, too distorted to be split
     """
     loaded = _load(path)
     raw, remarks = straightened(loaded)
@@ -90,8 +88,7 @@ def read(path: Path) -> Mesh:
 
 def _load(path: Path) -> meshio.Mesh:
     if not path.is_file():
-        raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file",
-                                 "check the path"))
+        raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file", "check the path"))
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
     if path.suffix.lower() in (".vtm", ".vtmb", ".pvd"):
         raise InputError(Problem(("mesh", "file"), f"{path}: a collection of grids", "one grid (.vtu)",
@@ -143,8 +140,7 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
     for name, sets in raw.cell_sets.items():
         if name.startswith("gmsh:"):
             continue
-        index = [offset + np.asarray(sets[i], dtype=np.int64)
-                 for i, offset in zip(blocks, offsets) if sets[i] is not None and len(sets[i])]
+        index = [offset + np.asarray(sets[i], dtype=np.int64) for i, offset in zip(blocks, offsets) if sets[i] is not None and len(sets[i])]
         if index:
             groups.setdefault(name, []).extend(index)
     known = {numbers: name for name, numbers in physical(raw)}

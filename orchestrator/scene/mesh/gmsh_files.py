@@ -25,9 +25,7 @@ def read_by_gmsh(path: Path) -> meshio.Mesh:
     gmsh takes what it does not know for a script, and runs the options that it finds beside a file: the content is looked at
     first, and gmsh sees the file in a folder where nothing else is, in a process that can start no other.
 
-    Raises
-    ------
-    InputError : the content is not what the ending says, or gmsh cannot read it
+    Raises InputError: the content is not what the ending says, or gmsh cannot read it
     """
     check_content(path, ("mesh", "file"))
     with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:

@@ -31,8 +31,7 @@ def session() -> Iterator[None]:
 @contextmanager
 def _handlers_kept() -> Iterator[None]:
     """gmsh gives these back to the system: a broken pipe would kill the program without a word, a hangup despite nohup."""
-    handlers = {number: signal.getsignal(number)
-                for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
     yield
     if threading.current_thread() is threading.main_thread():
         for number, handler in handlers.items():

@@ -27,9 +27,7 @@ _NO_NODE = -1  # fourth node of a triangle
 def read_inp(path: Path) -> meshio.Mesh:
     """The mesh as meshio would have it, surfaces as triangles.
 
-    Raises
-    ------
-    InputError : a line that cannot be read, told with its file and number; a file included that is not there
+    Raises InputError: a line that cannot be read, told with its file and number; a file included that is not there
     """
     cards = cards_of_a_model(path)
     for card, _, rows in cards:
@@ -41,8 +39,6 @@ def read_inp(path: Path) -> meshio.Mesh:
 class _Mesh(Model):
     """A model with its surfaces.
 
-    Attributes
-    ----------
     surfaces : name → (element or set, face, where it says so)
     passed : surfaces with faces of shells, and where the first of them is
     """

@@ -66,9 +66,7 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     """(n, 4) float, numbers and coordinates of nodes, a line each: what follows the third coordinate (a normal) is passed over,
     coordinates that are left out are 0.
 
-    Raises
-    ------
-    InputError : what is no number; coordinates that are not Cartesian
+    Raises InputError: what is no number; coordinates that are not Cartesian
     """
     if options.get("SYSTEM", "R").upper() != "R":
         rows[0].fail(f"nodes in SYSTEM={options['SYSTEM'][:12]}", "Cartesian coordinates")
@@ -86,14 +84,9 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
 class Model:
     """Nodes, elements and sets of a file.
 
-    Parameters
-    ----------
     cards : of the file
     shape : type of an element, and the line that has it → a name for its shape and its number of nodes; None: passed over
     sets : kinds of sets that are read
-
-    Attributes
-    ----------
     nodes : (n, 4) float, numbers and coordinates; of equal numbers CalculiX takes the last
     blocks : shape → (m, 1 + nodes) int, numbers of elements and of their nodes
     sets : kind → name → members, ascending; names as they are written first, capitals do not count
@@ -149,8 +142,6 @@ def outer(faces: np.ndarray) -> np.ndarray:
 class Inclusion:
     """A deck and the files that it includes, as far as they have been opened.
 
-    Parameters
-    ----------
     path : of the file; where : of the line that includes it, for messages
     above : that file's
     """

@@ -14,8 +14,6 @@ import numpy as np
 class StandIn:
     """What a volume is that stands for a part whose mesh is not ours, see ``foreign.standin``.
 
-    Parameters
-    ----------
     volume : index of the volume
     first : its first node; its nodes follow each other, those of its joints first
     joints : how many of them are the joints'
@@ -45,8 +43,6 @@ class StandIn:
 class Mesh:
     """A conforming mesh of four- or ten-node tetrahedra with named volumes and surfaces.
 
-    Parameters
-    ----------
     nodes : (n, 3) float, coordinates
     cells : (m, 4 or 10) int, node indices, positively oriented; the corners first, see ``quadratic``
     volume : (m,) int, index into ``volumes``

@@ -45,13 +45,8 @@ def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:
 def edges_of(elements: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The edges of elements (m, p), each once.
 
-    Parameters
-    ----------
     local : (q, 2) int, ends of an element's edges in its own numbering
-
-    Returns
-    -------
-    ends : (e, 2) int, ascending within and among rows
+    Returns ends : (e, 2) int, ascending within and among rows
     edge : (m, q) int, index into ``ends``
     """
     pairs = np.sort(elements[:, local], axis=2).reshape(-1, 2).astype(np.int64)
@@ -72,12 +67,9 @@ def lines_of(triangles: np.ndarray) -> np.ndarray:
     return np.concatenate([triangles[:, [*ends, 3 + i]] for i, ends in enumerate(TRIANGLE_EDGES)])
 
 
-def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray,
-                 cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A sole's points and cells (q, 10) with a node in the middle of every edge.
 
-    Parameters
-    ----------
     inner : (n, 3) nodes of the interface
     lines : (e, 3) int, ends and middles of the edges that have all of them among ``inner``
     points : (p, 3) the sole's other corners; cells : (q, 4) int, values from n on mean ``points``

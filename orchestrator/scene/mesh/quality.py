@@ -51,9 +51,7 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
 
     A mesh whose tets are all inverted merely follows another convention and is turned round.
 
-    Raises
-    ------
-    InputError : no tets, too many nodes, coordinates that are no numbers, inverted or flat tets,
+    Raises InputError: no tets, too many nodes, coordinates that are no numbers, inverted or flat tets,
         faces of three tets, overlapping tets
     """
     problems = Problems()
@@ -61,8 +59,7 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
         raise InputError(Problem(("mesh",), f"{mesh.source}: no tetrahedra", "a mesh of four-node tetrahedra",
                                  "mesh the volume, not only its surface, and save the volume elements"))
     if len(mesh.nodes) > MAX_NODES:
-        raise InputError(Problem(("mesh",), f"{mesh.source}: {len(mesh.nodes)} nodes",
-                                 f"at most {MAX_NODES} nodes", "use a coarser mesh"))
+        raise InputError(Problem(("mesh",), f"{mesh.source}: {len(mesh.nodes)} nodes", f"at most {MAX_NODES} nodes", "use a coarser mesh"))
     if not np.isfinite(mesh.nodes).all():
         bad = int(np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))[0])
         raise InputError(Problem(("mesh",), f"{mesh.source}: node {bad} at {mesh.nodes[bad]}",
@@ -72,8 +69,7 @@ def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
     faces = faces_of(mesh.cells, len(mesh.nodes))
     for what, index, cure in (
             ("faces shared by three or more tets", faces.crowded, "remove duplicated tets"),
-            ("faces with both tets on the same side", np.setdiff1d(faces.folded, faces.crowded),
-             "remove duplicated or overlapping tets")):
+            ("faces with both tets on the same side", np.setdiff1d(faces.folded, faces.crowded), "remove duplicated or overlapping tets")):
         if len(index):
             where = format_point(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))
             problems.add(("mesh",), f"{mesh.source}: {len(index)} {what}, the first at {where}",
@@ -87,8 +83,7 @@ def _oriented(mesh: Mesh, problems: Problems) -> Mesh:
     flat = np.abs(volumes) <= FLAT * mesh.diagonal ** 3  # no edge is longer than that
     thin = np.flatnonzero(flat)
     corners = mesh.nodes[mesh.cells[thin]]
-    longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1)
-                      for i in range(4) for j in range(i)], axis=0) ** 1.5
+    longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i in range(4) for j in range(i)], axis=0) ** 1.5
     flat[thin] = np.abs(volumes[thin]) <= FLAT * longest
     inverted = (volumes < 0) & ~flat
     if inverted.any() and not (volumes[~flat] > 0).any():

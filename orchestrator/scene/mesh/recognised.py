@@ -36,8 +36,6 @@ _KNOWN = {
 def check_content(path: Path, key: KeyPath, source: str = "") -> None:
     """Raises InputError for a file whose content is not what its ending says, as far as the ending is known here.
 
-    Parameters
-    ----------
     key : of the YAML that names it
     source : what the user calls the file, for the message; none: its path
     """

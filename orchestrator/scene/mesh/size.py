@@ -29,21 +29,15 @@ def largest() -> tuple[float, str]:
 def check_size(nodes: float, path: KeyPath, found: str, cure: Callable[[float], str]) -> None:
     """Refuses a mesh of more nodes than there may be.
 
-    Parameters
-    ----------
     nodes : estimated
     path : the key that decides on it
     found : what stands there
     cure : factor that elements have to grow by → what to write
-
-    Raises
-    ------
-    InputError : with what would do
+    Raises InputError: with what would do
     """
     most, expected = largest()
     if not nodes <= most:
-        raise InputError(Problem(path, f"{found} makes about {nodes:.2g} nodes", expected,
-                                 cure(1.05 * (nodes / most) ** (1 / 3))))
+        raise InputError(Problem(path, f"{found} makes about {nodes:.2g} nodes", expected, cure(1.05 * (nodes / most) ** (1 / 3))))
 
 
 def coarser(h: float) -> Callable[[float], str]:
@@ -54,9 +48,7 @@ def coarser(h: float) -> Callable[[float], str]:
 def check_memory(needed: float, path: KeyPath, found: str, cure: str) -> None:
     """Refuses what takes more bytes than are free.
 
-    Raises
-    ------
-    InputError : with both numbers
+    Raises InputError: with both numbers
     """
     if not needed <= (left := memory_left()):
         raise InputError(Problem(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory",

@@ -1,18 +1,8 @@
-"""STEP and BREP assemblies meshed solid by solid: each at its own element size, sharing nothing with those it touches.
-
-Solids are independent of each other, so that several processes mesh them where that is worth starting any (gmsh has one
-model per process). What a solid becomes depends neither on the others nor on who meshes it.
-"""
+"""Meshes of STEP and BREP models: touching solids share their faces; or each solid is meshed by itself, at its own element size."""
 
 from __future__ import annotations
 
-import os
-import pickle
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,115 +11,168 @@ import gmsh
 import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems
-from orchestrator.scene.mesh.cad import ATTEMPTS, check_h, leave_out, load, locate, product, read_model
-from orchestrator.scene.mesh.gmsh_session import TET, TRIANGLE, elements, last_complaint, points, session
-from orchestrator.scene.mesh.size import DENSITY
+from orchestrator.scene.mesh.cad import check_h, leave_out, locate, read_model
+from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.names import matching, suggestion, unique_names
+from orchestrator.scene.names import matching, suggestion
 from orchestrator.wording import some
 
+DELAUNAY = 1
+# 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up
+# on coarse curved surfaces; there finer circles help, where Delaunay does not.
+ATTEMPTS = ((HXT, 0), (DELAUNAY, 0), (HXT, 6))
 # Edges and faces shorter than this share of the whole model are told: elements there are as small.
 SMALL = 1e-3
-# Nodes from which on several processes mesh faster than one: gmsh makes about 20,000 a second, and a process takes half a
-# second to start.
-WORTH = 20_000
-PROCESS = f"from {__name__} import main; main()"
 SHOWN = 5  # faces that one sentence names
+
+
+def step(mesh: Any) -> Mesh:
+    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
+
+    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it. Volumes carry the solids' names; each
+    geometric surface on the outer boundary is a named surface ``<solid>:<k>``, k from 1.
+    Raises InputError: unreadable, no solids, faces that close none, names that match none, solids that gmsh cannot mesh
+    """
+    path, source, exclude = locate(str(mesh.step)), str(mesh.step), getattr(mesh, "exclude", None) or []
+    if getattr(mesh, "conforming", None) is False:
+        return _apart(path, source, mesh.h, exclude)
+    return _conforming(path, source, None if mesh.h is None else float(mesh.h), exclude)
+
+
+def _conforming(path: Path, source: str, h: float | None, exclude: list[str]) -> Mesh:
+    """The mesh in which touching solids share their faces."""
+    complaint = ""
+    for algorithm, per_circle in ATTEMPTS:
+        with session():
+            names, owner = _joined(path, source, h, exclude)
+            if h is not None:
+                gmsh.option.setNumber("Mesh.MeshSizeMax", h)
+            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
+            gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
+            try:
+                gmsh.model.mesh.generate(3)
+            except Exception as error:
+                complaint = last_complaint(error)
+                continue
+            # gmsh passes over solids it cannot fill without raising an error.
+            empty = {names[solid] for tag, solid in owner.items() if not len(gmsh.model.mesh.getElementsByType(TET, tag)[0])}
+            if not empty:
+                return _arrays(source, names, owner)
+            complaint = "no tetrahedra in " + ", ".join(sorted(empty))
+    raise InputError(Problem(("mesh", "step"), f"{source}: gmsh cannot mesh it with h = {h}: {complaint}",
+                             "solids that can be meshed", "try a smaller h, or repair the model"))
+
+
+def _joined(path: Path, source: str, h: float | None, exclude: list[str]) -> tuple[list[str], dict[int, int]]:
+    """Makes touching solids share faces: their names, and the tag of each piece → the solid it comes from."""
+    solids, names, _ = read_model(path, source, shells=False)
+    if exclude:
+        kept = leave_out(source, names, exclude, names)
+        gmsh.model.occ.remove([s for i, s in enumerate(solids) if i not in kept], recursive=True)
+        gmsh.model.occ.synchronize()
+        solids, names = [solids[i] for i in kept], [names[i] for i in kept]
+    if h is not None:
+        check_h(solids, h)
+    if len(solids) == 1:
+        return names, {solids[0][1]: 0}
+    _, children = gmsh.model.occ.fragment(solids, [])
+    gmsh.model.occ.synchronize()
+    owner: dict[int, int] = {}
+    for i, pieces in enumerate(children):
+        for dimension, tag in pieces:
+            if dimension == 3:
+                owner.setdefault(tag, i)  # where solids overlap, the piece goes to the first
+    return names, owner
+
+
+def _arrays(source: str, names: list[str], owner: dict[int, int]) -> Mesh:
+    """The mesh that gmsh holds of solids as ``_joined`` tells them."""
+    pieces = [tag for _, tag in gmsh.model.getEntities(3)]
+    cells, piece = elements(TET, pieces)
+    used, inverse = np.unique(cells, return_inverse=True)
+    surfaces: dict[str, np.ndarray] = {}
+    counts = dict.fromkeys(names, 0)
+    for _, tag in gmsh.model.getEntities(2):
+        beside = gmsh.model.getAdjacencies(2, tag)[0]
+        if len(beside) == 1:
+            name = names[owner[int(beside[0])]]
+            counts[name] += 1
+            surfaces[f"{name}:{counts[name]}"] = np.searchsorted(used, elements(TRIANGLE, [tag])[0])
+    kept, volume = np.unique(np.array([owner[tag] for tag in pieces])[piece], return_inverse=True)
+    return Mesh(points(used), inverse.reshape(-1, 4), volume, [names[i] for i in kept], surfaces, source, smooth=list(surfaces))
 
 
 @dataclass
 class Solid:
-    """One solid of a model.
+    """One solid of a model that is meshed by itself.
 
-    Parameters
-    ----------
     tag : gmsh's; name : unique; faces : tags of its faces, ascending, named ``name:1`` and on
     h : element size, none: gmsh's own choice
-    nodes : estimated number of nodes, 0 where h is none
+    points : (n, 3), cells : (m, 4), surfaces : triangles per face, once it is meshed; complaint : why it is not
     """
 
     tag: int
     name: str
     faces: list[int]
     h: float | None
-    nodes: float
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    cells: np.ndarray = field(default_factory=lambda: np.empty((0, 4), dtype=int))
+    surfaces: list[np.ndarray] = field(default_factory=list)
+    complaint: str = "not tried"
 
     def face(self, tag: int) -> str:
         """Name of a face."""
         return f"{self.name}:{self.faces.index(tag) + 1}"
 
 
-@dataclass
-class Meshed:
-    """What gmsh has made of a solid: points (n, 3), cells (m, 4), triangles per face; or why nothing."""
-
-    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
-    cells: np.ndarray = field(default_factory=lambda: np.empty((0, 4), dtype=int))
-    surfaces: list[np.ndarray] = field(default_factory=list)
-    complaint: str = ""
-
-
-def step(mesh: Any) -> Mesh:
-    """The CAD model named by ``mesh.step``, meshed with elements of size ``mesh.h`` (in the model's units).
-
-    Without h, gmsh takes a tenth of the model's size, less where the shape asks for it.
-    """
-    if getattr(mesh, "conforming", None) is False:
-        return step_apart(mesh)
-    return load(locate(str(mesh.step)), None if mesh.h is None else float(mesh.h), str(mesh.step),
-                getattr(mesh, "exclude", None) or [])
-
-
-def step_apart(mesh: Any) -> Mesh:
-    """The CAD model named by ``mesh.step``, each solid meshed by itself with elements of its own size ``mesh.h``.
-
-    Names are those of ``cad.load``; all faces of a solid are outer ones.
-
-    Raises
-    ------
-    InputError : unreadable, no solids, faces that close no solid, names that match none, solids that gmsh cannot mesh
-    """
-    path, source = locate(str(mesh.step)), str(mesh.step)
+def _apart(path: Path, source: str, h: Any, exclude: list[str]) -> Mesh:
+    """The mesh in which solids share nothing; what becomes of one does not depend on the others."""
     with session():
-        solids, remarks = _survey(path, source, mesh.h, mesh.exclude or [])
-    made = _all(path, solids)
-    failed = [Problem(("mesh", "step"), f"{source}: {solid.name} cannot be meshed: {one.complaint}",
-                      "solids whose faces close and can be meshed", f"repair the solid, try a smaller h, or leave it out: "
-                      f"exclude: [{solid.name}]") for solid, one in zip(solids, made) if one.complaint]
+        solids, remarks = _survey(path, source, h, exclude)
+    for algorithm, per_circle in ATTEMPTS:
+        if not (left := [solid for solid in solids if solid.complaint]):
+            break
+        with session():
+            read_model(path, source)
+            everything = gmsh.model.getEntities()
+            gmsh.option.setNumber("Mesh.MeshOnlyVisible", 1)
+            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
+            gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
+            for solid in left:
+                gmsh.model.setVisibility(everything, 0)
+                gmsh.model.setVisibility([(3, solid.tag)], 1, recursive=True)
+                solid.complaint = _mesh_visible(solid)
+                gmsh.model.mesh.clear()
+    failed = [Problem(("mesh", "step"), f"{source}: {solid.name} cannot be meshed: {solid.complaint}", "solids whose faces close and can be "
+                      f"meshed", f"repair the solid, try a smaller h, or leave it out: exclude: [{solid.name}]")
+              for solid in solids if solid.complaint]
     if failed:
         raise InputError(failed)
-    starts = np.cumsum([0, *(len(one.points) for one in made)])
-    surfaces = {f"{solid.name}:{k}": triangles + start for solid, one, start in zip(solids, made, starts)
-                for k, triangles in enumerate(one.surfaces, start=1)}
-    return Mesh(np.concatenate([one.points for one in made]),
-                np.concatenate([one.cells + start for one, start in zip(made, starts)]),
-                np.repeat(np.arange(len(made)), [len(one.cells) for one in made]), [solid.name for solid in solids],
+    starts = np.cumsum([0, *(len(solid.points) for solid in solids)])
+    surfaces = {f"{solid.name}:{k}": triangles + start for solid, start in zip(solids, starts)
+                for k, triangles in enumerate(solid.surfaces, start=1)}
+    return Mesh(np.concatenate([solid.points for solid in solids]), np.concatenate([solid.cells + start for solid, start in zip(solids, starts)]),
+                np.repeat(np.arange(len(solids)), [len(solid.cells) for solid in solids]), [solid.name for solid in solids],
                 surfaces, source, remarks, list(surfaces))
 
 
 def _survey(path: Path, source: str, h: Any, exclude: list[str]) -> tuple[list[Solid], list[str]]:
     """The solids that are to be meshed, and remarks on what is small in them; gmsh must be switched on."""
-    found, loose = read_model(path, source)
-    names = unique_names([product(*s) or "solid" for s in found])
+    found, names, loose = read_model(path, source)
     shells = [f"shell_{i}" for i in range(1, len(loose) + 1)]
     kept = leave_out(source, names, exclude, [*names, *shells])
     left = {name for pattern in exclude for name in matching(pattern, [*names, *shells])}
-    open_ = [(name, faces) for name, faces in zip(shells, loose) if name not in left]
+    open_ = [Problem(("mesh", "step"), f"{source}: {name}, {len(faces)} faces, the first at "
+                     f"({', '.join(f'{x:.4g}' for x in gmsh.model.occ.getCenterOfMass(2, faces[0]))}), close no solid",
+                     "closed solids", f"repair the body in CAD and export it again, or leave it out: exclude: [{name}]")
+             for name, faces in zip(shells, loose) if name not in left]
     if open_:
-        raise InputError([Problem(
-            ("mesh", "step"), f"{source}: {name}, {len(faces)} faces, the first at "
-            f"({', '.join(f'{x:.4g}' for x in gmsh.model.occ.getCenterOfMass(2, faces[0]))}), close no solid",
-            "closed solids", f"repair the body in CAD and export it again, or leave it out: exclude: [{name}]")
-            for name, faces in open_])
+        raise InputError(open_)
     sizes = _sizes([names[i] for i in kept], h)
     if sizes:
         check_h([found[i] for i in kept], max(sizes.values()))
-    solids = []
-    for i in kept:
-        size = sizes.get(names[i])
-        faces = sorted({tag for _, tag in gmsh.model.getBoundary([found[i]], combined=False, oriented=False)})
-        count = 0.0 if size is None else DENSITY * gmsh.model.occ.getMass(*found[i]) / size**3
-        solids.append(Solid(found[i][1], names[i], faces, size, count))
+    solids = [Solid(found[i][1], names[i], sorted({tag for _, tag in gmsh.model.getBoundary([found[i]], combined=False, oriented=False)}),
+                    sizes.get(names[i])) for i in kept]
     return solids, list(_small(solids))
 
 
@@ -146,8 +189,7 @@ def _sizes(names: list[str], h: Any) -> dict[str, float]:
                          suggestion(pattern, names, "solid"))
         sizes.update(dict.fromkeys(own, float(size)))
     if left := [name for name in names if name not in sizes]:
-        problems.add(("mesh", "h"), f"no element size for {some(left, 8)}", "an element size for each solid",
-                     "begin with one for all: '*': 5")
+        problems.add(("mesh", "h"), f"no element size for {some(left, 8)}", "an element size for each solid", "begin with one for all: '*': 5")
     problems.raise_if_any()
     return sizes
 
@@ -170,88 +212,23 @@ def _small(solids: list[Solid]) -> Iterator[str]:
                    f"elements there are as small; heal the model, or leave the solid out: exclude: [{solid.name}]")
 
 
-def _all(path: Path, solids: list[Solid]) -> list[Meshed]:
-    """Meshes of the solids, by several processes where that is worth it."""
-    workers = min(len(os.sched_getaffinity(0)), len(solids))
-    if workers < 2 or sum(solid.nodes for solid in solids) < WORTH:
-        return mesh_solids(path, solids)
-    shares = _shares(solids, workers)
-    folder = str(Path(__file__).parents[3])
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))}
-    result: list[Meshed] = [Meshed()] * len(solids)
-    with tempfile.TemporaryDirectory(prefix="orchestrator-solids-") as temporary:
-        started = []
-        try:
-            for number, share in enumerate(shares):
-                answer = Path(temporary) / str(number)
-                process = subprocess.Popen([sys.executable, "-P", "-c", PROCESS, str(answer)], stdin=subprocess.PIPE,
-                                           stdout=subprocess.DEVNULL, env=environment)
-                started.append((process, share, answer))
-                with suppress(BrokenPipeError), process.stdin as requests:  # who is gone is noticed below
-                    requests.write(pickle.dumps((path, [solids[i] for i in share])))
-            for process, share, answer in started:
-                if process.wait() or not answer.is_file():
-                    # a crash of the mesher's takes one process with it: which solid it was, the same work tells again
-                    raise InputError(Problem(("mesh", "step"), f"{path}: gmsh has crashed on one of "
-                                             f"{some([solids[i].name for i in share], 8)} (exit code {process.returncode})",
-                                             "solids that can be meshed", "repair the model, or leave the solid out: exclude"))
-                for i, one in zip(share, pickle.loads(answer.read_bytes())):
-                    result[i] = one
-        finally:
-            for process, _, _ in started:
-                if process.poll() is None:
-                    process.kill()
-                    process.wait()
-    return result
-
-
-def _shares(solids: list[Solid], workers: int) -> list[list[int]]:
-    """Indices of solids for each process: the largest first, each to the one that has least to do."""
-    shares, load = [[] for _ in range(workers)], np.zeros(workers)
-    for i in sorted(range(len(solids)), key=lambda i: -solids[i].nodes):
-        least = int(load.argmin())
-        shares[least].append(i)
-        load[least] += solids[i].nodes
-    return [share for share in shares if share]
-
-
-def mesh_solids(path: Path, solids: list[Solid]) -> list[Meshed]:
-    """Meshes of some solids of a model, one after another."""
-    result = [Meshed(complaint="not tried") for _ in solids]
-    for algorithm, per_circle in ATTEMPTS:
-        left = [i for i, one in enumerate(result) if one.complaint]
-        if not left:
-            break
-        with session():
-            read_model(path, str(path))
-            everything = gmsh.model.getEntities()
-            gmsh.option.setNumber("Mesh.MeshOnlyVisible", 1)
-            gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", per_circle)
-            gmsh.option.setNumber("Mesh.Algorithm3D", algorithm)
-            for i in left:
-                gmsh.model.setVisibility(everything, 0)
-                gmsh.model.setVisibility([(3, solids[i].tag)], 1, recursive=True)
-                result[i] = _one(solids[i])
-                gmsh.model.mesh.clear()
-    return result
-
-
-def _one(solid: Solid) -> Meshed:
-    """The mesh of the one solid that is visible."""
+def _mesh_visible(solid: Solid) -> str:
+    """Meshes the one solid that is visible; says what is wrong, empty where nothing is."""
     gmsh.option.setNumber("Mesh.MeshSizeMax", 1e22 if solid.h is None else solid.h)
     try:
         gmsh.model.mesh.generate(2)
         if complaint := _open(solid):
-            return Meshed(complaint=complaint)
+            return complaint
         gmsh.model.mesh.generate(3)
     except Exception as error:
-        return Meshed(complaint=last_complaint(error))
+        return last_complaint(error)
     cells, _ = elements(TET, [solid.tag])
     if not len(cells):  # gmsh passes over what it cannot fill
-        return Meshed(complaint=f"no tetrahedra with h = {'auto' if solid.h is None else f'{solid.h:g}'}")
+        return f"no tetrahedra with h = {'auto' if solid.h is None else f'{solid.h:g}'}"
     used, inverse = np.unique(cells, return_inverse=True)
-    return Meshed(points(used), inverse.reshape(-1, 4),
-                  [np.searchsorted(used, elements(TRIANGLE, [tag])[0]) for tag in solid.faces])
+    solid.points, solid.cells = points(used), inverse.reshape(-1, 4)
+    solid.surfaces = [np.searchsorted(used, elements(TRIANGLE, [tag])[0]) for tag in solid.faces]
+    return ""
 
 
 def _open(solid: Solid) -> str:
@@ -270,13 +247,3 @@ def _open(solid: Solid) -> str:
     names = [solid.face(solid.faces[k]) for k in tags[np.argsort(-lengths, kind="stable")]]
     return (f"its faces do not close: {alone.sum()} edges of {some(names, SHOWN)} have one triangle beside them, "
             f"about ({', '.join(f'{x:.4g}' for x in where)})")
-
-
-def main() -> None:
-    """A process that meshes some solids: what to do on standard input, what came of it in a file."""
-    path, solids = pickle.load(sys.stdin.buffer)
-    answer = Path(sys.argv[1])
-    made = mesh_solids(path, solids)
-    answer.with_suffix(".part").write_bytes(pickle.dumps(made))
-    answer.with_suffix(".part").rename(answer)
-

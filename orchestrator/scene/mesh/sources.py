@@ -62,10 +62,8 @@ def joined(meshes: list[Mesh]) -> Mesh:
     """One mesh of several that share no nodes; names of volumes and of surfaces must differ."""
     nodes = np.cumsum([0, *(len(m.nodes) for m in meshes)])
     volumes = np.cumsum([0, *(len(m.volumes) for m in meshes)])
-    return Mesh(np.concatenate([m.nodes for m in meshes]),
-                np.concatenate([m.cells + start for m, start in zip(meshes, nodes)]),
-                np.concatenate([m.volume + start for m, start in zip(meshes, volumes)]),
-                [name for m in meshes for name in m.volumes],
+    return Mesh(np.concatenate([m.nodes for m in meshes]), np.concatenate([m.cells + start for m, start in zip(meshes, nodes)]),
+                np.concatenate([m.volume + start for m, start in zip(meshes, volumes)]), [name for m in meshes for name in m.volumes],
                 {name: t + start for m, start in zip(meshes, nodes) for name, t in m.surfaces.items()},
                 " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks],
                 [name for m in meshes for name in m.smooth],
@@ -86,9 +84,7 @@ def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
 
-    Raises
-    ------
-    InputError : the source is missing or bad, or what it gives is no valid mesh
+    Raises InputError: the source is missing or bad, or what it gives is no valid mesh
     """
     made = _named(_made(mesh))
     scale = getattr(mesh, "scale", None)
@@ -115,14 +111,9 @@ def make_parts(parts: list[OnePart], run_programs: bool | None = False) -> tuple
 
     A part's one volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
 
-    Parameters
-    ----------
     parts : of the configuration
     run_programs : whether programs are started that are parts; None: these are left out
-
-    Raises
-    ------
-    InputError : as ``make_mesh``; all parts' problems, each with its place in the YAML; programs that may not be started
+    Raises InputError: as ``make_mesh``; all parts' problems, each with its place in the YAML; programs that may not be started
     """
     meshed, foreign = [p for p in parts if p.mesh is not None], [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
     if run_programs is None and any(part.program is None for part in parts):

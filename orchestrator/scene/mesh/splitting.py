@@ -78,9 +78,7 @@ def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
     Cell data and cell sets go with the pieces. Tets of hexahedra that have fewer corners (nodes that are given twice) and
     would be nothing are left out.
 
-    Raises
-    ------
-    InputError : cells that are too distorted to be split, with the place of the first; a quad that tets beside it
+    Raises InputError: cells that are too distorted to be split, with the place of the first; a quad that tets beside it
         cut along its other diagonal
     """
     kinds = {block.type for block in raw.cells}

@@ -34,15 +34,10 @@ def bricks(size: np.ndarray, counts: np.ndarray, name: str) -> Mesh:
 
     The split is the same in every brick, so slices of equal thickness are congruent.
 
-    Parameters
-    ----------
     size : (3,) lengths
     counts : (3,) int, bricks along x, y, z
     name : of the one volume; the six sides are named xmin, xmax, ymin, …
-
-    Returns
-    -------
-    Mesh with nodes in lexicographic order, z fastest
+    Returns Mesh with nodes in lexicographic order, z fastest
     """
     shape = tuple(int(c) + 1 for c in counts)
     axes = [np.linspace(0.0, length, points) for length, points in zip(size, shape)]
@@ -66,8 +61,7 @@ def _sides(ids: np.ndarray) -> dict[str, np.ndarray]:
     for axis, letter in enumerate("xyz"):
         for end, label in ((0, "min"), (-1, "max")):
             layer = np.take(ids, end, axis=axis)
-            a, b, c, d = (part.reshape(-1) for part in
-                          (layer[:-1, :-1], layer[1:, :-1], layer[1:, 1:], layer[:-1, 1:]))
+            a, b, c, d = (part.reshape(-1) for part in (layer[:-1, :-1], layer[1:, :-1], layer[1:, 1:], layer[:-1, 1:]))
             triangles = np.r_[np.c_[a, b, c], np.c_[a, c, d]]
             # (y,z), (x,z), (x,y): the middle pair is left-handed.
             outward = (axis != 1) == (end == -1)

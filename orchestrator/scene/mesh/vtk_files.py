@@ -34,9 +34,7 @@ GROUPS = ("physicalname", "gmsh:physical", "physicalids", "physicalid", "medit:r
 def read_vtk(path: Path) -> meshio.Mesh:
     """The mesh as meshio would have it, groups as cell sets: by their names, else ``volume_<number>`` and ``surface_<number>``.
 
-    Raises
-    ------
-    InputError : VTK complains; nodes that are not there; text on the cells in more arrays than one
+    Raises InputError: VTK complains; nodes that are not there; text on the cells in more arrays than one
     """
     from vtkmodules.util.numpy_support import vtk_to_numpy
 

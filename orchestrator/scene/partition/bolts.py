@@ -33,8 +33,6 @@ FIT = 6
 class BoltCut:
     """The cut of one bolt.
 
-    Parameters
-    ----------
     index : position in the YAML's ``bolts``
     name : of the volume
     axis : (3,) unit normal of the plane; point : (3,) on it
@@ -49,13 +47,10 @@ class BoltCut:
     ahead: tuple[int, ...]
 
 
-def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any],
-              problems: Problems) -> tuple[Partition, list[BoltCut]]:
+def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[Any], problems: Problems) -> tuple[Partition, list[BoltCut]]:
     """Cuts the subdomains that a bolt's plane runs through.
 
-    Returns
-    -------
-    the partition, in which both sides are subdomains of their own and pieces of one body; and the cuts
+    Returns the partition, in which both sides are subdomains of their own and pieces of one body; and the cuts
     """
     ahead, planes = np.zeros(len(mesh.cells), dtype=bool), []
     for i, bolt in enumerate(bolts):
@@ -113,8 +108,6 @@ def _in_one_piece(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: n
     """(k,) bool, ahead of the plane or behind it, where tets that it crosses and that share no face with others of their
     side have gone to the other one.
 
-    Parameters
-    ----------
     cells : (k,) int, of the bolt; ahead : (k,) bool, where their centroids are; crossed : (k,) bool, cut by the plane
     """
     part = np.full(len(faces.owner) and int(max(faces.owner.max(), faces.neighbour.max())) + 1, 2)

@@ -20,24 +20,15 @@ from orchestrator.scene.partition.numbering import split_numbering
 def metis(mesh: Mesh, faces: Faces, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Cuts every connected piece of every volume by itself, so that no part straddles two solids.
 
-    Parameters
-    ----------
     count : number of parts in all
-
-    Returns
-    -------
-    part : (m,) int
+    Returns part : (m,) int
     volume : (count,) int, the volume each part belongs to
-
-    Raises
-    ------
-    InputError : more connected pieces than parts
+    Raises InputError: more connected pieces than parts
     """
     number, body = pieces(faces, mesh.volume)
     if count < number:
         raise InputError(Problem(("subdomains", "metis"), f"{count} parts for {number} separate bodies",
-                                 f"at least {number}, because no part may straddle two bodies",
-                                 f"ask for {number} parts or more"))
+                                 f"at least {number}, because no part may straddle two bodies", f"ask for {number} parts or more"))
     first = np.unique(body, return_index=True)[1]
     # Bodies in the order of the volumes, so that part numbers follow the volumes.
     order = np.argsort(mesh.volume[first], kind="stable")
@@ -48,14 +39,9 @@ def metis(mesh: Mesh, faces: Faces, count: int) -> tuple[np.ndarray, np.ndarray]
 def cut(faces: Faces, body: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Cuts every body by itself in connected parts of about equal size.
 
-    Parameters
-    ----------
     body : (m,) int, the body of each tet; each is connected through faces
     shares : (bodies,) int, in how many parts, at most one per tet
-
-    Returns
-    -------
-    part : (m,) int; the parts of a body follow one another, bodies in their order
+    Returns part : (m,) int; the parts of a body follow one another, bodies in their order
     """
     starts = np.r_[0, np.cumsum(shares)]
     part = np.empty(len(body), dtype=np.int64)
@@ -140,15 +126,10 @@ UNEVEN = 2.0
 def split(mesh: Mesh, faces: Faces, names: list[str], above: int | str) -> tuple[np.ndarray, list[str], list[str]]:
     """Cuts large volumes in pieces.
 
-    Parameters
-    ----------
     names : of the volumes; each is connected
     above : dofs, three per node, that no piece of several tets exceeds; "auto": as many as are predicted
         to cost ``UNEVEN`` times the mean of the volumes
-
-    Returns
-    -------
-    subdomain : (m,) int per tet; the pieces of a volume follow one another
+    Returns subdomain : (m,) int per tet; the pieces of a volume follow one another
     names : of the subdomains: the volume's, or with a number from 1 for each piece, ``grain_3.1``
     bodies : names of the volumes they are pieces of
     """
@@ -169,8 +150,7 @@ def split(mesh: Mesh, faces: Faces, names: list[str], above: int | str) -> tuple
     body = np.repeat(np.arange(len(names)), shares)[dofs > 0]  # METIS may leave parts empty
     part = np.unique(part, return_inverse=True)[1]
     shares = np.bincount(body)
-    numbered = [[name] if share == 1 else [f"{name}.{i}" for i in range(1, share + 1)]
-                for name, share in zip(names, shares)]
+    numbered = [[name] if share == 1 else [f"{name}.{i}" for i in range(1, share + 1)] for name, share in zip(names, shares)]
     return part, unique_names([name for own in numbered for name in own]), np.repeat(names, shares).tolist()
 
 

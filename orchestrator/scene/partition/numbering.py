@@ -14,8 +14,6 @@ SAME_POSITION = 1e-9
 class SplitNumbering:
     """Split node s is node ``nodes[s]`` of the mesh as seen by one subdomain.
 
-    Parameters
-    ----------
     total : number of nodes of the mesh
     nodes : (N,) int, global node ids; within a subdomain ascending
     offsets : (parts + 1,) int, subdomain E has the split nodes offsets[E] … offsets[E + 1]
@@ -37,8 +35,6 @@ class SplitNumbering:
 def split_numbering(cells: np.ndarray, cell_subdomain: np.ndarray, total: int) -> SplitNumbering:
     """Numbers the nodes of every subdomain.
 
-    Parameters
-    ----------
     cells : (m, 4 or 10) int
     cell_subdomain : (m,) int
     total : number of nodes of the mesh

@@ -70,9 +70,7 @@ METHODS: dict[str, Callable[[Mesh, Faces, Any], Partition]] = {
 def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     """Cuts the mesh as the configuration's ``subdomains`` entry says.
 
-    Raises
-    ------
-    InputError : counts out of range, empty or disconnected subdomains
+    Raises InputError: counts out of range, empty or disconnected subdomains
     """
     kind, entry = next((key, given) for key in METHODS if (given := getattr(subdomains, key, None)) is not None)
     partition = METHODS[kind](mesh, faces, entry)
@@ -96,8 +94,7 @@ def _counted(count: int, cells: int) -> int:
     if not 1 <= count <= cells:
         raise InputError(Problem(PATH, f"{count} subdomains for a mesh of {cells} tets",
                                  f"a count between 1 and the number of tets, {cells}",
-                                 "ask for fewer subdomains, or refine the mesh" if count > cells else
-                                 "ask for at least one subdomain"))
+                                 "ask for fewer subdomains, or refine the mesh" if count > cells else "ask for at least one subdomain"))
     return count
 
 
@@ -128,10 +125,8 @@ def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) 
         own = np.flatnonzero(partition.subdomain[first_cell] == i)
         smallest = own[np.argmin(sizes[own])]
         where = format_point(mesh.nodes[mesh.cells[first_cell[smallest]]].mean(axis=0))
-        shown.append(f"{partition.names[i]} is in {per_part[i]} pieces (the smallest has {sizes[smallest]} tets, "
-                     f"at {where})")
+        shown.append(f"{partition.names[i]} is in {per_part[i]} pieces (the smallest has {sizes[smallest]} tets, at {where})")
     more = f"; and {len(broken) - 5} more" if len(broken) > 5 else ""
     cure = ("give each piece a group of its own, or make the pieces share faces" if kind == "groups" else
             f"use metis: {max(len(partition.names), pieces(faces, mesh.volume)[0])}, whose parts are always connected, or another count")
-    raise InputError(Problem(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}",
-                             "subdomains held together by shared faces", cure))
+    raise InputError(Problem(PATH, f"disconnected subdomain: {'; '.join(shown)}{more}", "subdomains held together by shared faces", cure))

@@ -45,8 +45,6 @@ def difficulty(scene: Scene) -> Difficulty:
 def slenderness(clouds: Sequence[np.ndarray], nodes: np.ndarray) -> np.ndarray:
     """(clouds,) largest over smallest extent of sets of nodes along their principal axes.
 
-    Parameters
-    ----------
     clouds : each (n,) int, n > 0, which of the nodes
     nodes : (all, 3) coordinates
     """

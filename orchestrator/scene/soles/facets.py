@@ -17,8 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.congruence import equal
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import local_size, node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_normals
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles.nodal import stiffer
 
@@ -35,8 +34,6 @@ STIFFEN = 3 / 7 * STRETCH
 class Facets:
     """Geometry and matter of an interface's facets, seen from its first side.
 
-    Parameters
-    ----------
     points : (n, 3) float, nodes of the interface, ascending global id
     triangles : (k, 3 or 6) int, outward of the first side
     young, poisson : (k,) float, moduli wanted for the sole behind each facet
@@ -67,14 +64,10 @@ class Facets:
 def facets_of(scene: Scene, interface: Interface, settings, kind: str, side: int = 0) -> Facets:
     """The facets of an interface with the moduli and the thickness their sole should have.
 
-    Parameters
-    ----------
     settings : ``method.sole`` of the configuration: modulus_ratio or contact_ratio, thickness, poisson
     kind : of the sole
     side : 0 or 1, where the points are taken from; the triangles are outward of the first side anyway
 
-    Notes
-    -----
     E_S = ratio × E. Where the law makes the sides deform as one, E is the larger modulus of the two: with a
     contrast across the interface it is the one simple choice that converges well from both sides. Elsewhere it is
     ``between`` them, near the softer. Under other laws than the perfect one

@@ -16,12 +16,9 @@ from orchestrator.scene.soles.overlap import overlap
 from orchestrator.scene.soles.sole import Sole, merge
 
 
-def make_soles(scene: Scene, settings, share: bool = True,
-               wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
+def make_soles(scene: Scene, settings, share: bool = True, wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
     """The soles of every interface, first and second side, after ``method.sole`` of the configuration.
 
-    Parameters
-    ----------
     share : layers on interfaces that differ by a translation alone are made once, then moved
     wanted : per interface; the others get none
     """
@@ -56,8 +53,6 @@ def kind_for(hard: Difficulty, interface: Interface) -> str:
 def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[Sole, Sole]:
     """The soles of the first and the second side; one and the same object when ``symmetric``.
 
-    Parameters
-    ----------
     kind : layer, springs or symmetric
     second : the facets where the second side is, if not on the first
     """
@@ -72,8 +67,7 @@ def soles_of(facets: Facets, kind: str, second: Facets | None = None) -> tuple[S
 
 def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[tuple[Sole, Sole]]:
     """The soles of facets, those that differ by a translation alone from others as their copies."""
-    keys = [(kind, *(f.triangles.tobytes() for f in own)) if share else number
-            for number, (kind, own) in enumerate(zip(kinds, facets))]
+    keys = [(kind, *(f.triangles.tobytes() for f in own)) if share else number for number, (kind, own) in enumerate(zip(kinds, facets))]
     first = first_congruent(keys, [np.vstack([f.points for f in own]) for own in facets],
                             lambda i, j: all(a.same_matter(b) for a, b in zip(facets[i], facets[j])))
     soles: list[tuple[Sole, Sole]] = []

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orchestrator.scene.mesh.patch import node_areas
+from orchestrator.scene.mesh.geometry import node_areas
 from orchestrator.scene.model import Interface, Scene
 
 WALL = 2.0  # beside a prescribed node

@@ -32,8 +32,6 @@ INCOMPRESSIBLE = 0.49  # Poisson's ratio from which matter counts as nearly inco
 def overlap(scene: Scene, interface: Interface, ratio: float) -> Sole:
     """The sole of both sides of an interface whose sides share their nodes.
 
-    Parameters
-    ----------
     ratio : ``method.sole.modulus_ratio``; each side's copy has half of it times its own modulus
     """
     inner = scene.side_points(interface, 0)
@@ -78,8 +76,6 @@ def _without_chords(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, ce
 
     Of a chord, the end with more of them in the element becomes another node, the same in all elements of a side.
 
-    Parameters
-    ----------
     inner : (n, 3) nodes of the interface; the others are ``points``
     lines : (e, 3) int, such edges: ends and middle
     sides : (q,) int, 0 or 1, whose element each cell is

@@ -20,13 +20,9 @@ FLATNESS = 0.1
 def prisms(facets: Facets, direction: int) -> Sole:
     """One layer of prisms, each split in three tets along diagonals fixed by the node order.
 
-    Parameters
-    ----------
     facets : the interface
     direction : +1 outward of the first side, −1 outward of the second
 
-    Notes
-    -----
     Neighbouring prisms agree on the diagonal of their common face because both sort its nodes, by
     position rather than by number: renumbering the mesh then changes nothing. Where the thickness must
     shrink, the modulus shrinks with it: E/thickness is what counts.
@@ -68,12 +64,7 @@ def prisms(facets: Facets, direction: int) -> Sole:
     points = points[used - n]
     if facets.triangles.shape[1] == 6:
         points, cells = with_middles(facets.points, lines_of(facets.triangles), points, cells)
-    return Sole(
-        points=points,
-        cells=cells,
-        young=np.repeat(facets.young * achieved / wanted, 3),
-        poisson=np.repeat(facets.poisson, 3),
-    )
+    return Sole(points=points, cells=cells, young=np.repeat(facets.young * achieved / wanted, 3), poisson=np.repeat(facets.poisson, 3))
 
 
 def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,8 +84,6 @@ def three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
 def sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray, share: np.ndarray) -> np.ndarray:
     """(k,) bool, whether no tet of a prism is flat, or turned over.
 
-    Parameters
-    ----------
     points, outer : (n, 3) nodes of the facets (k, 3), and those behind them
     turn : (k,) ±1, orientation; share : (k,) regular volume of a tet
     """

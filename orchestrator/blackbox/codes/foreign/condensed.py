@@ -18,7 +18,7 @@ from orchestrator.blackbox.codes.foreign.schur import Elimination
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
-from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.geometry import local_size
 
 # Relative. What two halves of a symmetric matrix may differ by: six digits, rounded apart.
 SYMMETRIC = 1e-6

@@ -10,8 +10,7 @@ from orchestrator.scene.interfaces.mortar.link import linked
 from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.points import COVERED, merged
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import local_size, rounding
+from orchestrator.scene.mesh.geometry import area_vectors, local_size, rounding
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES
 
 # A point this near its image, in units of the facets around, is where it is but for rounding: no link, no gap.

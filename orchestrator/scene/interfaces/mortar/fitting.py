@@ -17,8 +17,7 @@ from orchestrator.scene.interfaces.mortar.duals import multipliers
 from orchestrator.scene.interfaces.mortar.points import COVERED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
-from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.geometry import area_vectors, local_size, tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface

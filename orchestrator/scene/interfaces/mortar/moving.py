@@ -18,7 +18,7 @@ from orchestrator.scene.interfaces.mortar.operators import Mortar
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.skins import Skin, smooth_patches
-from orchestrator.scene.mesh.patch import local_size
+from orchestrator.scene.mesh.geometry import local_size
 
 
 @dataclass(frozen=True)
