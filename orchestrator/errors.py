@@ -96,6 +96,11 @@ class InputError(OrchestratorError):
         return InputError, (self.problems,)  # errors travel between ranks
 
 
+def wrong(path: KeyPath, found: str, expected: str, cure: str = "") -> InputError:
+    """The error to raise for one problem."""
+    return InputError(Problem(path, found, expected, cure))
+
+
 @dataclass
 class Problems:
     """Collects problems so that a user sees all of them in one go."""

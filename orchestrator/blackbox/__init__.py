@@ -22,7 +22,6 @@ Three ways to take part, from the shortest to the most general:
 
 A code's ``Settings`` are the model of its entries in the YAML; keys that they add are validated like all others.
 
-The rooms: ``models`` makes plain models of the scene's subdomains; ``pool`` spreads them over processes that ``codes``
-start and ``transport`` talks to; ``layers`` judge, share and remember; ``trial`` puts a code to the test. ``start`` makes
-what a configuration asks for, ``cost`` tells when a compliance is cheaper than runs.
+``models`` makes plain models of the scene's subdomains; ``pool`` spreads them over processes that ``codes`` start and ``transport``
+talks to; ``guarded`` judges answers, ``shared`` remembers them; ``trial`` puts a code to the test; ``start`` makes what is asked for.
 """

@@ -15,7 +15,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from orchestrator.blackbox.codes.foreign.schur import Elimination
-from orchestrator.errors import InputError, KeyPath, Problem
+from orchestrator.errors import InputError, KeyPath, wrong
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.foreign.joints import Joints
 from orchestrator.scene.mesh.geometry import local_size
@@ -84,9 +84,9 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     try:
         eliminated = Elimination(sp.csr_array(K), joint, loose)
     except ZeroDivisionError as error:
-        raise InputError(Problem(path, f"'{name}': with its joints held, something inside can still move, or has no stiffness",
-                                 "parts that hang together, and whose joints hold all of them", "look for nodes that nothing is "
-                                 "attached to, for pieces that nothing connects, and for joints on one line")) from error
+        raise wrong(path, f"'{name}': with its joints held, something inside can still move, or has no stiffness",
+                    "parts that hang together, and whose joints hold all of them", "look for nodes that nothing is attached to, for "
+                    "pieces that nothing connects, and for joints on one line") from error
     error = None
     if rounding:
         moved = eliminated.carried()
@@ -114,23 +114,23 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     S, b = S.copy(), loads.copy()
     S[joints.held.ravel()] = S[:, joints.held.ravel()] = b[:, joints.held.ravel()] = 0.0
     if not (np.isfinite(S).all() and np.isfinite(b).all()):
-        raise _wrong(path, f"'{name}': numbers that are not finite", "numbers", "write the files again")
+        raise wrong(path, f"'{name}': numbers that are not finite", "numbers", "write the files again")
     size = np.abs(S).max(initial=0.0)
     apart = np.abs(S - S.T).max(initial=0.0)
     if apart > SYMMETRIC * size:
-        raise _wrong(path, f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a symmetric one",
+        raise wrong(path, f"'{name}': a stiffness that is not symmetric: |K − Kᵀ| is {apart / size:.1e} |K|", "a symmetric one",
                      "write both halves, or the lower one with 'symmetric' in the file's head")
     S = (S + S.T) / 2
     share, motions, energies = _rigid(joints, S, free)
     if joints.left.shape[1] and share > WRONG:
         raise _not_rigid(joints, S, free, path, name, share, motions)
     if joints.left.shape[1] < 6 and motions.max(initial=0.0) <= WRONG:
-        raise _wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing", "supports in the matrix or deck, "
+        raise wrong(path, f"'{name}' is said to be held inside, and rigid motions cost nothing", "supports in the matrix or deck, "
                      "or none said", "write held: false, or put the supports in")
     lost = max(FREE, 0.0 if error is None else 10 * float(np.abs(error).max(initial=0.0) / (size or 1.0)))
     if joints.left.shape[1] < 6 and (energies <= lost * size).sum() > joints.left.shape[1]:
         least = max(energies[0] / (size or 1.0), 0.0)
-        raise _wrong(path, f"'{name}' is said to be held inside, and some rigid motion costs {least:.0e} of its stiffness, no more than "
+        raise wrong(path, f"'{name}' is said to be held inside, and some rigid motion costs {least:.0e} of its stiffness, no more than "
                      f"its digits tell ({lost:.0e})", "supports that hold all of it, or of slender parts a matrix with all digits",
                      "put the supports in that are missing; write the matrix with 17 digits")
     rounding = share if share > DIGITS else 0.0
@@ -139,7 +139,7 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     off = np.abs(S).max(initial=0.0) * rounding if error is None else np.abs(error).max(initial=0.0)
     values = np.linalg.eigvalsh(S[np.ix_(free, free)])
     if values[0] < -max(NEGATIVE * values[-1], 10 * off * np.sqrt(len(free))):  # of a random matrix, twice √n times its entries
-        raise _wrong(path, f"'{name}': a stiffness that gives way: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}",
+        raise wrong(path, f"'{name}': a stiffness that gives way: an eigenvalue of {values[0]:.3g} beside {values[-1]:.3g}",
                      "a stiffness ≥ 0", "look for a wrong sign, or for loads that make the part buckle")
     return Condensed(joints, S, b, error)
 
@@ -152,7 +152,7 @@ def check_modulus(part: Condensed, young: float | None, path: KeyPath, name: str
         return
     found = float(np.median((diagonal / local_size(joints.points, joints.triangles)[:, None])[free]))
     if not young / OTHER_UNIT <= found <= young * OTHER_UNIT:
-        raise _wrong(path, f"'{name}': a stiffness as of a modulus of some {found:.1g}, and material: young: {young:g}, "
+        raise wrong(path, f"'{name}': a stiffness as of a modulus of some {found:.1g}, and material: young: {young:g}, "
                      f"a factor of {max(found / young, young / found):.1g}", "forces and lengths of the matrix in the units of the scene, "
                      "and a representative modulus of the part's own matter", "scale the matrix to the scene's units; if they are the "
                      f"same, write material: {{young: {found:.1g}, poisson: 0.3}}, which sets no more than how fast iterations are")
@@ -180,18 +180,14 @@ def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.n
 
 def _not_rigid(joints: Joints, S: np.ndarray, free: np.ndarray, path: KeyPath, name: str, share: float, motions: np.ndarray) -> InputError:
     if motions[:3].max() <= WRONG:
-        return _wrong(path, f"'{name}': rotations cost force, {share:.1e} of the stiffness, and translations do not",
+        return wrong(path, f"'{name}': rotations cost force, {share:.1e} of the stiffness, and translations do not",
                       "a stiffness that vanishes on rigid motions of the nodes that the table gives",
                       "the table of nodes is in another order than the matrix, or in other units than the model was, or "
                       "displacements are turned: write it in the matrix's own order and axes")
-    return _wrong(path, f"'{name}': rigid motions cost force, {share:.1e} of the stiffness: supports that hold it are inside",
+    return wrong(path, f"'{name}': rigid motions cost force, {share:.1e} of the stiffness: supports that hold it are inside",
                   "a stiffness of the part alone, or supports that are declared",
                   "write held: true if it is meant to be held, else leave supports out when the matrix is made; digits, if "
                   "there are fewer than five")
-
-
-def _wrong(path: KeyPath, found: str, expected: str, cure: str) -> InputError:
-    return InputError(Problem(path, found, expected, cure))
 
 
 def of_steps(loads: np.ndarray, factors: Sequence[float]) -> np.ndarray:

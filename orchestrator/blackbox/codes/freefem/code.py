@@ -72,8 +72,8 @@ class FreeFem(MessageCode):
 
     def __init__(self, settings: CodeSettings | None = None):
         super().__init__(settings)
-        if problems := installation.missing():
-            raise InputError(problems)
+        if problem := installation.missing():
+            raise InputError(problem)
         if self.settings.form:
             check_form(Path(self.settings.form))
             self.translation_invariant, self.own_matter = self.settings.uniform, True

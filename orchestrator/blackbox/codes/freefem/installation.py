@@ -33,30 +33,21 @@ def script(name: str) -> Path:
     return (clone if clone.is_dir() else package / "freefem_scripts") / name
 
 
-def missing() -> list[Problem]:
-    """What keeps FreeFEM from being started: the first thing found, or nothing."""
-    wanted = os.environ.get("ORCHESTRATOR_FREEFEM", "")
+def missing() -> Problem | None:
+    """What keeps FreeFEM from being started: the first thing found."""
+    wanted, server, folder = os.environ.get("ORCHESTRATOR_FREEFEM", ""), script(SERVER), environment().get("FF_LOADPATH", "")
     if executable() is None:
-        found = f"ORCHESTRATOR_FREEFEM={wanted} is no executable" if wanted else "no FreeFem++ in the path"
-        cure = f"{INSTALL}   (or ORCHESTRATOR_FREEFEM=/path/to/FreeFem++)"
-        return [Problem(("blackbox", "code"), found, "the FreeFEM executable", cure)]
-    server = script(SERVER)
+        return Problem(("blackbox", "code"), f"ORCHESTRATOR_FREEFEM={wanted} is no executable" if wanted else "no FreeFem++ in the path",
+                       "the FreeFEM executable", f"{INSTALL}   (or ORCHESTRATOR_FREEFEM=/path/to/FreeFem++)")
     if not server.is_file():
-        return [Problem(("blackbox", "code"), f"no file {server}", "the FreeFEM script of the subdomains", REINSTALL)]
-    folder = environment().get("FF_LOADPATH", "")
-    if _plugin(folder) is None:
-        return [no_plugin(folder)]
-    return []
+        return Problem(("blackbox", "code"), f"no file {server}", "the FreeFEM script of the subdomains", REINSTALL)
+    return no_plugin(folder) if _plugin(folder) is None else None
 
 
 def no_plugin(folder: str) -> Problem:
     """The plugin is not in this folder of plugins, or cannot be loaded."""
-    return Problem(
-        ("blackbox", "code"),
-        f"FreeFEM without its plugin {PLUGIN} (folder of plugins: {folder or 'none'})",
-        f"{PLUGIN}.so in the folder of plugins",
-        f"{INSTALL}   (or FF_LOADPATH=/folder/of/plugins)",
-    )
+    return Problem(("blackbox", "code"), f"FreeFEM without its plugin {PLUGIN} (folder of plugins: {folder or 'none'})",
+                   f"{PLUGIN}.so in the folder of plugins", f"{INSTALL}   (or FF_LOADPATH=/folder/of/plugins)")
 
 
 def executable() -> str | None:
@@ -102,16 +93,10 @@ def environment() -> dict[str, str]:
 
 def report() -> list[str]:
     """What is installed and what is missing, one line each; lines of missing things begin with ``missing``."""
-    lines = []
-    program = executable()
-    lines.append(f"FreeFEM: {program}" if program else f"missing FreeFEM: {INSTALL}")
     folder = environment().get("FF_LOADPATH", "")
-    plugin = _plugin(folder)
-    for path in map(script, (SERVER, UNDECOMPOSED)):
-        lines.append(f"script: {path}" if path.is_file() else f"missing script {path}: {REINSTALL}")
-    lines.append(f"plugin: {plugin}" if plugin else f"missing plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}")
-    blas = _openblas()
-    lines.append(f"OpenBLAS: {blas}" if blas else f"missing OpenBLAS (factorisations six times slower): {INSTALL}")
-    setpriv = shutil.which("setpriv")
-    lines.append(f"setpriv: {setpriv}" if setpriv else "missing setpriv (package util-linux): processes end with their pipes only")
-    return lines
+    things = [("FreeFEM", executable(), f"FreeFEM: {INSTALL}"),
+              *(("script", path if path.is_file() else None, f"script {path}: {REINSTALL}") for path in map(script, (SERVER, UNDECOMPOSED))),
+              ("plugin", _plugin(folder), f"plugin {PLUGIN}.so in {folder or 'any folder'}: {INSTALL}"),
+              ("OpenBLAS", _openblas(), f"OpenBLAS (factorisations six times slower): {INSTALL}"),
+              ("setpriv", shutil.which("setpriv"), "setpriv (package util-linux): processes end with their pipes only")]
+    return [f"{name}: {path}" if path else f"missing {otherwise}" for name, path, otherwise in things]
