@@ -46,8 +46,6 @@ QUADRATIC_BYTES = 5800.0
 class Body:
     """The mesh and its matter.
 
-    Parameters
-    ----------
     material : (m,) int, index into ``materials``, −1 for none
     choice : of the element, where that was left open
     """
@@ -63,8 +61,6 @@ class Body:
 class Cut:
     """The mesh in subdomains.
 
-    Parameters
-    ----------
     bolts : their cuts
     failed : it could not be cut, and is judged whole
     """
@@ -79,8 +75,6 @@ class Cut:
 class Joints:
     """Where subdomains meet.
 
-    Parameters
-    ----------
     near : see ``Scene``
     grounds : those of the interfaces that are with a ground
     stands : per entry of ``boundary`` that stands on one, the nodes of its ground
@@ -96,13 +90,8 @@ class Joints:
 def build_scene(config: Config, run_programs: bool = False) -> Scene:
     """Everything the method needs to know of the problem.
 
-    Parameters
-    ----------
     run_programs : whether parts that are programs are started; they alone know their joints
-
-    Raises
-    ------
-    InputError : with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
+    Raises InputError: with all that is wrong with mesh, partition, boundary conditions, materials and interfaces;
         a bad mesh is reported alone, since nothing else can be judged without it; programs that may not be started
 
     Examples
@@ -230,8 +219,6 @@ def _loaded(config: Config, plain: Body, body: Body, cut: Cut, boundary: list[Bo
             problems: Problems) -> tuple[np.ndarray, np.ndarray | None]:
     """(steps, N, 3) forces on split nodes; (steps, m, 4) thermal strain at the cells' corners, None where nothing is heated.
 
-    Parameters
-    ----------
     plain : without grounds, on which nothing acts
     """
     mesh, count = plain.mesh, config.steps

@@ -61,8 +61,6 @@ def loads_on_pairs(mesh: Mesh, boundary: list[BoundaryEntry], interfaces: list[I
                    numbering: SplitNumbering) -> list[str]:
     """A sentence for each traction or pressure that acts on faces which an interface pairs with another part's.
 
-    Parameters
-    ----------
     interfaces : all there are; only sides with nodes of their own count, shared faces are no outer ones
     """
     loads = [entry for entry in boundary if entry.forces and len(entry.triangles)]

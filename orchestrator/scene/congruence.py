@@ -21,8 +21,6 @@ def first_congruent(keys: Iterable[Hashable], points: Sequence[np.ndarray],
     Only things whose points lie equally far apart, on the whole, are compared point by point: the work grows with
     the number of things, whether all of them are alike or none.
 
-    Parameters
-    ----------
     keys : what must be identical
     points : per thing (n, 3), see ``same_shapes``
     same : (i, j) → whether things of equal keys and shapes are equal in all else

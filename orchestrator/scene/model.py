@@ -25,8 +25,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 class Subdomain:
     """One part of the decomposition, in its own numbering.
 
-    Parameters
-    ----------
     index, name : position in ``Scene.subdomains`` and a name for messages
     cells : (m_E,) int, global cell indices
     nodes : (n_E,) int, sorted global node ids; local node l is global node nodes[l]
@@ -73,8 +71,6 @@ class Interface:
     Where the sides are meshed each on its own, ``mortar`` says how they meet: then ``nodes`` are no pairs, and whatever
     is said here of nodes, triangles, free components and the law's parameters per node is that of side 1, the slave.
 
-    Parameters
-    ----------
     index, name : position in ``Scene.interfaces`` and a name for messages
     subdomains : (E1, E2), indices of the two sides
     global_nodes : (n,) int, global node ids of the patch on side 1, ascending; on side 2 they are the same
@@ -159,8 +155,6 @@ class Material:
 class BoundaryEntry:
     """One resolved entry of ``boundary:`` in the YAML.
 
-    Parameters
-    ----------
     index : position in the YAML's list
     kind : its name, for messages
     triangles : (k, 3 or 6) int, global node ids of the selected boundary faces, outward oriented
@@ -202,8 +196,6 @@ class BoundaryEntry:
 class PlacedBolt:
     """A bolt of the YAML, cut.
 
-    Parameters
-    ----------
     name : of its volume
     interface : at the cut
     axis : (3,) unit vector along which it pulls, from side 1 to side 2 of the interface
@@ -220,8 +212,6 @@ class PlacedBolt:
 class Difficulty:
     """What is difficult about a scene.
 
-    Parameters
-    ----------
     mixed_moduli : (interfaces,) bool, stiff and soft cells side by side
     incompressible_or_slender : (subdomains,) bool, nearly incompressible, or slender or flat
     soft : (subdomains,) bool, those of them that affine macro functions do not do for
@@ -236,8 +226,6 @@ class Difficulty:
 class Overview:
     """What a part of a scene knows of all of it: a number per subdomain or interface.
 
-    Parameters
-    ----------
     sizes : (subdomains,) as of the ``Scene``
     loose : (subdomains,) bool, bodies that nothing but contact could hold
     difficulty : what is difficult about the interfaces and subdomains
@@ -252,8 +240,6 @@ class Overview:
 class Scene:
     """Everything the method needs to know of the problem.
 
-    Parameters
-    ----------
     name : of the configuration
     mesh : the undecomposed mesh
     cell_subdomain : (m,) int

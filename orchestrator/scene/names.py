@@ -19,8 +19,6 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
     A name means itself, whatever characters it has; else what is in the part of that name: base for base/rod. What is neither
     is a shell wildcard, with which parts stand for what is in them, too. A lone * means everything.
 
-    Parameters
-    ----------
     names : all that there are: among fewer, a name that is not there would be taken for a wildcard
     """
     names = list(names)
@@ -34,8 +32,6 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
 def look_alike(names: Iterable[str], what: str) -> list[str]:
     """A sentence for each name that means others too when it is read as a wildcard, and for those that differ by case or blanks only.
 
-    Parameters
-    ----------
     what : of what these are the names, in the singular ("surface")
     """
     names, said = list(names), []
@@ -61,8 +57,6 @@ def patterns_of(on: str | Iterable[str] | None) -> list[str]:
 def suggestion(pattern: str, names: Iterable[str], what: str) -> str:
     """A sentence naming the nearest of the known names.
 
-    Parameters
-    ----------
     what : of what these are the names, in the singular ("surface")
     """
     names = list(dict.fromkeys(names))

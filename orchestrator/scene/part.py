@@ -31,8 +31,6 @@ def overview(scene: Scene) -> Overview:
 def part_of(scene: Scene, mine: Sequence[int], known: Overview) -> Scene:
     """The part that belongs to some of the subdomains, with a mesh and a numbering of nodes and cells of its own.
 
-    Parameters
-    ----------
     scene : the whole one
     mine : numbers of the subdomains
     known : its overview
@@ -75,8 +73,6 @@ def _rows(scene: Scene, own: np.ndarray, touched: Sequence[bool]) -> list[np.nda
 def _subdomain(s: Subdomain, rows: np.ndarray, nodes: np.ndarray, cells: np.ndarray, kept: np.ndarray | None) -> Subdomain:
     """One subdomain in the numbering of a part.
 
-    Parameters
-    ----------
     rows : which of its cells
     nodes, cells : of the part, by their numbers in the whole scene, ascending
     kept : which of its nodes, None: all

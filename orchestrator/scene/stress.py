@@ -20,14 +20,9 @@ _ROW, _COLUMN = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
 def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, at: np.ndarray = CENTRE) -> np.ndarray:
     """ε = ½(∇u + ∇uᵀ): constant in a four-node tet, linear in a ten-node one, so that the centre has the mean.
 
-    Parameters
-    ----------
     gradients : (m, 4, 3) of ``shape_gradients``; cells : (m, 4 or 10) int; displacement : (n, 3), length
     at : (4,) barycentric coordinates of the point, a corner for instance
-
-    Returns
-    -------
-    (m, 6)
+    Returns (m, 6)
     """
     u = displacement.T.take(cells.T, axis=1)
     if cells.shape[1] == 10:
@@ -46,13 +41,8 @@ def strain(gradients: np.ndarray, cells: np.ndarray, displacement: np.ndarray, a
 def stress(epsilon: np.ndarray, lame: np.ndarray) -> np.ndarray:
     """σ = λ tr(ε) I + 2μ ε.
 
-    Parameters
-    ----------
     epsilon : (m, 6) strains; lame : (m, 2) λ and μ per cell, force/length²
-
-    Returns
-    -------
-    (m, 6), force/length²
+    Returns (m, 6), force/length²
     """
     sigma = 2.0 * lame[:, 1:] * epsilon
     sigma[:, :3] += (lame[:, 0] * epsilon[:, :3].sum(axis=1))[:, None]

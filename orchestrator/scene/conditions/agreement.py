@@ -27,8 +27,6 @@ DEPENDENT = 1e-6  # singular value, over the largest, of directions that count a
 class Told:
     """Equations e·u = g, R of them.
 
-    Parameters
-    ----------
     node : (R,) int, split nodes; direction : (R, 3) e; value : (T, R) g; entry : (R,) int, who says so, of ``boundary``
     """
 
@@ -50,8 +48,6 @@ class Told:
 class Circuits:
     """Labels that prescribed jumps make one.
 
-    Parameters
-    ----------
     jumps : the interfaces
     group : (labels,) int; shift : (T, labels, 3), displacement less that of the group's first label
     """
@@ -64,8 +60,6 @@ class Circuits:
 def check_agreement(held: Held, interfaces: Sequence[Interface], grounds: Sequence[tuple[int, Interface]], problems: Problems) -> None:
     """Adds a problem for entries that contradict each other, and for jumps that do not add up.
 
-    Parameters
-    ----------
     interfaces : all there are; grounds : an entry of ``boundary`` each, and the interface with its ground
     """
     jumps = [i for i in interfaces if i.matching and not i.law.perfect and i.law.given_jump is not None]
@@ -94,8 +88,6 @@ def check_agreement(held: Held, interfaces: Sequence[Interface], grounds: Sequen
 def residual(direction: np.ndarray, value: np.ndarray, group: np.ndarray) -> np.ndarray:
     """(T, R) what the best displacement of each group leaves of its equations.
 
-    Parameters
-    ----------
     direction : (R, d); value : (T, R); group : (R,) int
     """
     order = np.argsort(group, kind="stable")
@@ -163,8 +155,6 @@ def _contradictions(held: Held, circuits: Circuits, rows: Told, of: np.ndarray, 
                     problems: Problems) -> None:
     """Adds a problem for each set of entries that contradict each other.
 
-    Parameters
-    ----------
     of : (R,) int, groups; wrong : (T, R) bool; left : (T, R)
     """
     bad = np.unique(of[wrong.any(axis=0)])

@@ -62,9 +62,7 @@ def cells_loaded(mesh: Mesh, on: Any, path: tuple[str | int, ...], problems: Pro
 def assign_codes(mesh: Mesh, subdomains: list[Subdomain], entries: Sequence[CodeSettings]) -> None:
     """Give every subdomain the index of the last entry that matches its name or that of the volume it is in.
 
-    Raises
-    ------
-    InputError : an entry that matches nothing, a subdomain that none matches
+    Raises InputError: an entry that matches nothing, a subdomain that none matches
     """
     problems, chosen = Problems(), np.full(len(subdomains), -1)
     names = [_names(mesh, s) for s in subdomains]
@@ -95,8 +93,6 @@ def _names(mesh: Mesh, subdomain: Subdomain) -> list[str]:
 def check_figures(nodes: np.ndarray, volumes: list[str], figures: Figures, path: KeyPath, problems: Problems) -> None:
     """Parts that are drawn exist, and a cut leaves something on either side.
 
-    Parameters
-    ----------
     nodes : (n, 3); volumes : names of the parts
     path : of ``figures`` in the YAML
     """

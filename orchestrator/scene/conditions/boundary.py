@@ -30,8 +30,6 @@ def resolve_boundary(mesh: Mesh, faces: Faces, entries: Sequence[Any], factors: 
                      problems: Problems) -> list[BoundaryEntry]:
     """What each entry of ``boundary:`` does, and to which faces.
 
-    Parameters
-    ----------
     factors : per entry (steps,) what multiplies it
     """
     resolved = []
@@ -71,8 +69,6 @@ def _with_meshes(mesh: Mesh, faces: Faces, chosen: np.ndarray, path: KeyPath, pr
 def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.ndarray:
     """(N,) int, label of each split node: equal where perfect interfaces make nodes one.
 
-    Parameters
-    ----------
     interfaces : all there are, with their laws
     """
     perfect = [i for i in interfaces if i.law.perfect and i.matching]
@@ -92,8 +88,6 @@ def moving_as_one(numbering: SplitNumbering, interfaces: list[Interface]) -> np.
 class Held:
     """What is prescribed on split nodes.
 
-    Parameters
-    ----------
     label : (N,) int, of ``moving_as_one``
     by : (N, 3) int, the last entry that prescribes each component, −1 for none
     values : (steps, N, 3) float, zero where nothing is
@@ -140,8 +134,6 @@ def prescribe(mesh: Mesh, boundary: list[BoundaryEntry], cell_subdomain: np.ndar
               label: np.ndarray, steps: int, problems: Problems) -> Held:
     """What displacement entries prescribe on split nodes; a later entry that agrees repeats an earlier one.
 
-    Parameters
-    ----------
     cell_subdomain : (m,) int
     label : (N,) int, of ``moving_as_one``
     """

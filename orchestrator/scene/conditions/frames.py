@@ -37,8 +37,6 @@ class Cylindrical:
     def check(self, nodes: np.ndarray, triangles: np.ndarray, path: KeyPath, problems: Problems) -> None:
         """Neither nodes nor faces may meet the axis: nothing is radial there.
 
-        Parameters
-        ----------
         nodes : (n, 3); triangles : (k, 3 or 6), the corners first
         """
         if not len(triangles):

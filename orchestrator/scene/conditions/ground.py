@@ -30,13 +30,8 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
                 ) -> tuple[Mesh, Partition, SplitNumbering, np.ndarray, list[Interface], dict[int, slice]]:
     """The scene with a ground behind every entry that stands on one.
 
-    Parameters
-    ----------
     boundary : resolved entries
-
-    Returns
-    -------
-    mesh, partition, its numbering, material of each cell; the interfaces; per entry, the nodes of its ground
+    Returns mesh, partition, its numbering, material of each cell; the interfaces; per entry, the nodes of its ground
     """
     from orchestrator.scene.soles.facets import Facets  # with it comes SciPy, which checks do without
     from orchestrator.scene.soles.prisms import prisms
@@ -76,8 +71,6 @@ def _interfaces(mesh: Mesh, partition: Partition, numbering: SplitNumbering, fac
                 problems: Problems) -> list[Interface]:
     """Between each body on a surface and its ground, patch by patch.
 
-    Parameters
-    ----------
     first : first node of the ground
     """
     at, local = _local(entry)
@@ -113,8 +106,6 @@ def _govern(interface: Interface, laws: list) -> None:
 def within_free(interfaces: Sequence[Interface], held: Held, problems: Problems) -> None:
     """Take components that boundary conditions prescribe out of what the laws of grounds ask for, which must let them.
 
-    Parameters
-    ----------
     interfaces : those of grounds, with what is ``free``
     """
     for i in interfaces:

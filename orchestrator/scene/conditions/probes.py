@@ -41,8 +41,6 @@ class Point:
 class Surface:
     """A probe on faces.
 
-    Parameters
-    ----------
     quantity : mean, max, min or resultant; of : displacement or stress
     triangles : (k, 3 or 6) int, global nodes, outward of ``cells`` (k,), whose fields are meant
     area : (k, 3) area vectors
@@ -64,8 +62,6 @@ class Surface:
 class Finder:
     """Finds probes on a mesh.
 
-    Parameters
-    ----------
     subdomain : (m,) int, of each tet; bodies : name of each subdomain's body
     """
 

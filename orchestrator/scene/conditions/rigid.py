@@ -28,8 +28,6 @@ SAID = 3
 class Hinge:
     """What joins two bodies in points alone: an edge or a corner that they share, or few points of an interface.
 
-    Parameters
-    ----------
     cells : one of either body
     points : (n, 3) where they move alike
     cure : how to have them joined wholly
@@ -67,8 +65,6 @@ def size_of(nodes: np.ndarray) -> float:
 def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
     """Combinations (6, r) of the columns of ``motions`` that leave all fixed components at rest.
 
-    Parameters
-    ----------
     nodes : (n, 3); fixed : (n, 3) bool
     kept : (q, 6) what else must rest, of a translation of the origin and a rotation about it; none
     """
@@ -88,8 +84,6 @@ def left_over(nodes: np.ndarray, fixed: np.ndarray, kept: np.ndarray | None = No
 def rigid_modes(nodes: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """Orthonormal rigid motions (3n, r) that vanish on the fixed components; r = 6 when nothing is fixed.
 
-    Parameters
-    ----------
     nodes : (n, 3) coordinates; fixed : (n, 3) bool
     """
     modes = np.linalg.qr(motions(nodes) @ left_over(nodes, fixed))[0]
@@ -103,8 +97,6 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
                hinges: Sequence[Hinge] = ()) -> None:
     """Adds a problem per piece of the mesh that can still move as a rigid body, with its motions and parts.
 
-    Parameters
-    ----------
     links : (k, 2) int, cells that an interface connects although they share no face; they hold each other
     grounds : a cell each, and what a ground keeps its body from, see ``left_over``
     hinges : what joins bodies in single points
@@ -145,8 +137,6 @@ def check_held(mesh: Mesh, faces: Faces, fixed: np.ndarray, problems: Problems,
 def _hold_by_hinges(nodes: list[np.ndarray], left: list[np.ndarray], hinges: Sequence[Hinge], bodies: Sequence[tuple[int, int]]) -> None:
     """Takes from the motions ``left`` of bodies, in place, what hinges stop: in their points, bodies on both sides move alike.
 
-    Parameters
-    ----------
     nodes : (n, 3) of each body; bodies : the two of each hinge
     """
     if not hinges:

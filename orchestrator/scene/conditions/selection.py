@@ -67,8 +67,6 @@ class Outside:
         Faces of thin parts may be as near as that without being meant. Where some faces are met exactly, those are left out that
         are off by a share of what these are thick; where none is, and others are left out, nobody knows which are meant.
 
-        Parameters
-        ----------
         away : (k, a) how far nodes of theirs are off, at most, along the ``axes``
         what : the plane or the box, for messages
         """

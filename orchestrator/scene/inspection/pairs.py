@@ -23,8 +23,6 @@ SHARED, COINCIDENT, APART = "shared", "matching", "not matching"
 class PairRow:
     """One patch on which two parts lie on each other.
 
-    Parameters
-    ----------
     one, two : names of the parts
     area : that they have in common
     nearest, farthest : distance of the sides along the normal; negative inside each other

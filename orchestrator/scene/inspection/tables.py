@@ -14,8 +14,6 @@ from orchestrator.scene.inspection.shapes import Shape
 def volume_table(rows: Iterable[VolumeRow], matter: Mapping[str, str] | None = None) -> list[str]:
     """Lines on volumes.
 
-    Parameters
-    ----------
     matter : what each is made of, where that is known
     """
     heads = ("volume", "tets", "volume", "element", "centre", "from", "to")
@@ -43,8 +41,6 @@ def _short(name: str, others: Sequence[str]) -> str:
 def pair_table(rows: Iterable[PairRow], most: int | None = None) -> list[str]:
     """Lines on pairs.
 
-    Parameters
-    ----------
     most : how many are shown; None: all
     """
     rows = list(rows)

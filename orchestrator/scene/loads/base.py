@@ -23,8 +23,6 @@ from orchestrator.scene.mesh.mesh import Mesh
 class Forces:
     """Consistent forces on the nodes of elements, Σ_m amounts[t, m] shapes[m].
 
-    Parameters
-    ----------
     amounts : (steps, m, 3 or 1)
     shapes : (m, k, p, 1 or 3), of k elements with p nodes: a share for all components, or a force
     """
@@ -81,8 +79,6 @@ class Uniform(Field):
 class Prescribed:
     """Displacements Σ_m amounts[t, m] field_m(x), in components ``fixed`` (3,) bool.
 
-    Parameters
-    ----------
     amounts : (steps, m)
     """
 
@@ -109,8 +105,6 @@ class Ground(ABC):
 class OnFaces:
     """Where an entry of ``boundary`` acts, and when.
 
-    Parameters
-    ----------
     path : of what the entry says, in the YAML
     nodes : (n, 3), all of the mesh
     triangles : (k, 3 or 6) int, outward
@@ -145,8 +139,6 @@ class OnFaces:
 class InVolumes:
     """Where an entry of ``loads`` acts, and when.
 
-    Parameters
-    ----------
     path : of what the entry says, in the YAML
     cells : (k,) int; volume : (k,) of each
     matter : entries of ``materials``, None for parts of other programs; material : (k,) int, index into them
@@ -182,8 +174,6 @@ class Strain:
 class Kind:
     """A kind of entry, of ``boundary`` or of ``loads``; its name is its key there.
 
-    Attributes
-    ----------
     takes : type of what stands under the key
     meaning : what that is, in words
     listed : whether vectors may be listed there, one per load step

@@ -30,8 +30,6 @@ class Foundation(Part):
 class Springs(Ground):
     """Springs, or directions that are held.
 
-    Parameters
-    ----------
     stiffness : (3,) per area, infinite where held, 0 where free
     given : (steps, 3) displacements along the directions
     frame : of the directions; None: x, y and z

@@ -40,8 +40,6 @@ class Liquid(Kind):
 def wet_moments(depth: np.ndarray, nodes: int) -> np.ndarray:
     """(k, nodes) integrals of the shape functions of triangles times max(depth, 0), over their areas.
 
-    Parameters
-    ----------
     depth : (k, 3) at the corners, linear between
     nodes : 3 or 6 per triangle
     """

@@ -166,8 +166,6 @@ def thermal_loads(mesh: Mesh, strain: np.ndarray, materials: Sequence[Any], cell
 def strained_energy(mesh: Mesh, strain: np.ndarray, lames: np.ndarray) -> np.ndarray:
     """(steps,) ½ ∫ ε₀ : C ε₀, what matter would store if nothing moved.
 
-    Parameters
-    ----------
     strain : (steps, m, 4); lames : (m, 2) λ and μ of each cell
     """
     square = np.einsum("tma,ab,tmb->tm", strain, (1 + np.eye(4)) / 20, strain)  # mean over the tet
