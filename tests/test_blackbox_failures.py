@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quick import quick
 from blackbox_case import box, forces, settings
 from processes import begin, gone, running
 
@@ -255,7 +256,7 @@ def program(transport="pipe", once=False):
 
 
 @pytest.mark.parametrize("transport", TRANSPORTS)
-@pytest.mark.parametrize("blow", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("blow", quick([signal.SIGTERM, signal.SIGINT], signal.SIGTERM))
 def test_the_program_is_interrupted(blow, transport, temporary):
     child, pids = program(transport)
     time.sleep(0.1)

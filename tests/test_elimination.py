@@ -91,6 +91,7 @@ sys.exit(not (F == 2).all())
 """
 
 
+@pytest.mark.long
 def test_machine_code_that_cannot_be_kept_serves_its_process(tmp_path):
     """No room in the cache; and no cache for a function that no file holds."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

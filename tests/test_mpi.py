@@ -154,7 +154,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", quick(FAULTS, "the rank"))
 def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     victim, kind, message, code = FAULTS[fault]
     settings, results = tmp_path / "endless.yaml", tmp_path / "results"

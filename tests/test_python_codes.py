@@ -52,6 +52,7 @@ def shipped():
     return displacement({"code": "freefem"})
 
 
+@pytest.mark.long
 def test_stresses_of_matter_that_is_not_the_yamls_are_said_not_to_be_believed(tmp_path):
     entries = [{"code": "freefem"}, {"code": file(tmp_path, STIFFNESS), "on": "slice 1", "workers": 1}]
     mixed, plain = (solve(config_from(problem(entry))).summary["warnings"] for entry in (entries, entries[0]))

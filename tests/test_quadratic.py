@@ -126,6 +126,7 @@ def test_what_is_factorised_is_the_sum(tmp_path, kind):
 # --- patch tests ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_uniform_tension_is_exact(tmp_path):
     """A linear field on an irregular mesh: displacement and stress to the tolerance."""
     found = solved(mesh=irregular(tmp_path / "box.meshb"), subdomains={"metis": 7}, **P2, materials=STEEL,

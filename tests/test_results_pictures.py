@@ -127,6 +127,7 @@ def test_status_and_pressure_of_interfaces(draw):
     assert {*grid.headings, "made_up", grid.caption} == {t.get_text() for t in figure.texts}
 
 
+@pytest.mark.long
 def test_a_cut_shows_the_inside_and_parts_are_chosen(draw):
     """What is in front of the plane goes; the face of the cut has the stress of the inside; the peak is pointed at."""
     fields = replace(case.fields(), part=case.slices(case.box_mesh(), 3), parts=("left", "middle", "right"))

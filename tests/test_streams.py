@@ -27,7 +27,7 @@ def shell(line, *arguments, **environment):
 
 
 @pytest.mark.parametrize("redirection, told", [late(">&-", ""), (">&- 2>&- <&-", ""), late("2>/dev/full >/dev/full", ""),
-                                               (">/dev/full", "No space left on device"), ("2>&1 | true", None)])
+                                               (">/dev/full", "No space left on device"), late("2>&1 | true", None)])
 def test_a_run_needs_nobody_who_listens(bar, redirection, told):
     """Its results are whole, its exit code is its own; where that can be said, it is said that words were lost."""
     done = shell(f'run "$1" --output "$2" {redirection}', bar, bar.parent / "out")
@@ -40,7 +40,7 @@ def test_verdicts_keep_their_exit_code(bar):
     assert shell('check "$1" 2>/dev/full', bar.parent / "none.yaml").returncode == 2
 
 
-@pytest.mark.parametrize("environment", [{"PYTHONIOENCODING": "ascii"},
+@pytest.mark.parametrize("environment", [late({"PYTHONIOENCODING": "ascii"}),
                                          {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}], ids=["io", "locale"])
 def test_alphabets_that_lack_signs(bar, environment):
     """They are written by their numbers."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from quick import late
 
 from contact_case import contact
 from in_process import IN_PROCESS
@@ -18,7 +19,7 @@ from orchestrator.scene.build import build_scene
     config(**CUBES, **method(macro={"strategy": "none"}, search_direction={"kplus": "full"})),
     config(subdomains=SLICES, **method(macro={"strategy": "continuity"}, sole={"kind": "layer"})),
     contact(0.3),
-    contact(0.2, mesh={"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, blackbox={**IN_PROCESS, "element": "P2"}),
+    late(contact(0.2, mesh={"box": {"size": [1, 1, 1], "cells": [4, 4, 4]}}, blackbox={**IN_PROCESS, "element": "P2"})),
     contact(law=[{"law": "perfect"}, {"law": "contact", "friction": 0.3, "between": ["block 0-0-0", "*"]}],
             subdomains={"grid": [2, 1, 2]}),
 ], ids=["equilibrium", "mono-scale", "continuity", "contact", "contact of ten-node tets", "two laws"])
