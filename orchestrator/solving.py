@@ -16,8 +16,7 @@ from orchestrator.memory import trim
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
-from orchestrator.method.delivery.discretisation_estimate import DiscretisationEstimate
-from orchestrator.method.delivery.reference import Reference, TrueError, check_reference, solve_reference
+from orchestrator.method.delivery.reference import DiscretisationEstimate, Reference, TrueError, check_reference, solve_reference
 from orchestrator.method.events import Subscriber, Subscribers
 from orchestrator.method.increments import check_iterations, iterate
 from orchestrator.method.iterated import Iterated

@@ -7,7 +7,7 @@ from ring_case import ring
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.method.interface.pair_geometry import pair_areas
+from orchestrator.method.interface.pairing import pair_areas
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.conditions.rigid import motions_about

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orchestrator.blackbox.models.extended import boundary_dofs, sides_by_subdomain
+from orchestrator.method.interface.ties import make_ties
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Carried
 from orchestrator.parallel.team import Team
@@ -50,5 +51,5 @@ class Part:
             return Part(piece, whole.space.part(rank_of, rank, piece.number), whole.carried)
 
         part = team.hand_out(made)
-        part.space.link.team = team
+        part.space.link.team, part.space.ties = team, make_ties(part.scene, part.space.transfer)
         return part

@@ -37,9 +37,7 @@ def without_launcher(environment: Mapping[str, str]) -> dict[str, str]:
 def join() -> Team:
     """The team this process belongs to.
 
-    Raises
-    ------
-    InputError : started by mpiexec, but mpi4py is missing or belongs to another MPI
+    Raises InputError: started by mpiexec, but mpi4py is missing or belongs to another MPI
     """
     rank, size = launched()
     if size == 1:

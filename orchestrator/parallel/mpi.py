@@ -17,13 +17,13 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+import psutil
 from mpi4py import MPI
 
 from orchestrator.errors import OrchestratorError
 from orchestrator.parallel.team import Elsewhere, Team
 
 _TRACES, _FAILURE, _OBJECT = 1, 2, 3  # tags
-_SHORT = 1 << 15  # bytes that travel together with their number
 _EAGER = 50e-6  # seconds of polling without a nap
 _NAPS = (20e-6, 1e-3)  # shortest and longest
 _LISTENING = 0.1  # seconds between two looks for failures elsewhere
@@ -66,6 +66,7 @@ class Ranks(Team):
         return [total[a:b].reshape(x.shape) for a, b, x in zip(ends[:-1], ends[1:], arrays)], most.tolist()
 
     def exchange(self, outgoing: Mapping[int, np.ndarray], incoming: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+        outgoing = {rank: np.ascontiguousarray(array) for rank, array in outgoing.items()}
         requests = [self._world.Irecv(array, rank, _TRACES) for rank, array in incoming.items()]
         requests += [self._world.Isend(array, rank, _TRACES) for rank, array in outgoing.items()]
         self._count(*outgoing.values())
@@ -101,20 +102,14 @@ class Ranks(Team):
         return pickle.loads(packed)
 
     def share(self, thing: Any) -> Any:
-        # length and beginning in one message, which is all for most things
-        first, packed = np.zeros(8 + _SHORT, np.uint8), np.empty(0, np.uint8)
+        packed = np.frombuffer(pickle.dumps(thing) if self.rank == 0 else b"", np.uint8).copy()
+        length = np.array([len(packed)])
+        self._wait(self._world.Ibcast(length, root=0), length)
         if self.rank == 0:
-            packed = np.frombuffer(pickle.dumps(thing), np.uint8).copy()
-            first[:8] = np.array([len(packed)]).view(np.uint8)
-            first[8 : 8 + len(packed)] = packed[:_SHORT]
             self._count(packed)
-        self._wait(self._world.Ibcast(first, root=0), first)
-        length = int(first[:8].view(np.int64)[0])
-        if self.rank:
-            packed = np.empty(length, np.uint8)
-            packed[:_SHORT] = first[8 : 8 + length]
-        if length > _SHORT:
-            self._wait(self._world.Ibcast(packed[_SHORT:], root=0), packed)
+        else:
+            packed = np.empty(length[0], np.uint8)
+        self._wait(self._world.Ibcast(packed, root=0), packed)
         return thing if self.rank == 0 else pickle.loads(packed)
 
     def cores(self) -> float:
@@ -210,13 +205,11 @@ class Ranks(Team):
             self.rank == 0 or 0 in lost)
 
     def lost(self) -> list[int]:
-        gone = []
-        for rank, pid, _ in self._neighbours:
-            try:
-                with open(f"/proc/{pid}/stat") as file:
-                    dead = file.read().rpartition(")")[2].split()[0] in "ZX"
-            except OSError:
-                dead = True
-            if dead:
-                gone.append(rank)
-        return gone
+        return [rank for rank, pid, _ in self._neighbours if not _alive(pid)]
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    except psutil.NoSuchProcess:
+        return False

@@ -23,18 +23,11 @@ UNITS = 10_000  # METIS takes integers: the total cost in these units
 
 @dataclass(frozen=True)
 class Placement:
-    """The ranks' subdomains, as one rank sees it.
+    """The ranks' subdomains, as one rank sees it."""
 
-    Parameters
-    ----------
-    rank_of : (subdomains,) int, the rank of each
-    touched : (interfaces,) bool, whether a side of it is this rank's
-    codes : which codes of the configuration this rank asks: those of its subdomains and of their neighbours
-    """
-
-    rank_of: np.ndarray
-    touched: list[bool]
-    codes: list[int]
+    rank_of: np.ndarray  # (subdomains,) int, the rank of each
+    touched: list[bool]  # (interfaces,) bool, whether a side of it is this rank's
+    codes: list[int]  # which codes of the configuration this rank asks: those of its subdomains and of their neighbours
 
     @classmethod
     def of(cls, scene: Scene, rank_of: np.ndarray, team: Team) -> Placement:
@@ -48,9 +41,7 @@ class Placement:
 def ranks_of(scene: Scene, ranks: int, speeds: np.ndarray | None = None) -> np.ndarray:
     """(subdomains,) int, the rank of each, by predicted cost and neighbourhood; ``speeds`` as of ``owners``.
 
-    Raises
-    ------
-    InputError : more ranks than subdomains
+    Raises InputError: more ranks than subdomains
     """
     count = len(scene.subdomains)
     if ranks > count:
@@ -72,8 +63,6 @@ def owners(costs: Sequence[float], pairs: np.ndarray, dofs: Sequence[int], ranks
 
     Of equal ranks 0, which also solves the coarse contact problem and writes, has the part with the fewest interface dofs.
 
-    Parameters
-    ----------
     costs : (n,) of each subdomain
     pairs, dofs : (m, 2) int, the subdomains of each interface; (m,) what it has to exchange
     ranks : how many parts, at most n

@@ -29,7 +29,7 @@ import numpy as np
 
 from orchestrator.method.acceleration.base import Acceleration, squared_weights
 from orchestrator.method.decomposition import Decomposition
-from orchestrator.method.interface.rows import dots
+from orchestrator.method.interface.rows import add, dots
 from orchestrator.method.linear.stage import Admissible
 from orchestrator.parallel.team import ALONE, Team
 
@@ -81,7 +81,7 @@ class ResidualMinimisation(Acceleration):
             steps, norm, along = self._orthogonal(dr, size, scale, along, products)
             for (_, p), c in zip(self.directions, steps.T):
                 for a, b in zip(dp, p):
-                    a -= c[:, None] * b
+                    add(a, -c, b)
             norm, size = np.sqrt(np.maximum(norm, 0.0)), np.sqrt(size)
             good = (norm > DEPENDENT * size) & (scale > 0)
             inverse = np.where(good, 1 / np.where(good, norm, 1), 0.0)
@@ -142,7 +142,7 @@ class ResidualMinimisation(Acceleration):
     def _without(self, dr: np.ndarray, c: np.ndarray) -> None:
         """Take the directions kept, times c (T, n), out of dr."""
         for (q, _), own in zip(self.directions, c.T):
-            dr -= own[:, None] * q
+            add(dr, -own, q)
 
     def next(self) -> np.ndarray:
         return self.point[0] + self.relaxation * self.r / self.root

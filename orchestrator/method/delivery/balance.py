@@ -10,114 +10,89 @@ interfaces that are not perfect. Forces of perfect interfaces within a body canc
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
-from orchestrator.method.delivery.recovery import support_forces
+from orchestrator.method.delivery.recovery import Parts, support_forces
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.model import Interface
 
 
 @dataclass(frozen=True)
 class Balance:
-    """What is left over, T load steps, b bodies.
+    """What is left over, T load steps, b bodies."""
 
-    Parameters
-    ----------
-    names : (b,) of a piece of each body
-    left : (T, b, 6) force, and moment about the centre over the scene's size, of all that acts on the body; 0 where supports
-        are inside a part whose mesh is not ours, which does not tell what they carry
-    size : (T, b) sum of the magnitudes of these forces
-    """
-
-    names: list[str]
-    left: np.ndarray
-    size: np.ndarray
+    names: list[str]  # (b,) of a piece of each body
+    left: np.ndarray  # (T, b, 6) force, and moment over the scene's size; 0 where a part whose mesh is not ours has supports inside
+    size: np.ndarray  # (T, b) sum of the magnitudes of these forces
 
 
-def balance(d: Decomposition, parts: list[np.ndarray], f: np.ndarray, interfaces: InterfaceFields | None,
+def balance(d: Decomposition, parts: Parts, f: np.ndarray, interfaces: InterfaceFields | None,
             length: np.ndarray | None, iterated: Iterated | None = None) -> Balance:
     """All bodies' balance.
 
-    Parameters
-    ----------
-    parts : per subdomain (T, n_E, 3), as recovered
-    f : (T, D) interface forces
+    parts, f : as recovered, and (T, D) interface forces
     interfaces : fields of this rank's interfaces that are not perfect, if the scene has any
     length : (N,) what is left of their normals within the components that are free
     iterated : with the pairs of every load step, where sides slide on
     """
     scene = d.scene
-    joined = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
-    count, body = components(*joined.T, len(scene.subdomains))
+    perfect = np.array([i.subdomains for i in scene.interfaces if i.law.perfect], dtype=int).reshape(-1, 2)
+    count, body = components(*perfect.T, len(scene.subdomains))
     nodes = scene.mesh.nodes
-    ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)), (2, 3))
-    low, high = -ends[0], ends[1]
-    centre, extent = (low + high) / 2, size_of(np.array([low, high]))
+    ends = np.reshape(d.space.team.max(*-nodes.min(axis=0), *nodes.max(axis=0)), (2, 3)) * np.array([[-1], [1]])
+    centre, extent = ends.mean(axis=0), size_of(ends)
     left, size = np.zeros((scene.steps, count, 6)), np.zeros((scene.steps, count))
 
-    def add(at: int, points: np.ndarray, forces: np.ndarray) -> None:
-        """Forces (T, n, 3) at points (n, 3)."""
-        arm = (points - centre) / extent
-        left[:, at, :3] += forces.sum(axis=1)
-        turning = np.tensordot(arm, forces, axes=(0, 1))  # (3, T, 3) of which moments are the antisymmetric part
+    def add(e: int, points: np.ndarray, forces: np.ndarray) -> None:
+        """Forces (T, n, 3) at points (n, 3) of a subdomain."""
+        left[:, body[e], :3] += forces.sum(axis=1)
+        turning = np.tensordot((points - centre) / extent, forces, axes=(0, 1))  # (3, T, 3): moments are its antisymmetric part
         for k, i, j in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            left[:, at, 3 + k] += turning[i, :, j] - turning[j, :, i]
-        size[:, at] += np.linalg.norm(forces, axis=2).sum(axis=1)
+            left[:, body[e], 3 + k] += turning[i, :, j] - turning[j, :, i]
+        size[:, body[e]] += np.linalg.norm(forces, axis=2).sum(axis=1)
 
     for s, support in zip(d.own, support_forces(d, parts, f)):
         if support is not None:
-            add(body[s.index], nodes[s.nodes], support)
+            add(s.index, nodes[s.nodes], support)
         if s.loads.any():
-            add(body[s.index], nodes[s.nodes], s.loads)
-    for i, at, others, forces in () if interfaces is None else _carried(interfaces, length, own_interfaces(d)):
-        if i.moving is not None:
-            continue
-        x1, x2 = nodes[at], nodes[others]
-        if i.mortar is not None:  # a point's force is spread over its node and merged ones; a rigid link carries it beyond
-            x1[np.searchsorted(i.corners, i.mortar.points)] = (i.mortar.first @ scene.side_points(i, 0).ravel()).reshape(-1, 3)
-            x2 = x1
-        for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
-            add(body[e], x, sign * forces)
-    for s in d.own:
+            add(s.index, nodes[s.nodes], s.loads)
         if s.foreign and s.fixed.any():  # what its supports carry stays inside it
             left[:, body[s.index]] = np.nan
+    if interfaces is not None:
+        push = -interfaces.pressure * length * interfaces.area
+        forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
+        for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
+            if i.moving is None:
+                x1, x2 = nodes[interfaces.nodes[own]], nodes[interfaces.others[own]]
+                if i.mortar is not None:  # a point's force is spread over its node and merged ones; a rigid link carries it beyond
+                    x1[np.searchsorted(i.corners, i.mortar.points)] = (i.mortar.first @ scene.side_points(i, 0).ravel()).reshape(-1, 3)
+                    x2 = x1
+                for e, x, sign in zip(i.subdomains, (x1, x2), (1, -1)):
+                    add(e, x, sign * forces[:, own])
     for t, i, carried in () if d.following is None else _slid_on(d, iterated):
         for side, (e, forces) in enumerate(zip(i.subdomains, carried)):
             everywhere = np.zeros((scene.steps, *forces.shape))
             everywhere[t] = forces
-            add(body[e], scene.side_points(i, side), everywhere)
+            add(e, scene.side_points(i, side), everywhere)
     left, size = d.space.team.sum(left, size)
-    left = np.where(np.isnan(left), 0.0, left)
-    return Balance(_names(scene, body), left, size)
-
-
-def _carried(interfaces: InterfaceFields, length: np.ndarray, chosen: Sequence[Interface]) -> Iterator[tuple]:
-    """Per interface itself, its nodes on either side, and the force (T, n, 3) on side 1."""
-    push = -interfaces.pressure * length * interfaces.area
-    forces = push[:, :, None] * interfaces.normal + interfaces.friction_traction * interfaces.area[:, None]
-    for i, a, b in zip(chosen, interfaces.offsets[:-1], interfaces.offsets[1:]):
-        yield i, interfaces.nodes[a:b], interfaces.others[a:b], forces[:, a:b]
+    names = [scene.subdomains[e].body for e in np.unique(body, return_index=True)[1]]
+    return Balance(names, np.where(np.isnan(left), 0.0, left), size)
 
 
 def _slid_on(d: Decomposition, iterated: Iterated) -> Iterator[tuple[slice, Interface, tuple[np.ndarray, np.ndarray]]]:
     """Per load step and interface whose sides slide on, what its points do at the nodes of either side, (n, 3) each."""
     mine = {i.index for i in own_interfaces(d)}
+    w, f = iterated.fields.extended
     for t, pairs, _ in iterated.by_pairing(d):
-        w, f = iterated.fields.extended
         force = pairs.traces(w[t], f[t]).force[0]
         for i, a, b in zip(pairs.interfaces, pairs.bounds[:-1], pairs.bounds[1:]):
             if i.moving is not None and i.index in mine:
                 q = force[:, a:b].T.ravel()
                 yield t, i, ((i.mortar.first.T @ q).reshape(-1, 3), -(i.mortar.second.T @ q).reshape(-1, 3))
-
-
-def _names(scene: Scene, body: np.ndarray) -> list[str]:
-    first = np.unique(body, return_index=True)[1]
-    return [scene.subdomains[e].body for e in first]

@@ -22,10 +22,11 @@ import numpy as np
 from orchestrator.laws.base import Written
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.balance import balance
-from orchestrator.method.interface.rows import dots, times
-from orchestrator.method.delivery.interior import Interior, interior
 from orchestrator.method.delivery.interface_fields import InterfaceFields, own_interfaces
-from orchestrator.method.interface.pair_geometry import lawful_corners, pair_normals
+from orchestrator.method.delivery.interior import Interior, interior
+from orchestrator.method.delivery.recovery import Parts, repositioned
+from orchestrator.method.interface.pairing import lawful_corners, pair_normals
+from orchestrator.method.interface.rows import dots, joined, times
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.lengths import Lengths
 
@@ -37,24 +38,18 @@ BEYOND = 10.0  # noise of answers over the tolerance, with contact
 ROUNDING = 1e-9
 
 
-def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
-                  interfaces: InterfaceFields | None, lengths: Lengths | None = None,
-                  inside: Interior | None = None) -> list[str]:
+def failed_guards(d: Decomposition, iterated: Iterated, parts: Parts, interfaces: InterfaceFields | None,
+                  lengths: Lengths | None = None, inside: Interior | None = None) -> list[str]:
     """What the delivered fields break, a sentence each.
 
-    Parameters
-    ----------
-    parts : per subdomain (T, n_E, 3), as recovered
     interfaces, lengths : fields of this rank's interfaces that are not perfect, if the scene has any, and what they
         are compared with
     inside : of these parts; None: it is found here
     """
     inside = inside or interior(d, iterated, parts)
     found = _works(d, iterated, parts, inside)
-    length = None if interfaces is None else np.concatenate(
-        [np.zeros(0), *(pair_normals(d.scene.points(i), i)[1][i.corners] for i in own_interfaces(d))])
-    claimed = iterated.bound.relative if d.all_perfect else iterated.last.law_residual
-    allowed = LAWS * max(claimed, ROUNDING)
+    length = None if interfaces is None else joined([pair_normals(d.scene.points(i), i)[1][i.corners] for i in own_interfaces(d)])
+    allowed = LAWS * max(iterated.bound.relative if d.all_perfect else iterated.last.law_residual, ROUNDING)
     unbalanced = _balances(d, iterated, parts, interfaces, length, lengths, allowed)
     if not iterated.converged:
         return found
@@ -65,7 +60,7 @@ def failed_guards(d: Decomposition, iterated: Iterated, parts: list[np.ndarray],
     return found + unbalanced
 
 
-def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def works(d: Decomposition, iterated: Iterated, parts: Parts) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two external works and the size of the terms that they sum, each (T,) force × length."""
     fields, steps = iterated.fields, d.scene.steps
     forces = d.space.loads(fields.f)
@@ -86,7 +81,7 @@ def works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> tupl
     return tuple(d.space.team.sum(inner, outer, size))
 
 
-def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside: Interior | None = None) -> Iterated:
+def with_noise(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior | None = None) -> Iterated:
     """The same with the noise of the answers in its bound; not converged any more if that is too much."""
     inside = inside or interior(d, iterated, parts)
     unbalanced, _ = inside.shares(d.loading.size(iterated.bound.energy))
@@ -101,16 +96,14 @@ def with_noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], in
         f"guard: repeated answers of the code differ: no error below {floor:.1e} can be claimed"))
 
 
-def noise(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> float:
+def noise(d: Decomposition, iterated: Iterated, parts: Parts) -> float:
     """Energy norm of what recovered and iterated interface displacements differ by, and of the forces that go with it,
     relative to the solution's."""
-    apart, mode = np.zeros_like(iterated.fields.u), 0
-    for s, modes, part, trace in zip(d.own, d.made.modes, d.space.boundary, d.made.traces):
-        rigid = iterated.bound.repositioned[:, mode : mode + modes.shape[1]] @ modes[trace].T
-        mode += modes.shape[1]
-        apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - iterated.fields.u[:, part] - rigid
+    apart = np.zeros_like(iterated.fields.u)
+    for s, rigid, part, trace in zip(d.own, repositioned(d, iterated.bound), d.space.boundary, d.made.traces):
+        apart[:, part] = parts[s.index].reshape(d.scene.steps, -1)[:, trace] - iterated.fields.u[:, part] - rigid[:, trace]
     # forces are what k w leaves of s: stiff soles turn a small difference of w into a large one of f
-    forces = d.space.loads(d.stage.direction.times(d.space.trace(apart)))
+    forces = d.stage.direction.robin(apart)
     strain = dots(apart, times(d.bound.stiffness, apart))
     stress = np.sum(forces**2 / d.bound.continuity.weight, axis=1)
     energy, = d.space.team.sum(strain + stress)
@@ -127,7 +120,7 @@ def _repeats(d: Decomposition, iterated: Iterated, inside: Interior) -> list[str
             f"{share:.1e} can be claimed"]
 
 
-def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside: Interior) -> list[str]:
+def _works(d: Decomposition, iterated: Iterated, parts: Parts, inside: Interior) -> list[str]:
     inner, outer, size = works(d, iterated, parts)
     # where nothing is strained, what rounding leaves of the soles' energy, and of what loads would do alone, is no work
     soles, = d.space.team.sum(dots(iterated.fields.w, d.stage.direction.times(iterated.fields.w)))
@@ -149,7 +142,7 @@ def _works(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], inside
     return found
 
 
-def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], interfaces: InterfaceFields | None,
+def _balances(d: Decomposition, iterated: Iterated, parts: Parts, interfaces: InterfaceFields | None,
               length: np.ndarray | None, lengths: Lengths | None, allowed: float) -> list[str]:
     """The body that is farthest from balance, if one is; on rank 0."""
     found = balance(d, parts, iterated.fields.f, interfaces, length, iterated)
@@ -171,27 +164,25 @@ def _balances(d: Decomposition, iterated: Iterated, parts: list[np.ndarray], int
     return [f"forces on {found.names[worst]} are out of balance by {apart[worst]:.1e}, {allowed:.1e} allowed"]
 
 
-def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, lengths: Lengths,
-          allowed: float) -> list[str]:
-    chosen, worst = own_interfaces(d), {}
-    stiff = d.space.team.max((d.local.pairs.points.stiff_n / d.local.pairs.points.area).max(initial=0.0))[0]
+def _laws(d: Decomposition, interfaces: InterfaceFields, length: np.ndarray, lengths: Lengths, allowed: float) -> list[str]:
+    worst: dict[str, float] = {}
+    points = d.local.pairs.points
+    stiff = d.space.team.max((points.stiff_n / points.area).max(initial=0.0))[0]
     pressures = _pressures(d, interfaces, lengths.of_rest * stiff)
-    for i, start in zip(chosen, interfaces.offsets):
+    for i, (_, own) in zip(own_interfaces(d), interfaces.each()):
         mobile = np.searchsorted(i.corners, lawful_corners(i))
-        at, nodes = start + mobile, i.corners[mobile]
+        at, nodes = own.start + mobile, i.corners[mobile]
         fields = (interfaces.gap[:, at] - i.distances(interfaces.steps)[:, nodes], interfaces.slip[:, at],
                   interfaces.pressure[:, at], interfaces.friction_traction[:, at])
-        own = {v.name: interfaces.own[v.name][:, at] for v in i.law.variables}
-        each = [(i.law, slice(None))] if not i.law_at_steps else [(law, slice(t, t + 1)) for t, law in enumerate(i.law_at_steps)]
-        for law, steps in each:
-            written = Written(*(x[steps] for x in fields), nodes, length[at], {name: x[steps] for name, x in own.items()})
+        variables = {v.name: interfaces.own[v.name][:, at] for v in i.law.variables}
+        for law, steps in [(law, slice(t, t + 1)) for t, law in enumerate(i.law_at_steps)] or [(i.law, slice(None))]:
+            written = Written(*(x[steps] for x in fields), nodes, length[at], {name: x[steps] for name, x in variables.items()})
             # where next to nothing moves and much is pressed, gaps are as small as forces are accurate
             moved = max(lengths.of_displacements, pressures[law.name] / stiff if stiff else 0.0)
             for what, value in law.violations(written, moved, pressures[law.name]).items():
                 worst[what] = np.maximum(worst.get(what, 0.0), value)  # nan stays
-    worst = _largest(d, worst)
     return [f"{what} violated at a node by {value:.1e}, {allowed:.1e} allowed"
-            for what, value in worst.items() if not value <= allowed]
+            for what, value in _largest(d, worst).items() if not value <= allowed]
 
 
 def _pressures(d: Decomposition, interfaces: InterfaceFields, resting: float) -> dict[str, float]:

@@ -17,6 +17,7 @@ import numpy as np
 
 from orchestrator.blackbox.models.matter import Matter
 from orchestrator.method.decomposition import Decomposition
+from orchestrator.method.delivery.recovery import Parts, repositioned
 from orchestrator.method.iterated import Iterated
 from orchestrator.scene.congruence import first_congruent
 
@@ -26,20 +27,12 @@ UNBALANCED, REPEATED = 1e-13, 1e-11  # of the largest displacement: rounding of 
 
 @dataclass(frozen=True)
 class Interior:
-    """Of all ranks; (T, subdomains) each, force × length.
+    """Of all ranks; (T, subdomains) each, force × length."""
 
-    Parameters
-    ----------
-    energy : ‖u‖²_K
-    unbalanced : ‖r‖², less rounding
-    repeated : ‖δ‖², less rounding
-    complete : whether the matter of all subdomains is the scene's
-    """
-
-    energy: np.ndarray
-    unbalanced: np.ndarray
-    repeated: np.ndarray
-    complete: bool
+    energy: np.ndarray  # ‖u‖²_K
+    unbalanced: np.ndarray  # ‖r‖², less rounding
+    repeated: np.ndarray  # ‖δ‖², less rounding
+    complete: bool  # whether the matter of all subdomains is the scene's
 
     def shares(self, size: float) -> tuple[float, float]:
         """√ of what is unbalanced, and of what is repeated otherwise, over all subdomains, relative to the energy norm of an answer."""
@@ -51,52 +44,33 @@ class Interior:
         return int(np.argmax((self.unbalanced + self.repeated).max(axis=0)))
 
 
-def interior(d: Decomposition, iterated: Iterated, parts: list[np.ndarray]) -> Interior:
-    """Judge recovered displacements.
-
-    Parameters
-    ----------
-    parts : per subdomain (T, n_E, 3), as recovered
-    """
-    scene, steps = d.scene, d.scene.steps
+def interior(d: Decomposition, iterated: Iterated, parts: Parts) -> Interior:
+    """Judge recovered displacements."""
+    scene, steps, own = d.scene, d.scene.steps, d.own
     energy, unbalanced, repeated = np.zeros((3, steps, len(scene.subdomains)))
-    forces = d.space.loads(iterated.fields.f)
+    forces, rigid = d.space.loads(iterated.fields.f), repositioned(d, iterated.bound)
     moduli = np.array([[m.young, m.poisson] for m in scene.materials])
-    ends = np.cumsum([0] + [modes.shape[1] for modes in d.made.modes])
-    own = d.own
     judged = [e for e, s in enumerate(own) if not d.blackbox.traits(s.code).own_matter]
-    known: dict[int, Matter] = {}
-    for kind, members in ((kind, alike[a : a + TOGETHER]) for kind, alike in _alike(d, judged).items()
-                          for a in range(0, len(alike), TOGETHER)):
-        one = own[kind]
-        if kind not in known:
-            known = {kind: Matter(scene.mesh.nodes[one.nodes], one.connectivity, *moduli[one.material].T)}
-        matter = known[kind]
+    keys = ((own[e].connectivity.tobytes(), own[e].material.tobytes()) for e in judged)
+    alike: dict[int, list[int]] = {}  # those that differ by a translation alone: the first → all of them
+    for e, first in zip(judged, first_congruent(keys, [scene.mesh.nodes[own[e].nodes] for e in judged])):
+        alike.setdefault(judged[first], []).append(e)
+    for first, all_of_them in alike.items():
+        one = own[first]
+        matter = Matter(scene.mesh.nodes[one.nodes], one.connectivity, *moduli[one.material].T)
         root = np.sqrt(np.repeat(matter.stiff, 3))
-        together = np.vstack([parts[own[e].index].reshape(steps, -1) for e in members])
-        resisting = np.split(matter.forces(together), len(members))
-        for e, u, held in zip(members, np.split(together, len(members)), resisting):
-            s, part, trace = own[e], d.space.boundary[e], d.made.traces[e]
-            rigid = iterated.bound.repositioned[:, ends[e] : ends[e + 1]] @ d.made.modes[e][trace].T
-            load = s.loads.reshape(steps, -1).copy()
-            load[:, trace] += forces[:, part]
-            largest = (root * np.abs(u)).max(axis=1, keepdims=True)
-            left = np.where(s.fixed.ravel(), 0.0, np.abs(held - load) / root)
-            apart = root[trace] * np.abs(u[:, trace] - rigid - iterated.fields.u[:, part])
-            energy[:, s.index] = np.sum(u * held, axis=1)
-            unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
-            repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
-    foreign = len(own) - len(judged)
-    energy, unbalanced, repeated, foreign = d.space.team.sum(energy, unbalanced, repeated, np.array(foreign))
+        for begin in range(0, len(all_of_them), TOGETHER):
+            members = all_of_them[begin : begin + TOGETHER]
+            together = [parts[own[e].index].reshape(steps, -1) for e in members]
+            for e, u, resisting in zip(members, together, np.split(matter.forces(np.vstack(together)), len(members))):
+                s, part, trace = own[e], d.space.boundary[e], d.made.traces[e]
+                load = s.loads.reshape(steps, -1).copy()
+                load[:, trace] += forces[:, part]
+                largest = (root * np.abs(u)).max(axis=1, keepdims=True)
+                left = np.where(s.fixed.ravel(), 0.0, np.abs(resisting - load) / root)
+                apart = root[trace] * np.abs(u[:, trace] - rigid[e][:, trace] - iterated.fields.u[:, part])
+                energy[:, s.index] = np.sum(u * resisting, axis=1)
+                unbalanced[:, s.index] = np.sum(np.maximum(left - UNBALANCED * largest, 0.0) ** 2, axis=1)
+                repeated[:, s.index] = np.sum(np.maximum(apart - REPEATED * largest, 0.0) ** 2, axis=1)
+    energy, unbalanced, repeated, foreign = d.space.team.sum(energy, unbalanced, repeated, len(own) - len(judged))
     return Interior(energy, unbalanced, repeated, not foreign)
-
-
-def _alike(d: Decomposition, judged: list[int]) -> dict[int, list[int]]:
-    """Of these subdomains, those that differ by a translation alone: the first → all of them."""
-    everything = d.own
-    own = [everything[e] for e in judged]
-    keys = ((s.connectivity.tobytes(), s.material.tobytes()) for s in own)
-    found: dict[int, list[int]] = {}
-    for e, first in zip(judged, first_congruent(keys, [d.scene.mesh.nodes[s.nodes] for s in own])):
-        found.setdefault(judged[first], []).append(e)
-    return found

@@ -11,33 +11,33 @@ At a pair the springs carry f̂ − law(F). Relative to the largest force per ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from orchestrator.laws.points import dot
 from orchestrator.laws.status import Hold, Status, table
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.recovery import Parts
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.parallel.team import Team
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.conditions.rigid import motions
+from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene
 
 MOST_BODIES = 300  # beyond, the search for weakly held ones costs more than it tells
 PRESSING = 1e-6  # pressure or tension relative to the largest of all steps, from which it counts
 FREE = 1e-10  # stiffness of a motion, relative to the largest, that counts as none
+LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
 
 
 def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[str]], list[list[str]]]:
     """Names of the detached and of the weakly held bodies (of all that are joined to one), per load step."""
-    count = len(scene.subdomains)
-    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins]).reshape(-1, 2)
-    bodies, body = _groups(count, joined)
+    joined = np.array([i.subdomains for i in scene.interfaces if i.law.joins], dtype=int).reshape(-1, 2)
+    bodies, body = components(*joined.T, len(scene.subdomains))
     fixed = np.zeros(bodies, bool)
     fixed[body[[s.fixed.any() for s in scene.subdomains]]] = True
     ends = body[interfaces.subdomains]
@@ -45,7 +45,7 @@ def held_bodies(scene: Scene, interfaces: InterfaceFields) -> tuple[list[list[st
     detached, weak = [], []
     for normal, tangential in zip(*_holding(interfaces, table(i.law for i in scene.interfaces))):
         touching = ends[np.logical_or.reduceat(normal | tangential, interfaces.offsets[:-1])]
-        _, group = _groups(bodies, touching)
+        group = components(*touching.T, bodies)[1]
         lost = ~np.isin(group, group[fixed])
         loose = motion.free(normal, tangential) & ~lost if motion else np.zeros(bodies, bool)
         for result, chosen in ((detached, lost), (weak, loose)):
@@ -62,85 +62,56 @@ def _holding(interfaces: InterfaceFields, statuses: list[Status]) -> tuple[np.nd
     return tuple(np.choose(which, [when[getattr(s, way)] for s in statuses]) for way in ("normal", "tangential"))
 
 
-def _groups(count: int, edges: np.ndarray) -> tuple[int, np.ndarray]:
-    """Number of connected groups and the group (count,) of each vertex."""
-    graph = sp.csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return sp.csgraph.connected_components(graph, directed=False)
-
-
 class _Motions:
-    """Rigid motions of all bodies, six each, and what supports and closed pairs make of them.
-
-    Parameters
-    ----------
-    body : (subdomains,) int, the body of each
-    """
+    """Rigid motions of all bodies, six each, and what supports and closed pairs make of them; body (subdomains,) int of each."""
 
     def __init__(self, scene: Scene, interfaces: InterfaceFields, body: np.ndarray):
         self.interfaces, self.bodies = interfaces, int(body.max()) + 1
-        self.sides = body[interfaces.subdomains][interfaces.interface_of_node]  # (N, 2)
+        self.sides = body[interfaces.subdomains]  # (I, 2)
         self.columns = np.zeros((2, len(interfaces.nodes), 3, 6))
         self.support = np.zeros((self.bodies, 6, 6))
+        of_node = self.sides[interfaces.interface_of_node]
         for b in range(self.bodies):
             mine = [s for s, owner in zip(scene.subdomains, body) if owner == b]
             nodes = np.unique(np.concatenate([s.nodes for s in mine]))
             columns = motions(scene.mesh.nodes[nodes]).reshape(-1, 3, 6)
             for side, own in enumerate((interfaces.nodes, interfaces.others)):
-                here = self.sides[:, side] == b
+                here = of_node[:, side] == b
                 self.columns[side, here] = columns[np.searchsorted(nodes, own[here])]
             fixed = np.zeros((len(nodes), 3), bool)
             for s in mine:
                 fixed[np.searchsorted(nodes, s.nodes)] |= s.fixed
-            held = columns[fixed]
-            self.support[b] = held.T @ held
+            self.support[b] = columns[fixed].T @ columns[fixed]
 
     def free(self, normal: np.ndarray, tangential: np.ndarray) -> np.ndarray:
         """(bodies,) bool, whether each can move rigidly where pairs hold along and across the normal, (N,) bool each."""
-        apart = []  # what the pairs forbid to change
+        n, apart = self.interfaces.normal, []  # what the pairs forbid to change
         for columns in self.columns:
-            along = np.einsum("ni,nij->nj", self.interfaces.normal, columns)
-            opening = self.interfaces.normal[:, :, None] * along[:, None, :]
+            opening = n[:, :, None] * np.einsum("ni,nij->nj", n, columns)[:, None, :]
             apart.append(normal[:, None, None] * opening + tangential[:, None, None] * (columns - opening))
         gram = np.zeros((self.bodies, 6, self.bodies, 6))
         gram[range(self.bodies), :, range(self.bodies), :] = self.support
-        offsets = self.interfaces.offsets
-        for a, b in zip(offsets[:-1], offsets[1:]):
-            if a == b:
-                continue
-            both = np.concatenate([apart[0][a:b].reshape(-1, 6), -apart[1][a:b].reshape(-1, 6)], axis=1)
+        for ends, (_, own) in zip(self.sides, self.interfaces.each()):
+            both = np.concatenate([apart[0][own].reshape(-1, 6), -apart[1][own].reshape(-1, 6)], axis=1)
             blocks = (both.T @ both).reshape(2, 6, 2, 6)
             for one, two in ((0, 0), (1, 1), (0, 1), (1, 0)):
-                gram[self.sides[a, one], :, self.sides[a, two]] += blocks[one, :, two]
+                gram[ends[one], :, ends[two]] += blocks[one, :, two]
         values, vectors = np.linalg.eigh(gram.reshape(6 * self.bodies, -1))
         loose = vectors[:, values <= FREE * max(values[-1], 1e-300)].reshape(self.bodies, 6, -1)
         return np.linalg.norm(loose, axis=(1, 2)) > 1e-3
 
 
-LIVES = 0.1  # share of the forces on a body, in magnitude, that springs carry, from which it lives by them
-
-
 @dataclass(frozen=True)
 class Stabilised:
-    """What the springs carried.
+    """What the springs carried."""
 
-    Parameters
-    ----------
-    epsilon : largest ε of a pair
-    force : largest traction of the springs over the largest that contacts carry
-    work : of the springs, all load steps together, over the largest strain energy
-    bodies : (T,) names of loose ones that live by them, per load step
-    most : name of the loose one whose forces they carry the largest share of
-    weakened : iterations after which they became weaker
-    withdrawn : iterations after which that was taken back once
-    """
-
-    epsilon: float
-    force: float
-    work: float
-    bodies: list[list[str]]
-    most: str
-    weakened: list[int]
-    withdrawn: list[int]
+    epsilon: float  # largest ε of a pair
+    force: float  # largest traction of the springs over the largest that contacts carry
+    work: float  # of the springs, all load steps together, over the largest strain energy
+    bodies: list[list[str]]  # (T,) names of loose ones that live by them, per load step
+    most: str  # name of the loose one whose forces they carry the largest share of
+    weakened: list[int]  # iterations after which they became weaker
+    withdrawn: list[int]  # iterations after which that was taken back once
 
 
 def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
@@ -150,18 +121,16 @@ def stabilised(d: Decomposition, iterated: Iterated) -> Stabilised | None:
     pairs, local, team = d.local.pairs, iterated.local, d.space.team
     springs, law = local.force - local.lawful, local.lawful
     own, whole = (np.sqrt(dot(x, x)) for x in (springs, law))
-    epsilon, largest, carried = team.max(pairs.stabilisation.max(initial=0.0), (own / pairs.points.area).max(initial=0.0),
-                                         (whole / pairs.points.area).max(initial=0.0))
+    epsilon, largest, carried = team.max(*(x.max(initial=0.0) for x in (
+        pairs.stabilisation, own / pairs.points.area, whole / pairs.points.area)))
     moved = np.diff(local.jump, axis=0, prepend=d.local.before.jump[None])
     ends = np.repeat(np.array([i.subdomains for i in pairs.interfaces], dtype=int).reshape(-1, 2), np.diff(pairs.bounds), axis=0)
     sums = np.zeros((2, d.steps, len(d.scene.subdomains)))
     for magnitudes, result in zip((own, whole), sums):
         for side in ends.T:
             np.add.at(result, (slice(None), side), np.where(pairs.mine, magnitudes, 0.0))
-    work, sums = team.sum(float((np.abs(dot(springs, moved)) * pairs.mine).sum()), sums)
-    held, pressed = sums
-    loose = loose_bodies(d.scene)
-    total = held + pressed
+    work, (held, pressed) = team.sum(float((np.abs(dot(springs, moved)) * pairs.mine).sum()), sums)
+    loose, total = loose_bodies(d.scene), held + pressed
     share = np.where(loose | ~loose.any(), held / np.where(total > 0, total, 1.0), 0.0)
     names = [s.body for s in d.scene.subdomains]
     energy, weakened = 0.5 * iterated.bound.energy.max(initial=0.0), iterated.found.get("weakening", [])
@@ -179,25 +148,14 @@ def _ratio(part: float, whole: float) -> float:
 
 @dataclass(frozen=True)
 class OpenPlaces:
-    """Over the largest displacement of all bodies and load steps.
+    """Over the largest displacement of all bodies and load steps."""
 
-    Parameters
-    ----------
-    open : of the body whose place is determined least
-    bodies : name of each that supports and joints leave loose → the same of it, at its worst load step, the largest first
-    """
-
-    open: float
-    bodies: dict[str, float]
+    open: float  # of the body whose place is determined least
+    bodies: dict[str, float]  # each that supports and joints leave loose → the same, at its worst load step, the largest first
 
 
-def open_places(iterated: Iterated, lengths: LengthScale, parts: Sequence[np.ndarray | None], team: Team) -> OpenPlaces | None:
-    """What is told of them; None where nothing is stabilised, or where nothing can be said.
-
-    Parameters
-    ----------
-    parts : displacements (T, n_E, 3) of this rank's subdomains; None: not ours
-    """
+def open_places(iterated: Iterated, lengths: LengthScale, parts: Parts, team: Team) -> OpenPlaces | None:
+    """What is told of them; None where nothing is stabilised, or where nothing can be said."""
     found = iterated.found.get("places", [])
     if sum(places.shape[1] for places in found) < len(iterated.fields.s):
         return None

@@ -32,14 +32,9 @@ Solve = Callable[[np.ndarray], np.ndarray]  # right-hand sides (n, T) to solutio
 class Factor:
     """Solves with a symmetric positive definite sparse matrix, factorised once.
 
-    Parameters
-    ----------
     lower : (n, n) its lower triangle; what is above the diagonal is not looked at
     patches : it has a block for each of many small surfaces: minimum degree finds their order in a tenth of the time
-
-    Raises
-    ------
-    RuntimeError : it is singular
+    Raises RuntimeError: it is singular
     """
 
     def __init__(self, lower: sp.sparray, patches: bool = False):

@@ -1,4 +1,5 @@
-"""The points of a rank's interfaces: their places, search direction, law's parameters, ε of stabilisation.
+"""The points of a rank's interfaces: at which nodes a law acts, along which normal, on which area; search direction, law's
+parameters, ε of stabilisation.
 
 The diagonal search direction k⁺ has, at every pair of nodes, one stiffness along the normal and one across it. Both sides get
 the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺ is each node's own 3 × 3 block of k⁻.
@@ -6,32 +7,30 @@ the mean of their own k⁻, so that keq = k⁺/2. Where nodes do not match, k⁺
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import Points
-from orchestrator.method.interface.pair_geometry import lawful_nodes, pair_areas, pair_normals
 from orchestrator.method.interface.pairs import Pairs, Run
-from orchestrator.method.interface.point_traces import NodeCompliance
+from orchestrator.method.interface.point_traces import NodeCompliance, inverses, node_blocks, search_stiffness
 from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
+from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.patch import node_areas, node_normals
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles.nodal import stiffer
 
-# λ is known to a hundredth: what a step may overshoot by costs nothing.
-KNOWN = 1e-2
+
+# Prescribed components are taken out of a normal that keeps this much of its length.
+UPRIGHT = 1e-6
 
 
 def make_pairs(scene: Scene, space: TraceSpace, k: sp.csr_array, stabilisation: np.ndarray | None = None) -> Pairs:
     """Points of the interfaces that a rank touches, ordered by law.
 
-    Parameters
-    ----------
     k : (D + G, D + G) search direction k⁻, ghosts included
     stabilisation : (interfaces,) ε of every interface of the scene; default: none
     """
@@ -77,7 +76,7 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
     pair = np.flatnonzero(~at_mortars)
     one, two = (np.ascontiguousarray(side[:, pair].T) for side in (transfer.one, transfer.two))
     normal, there = points.normal[:, pair].T, one >= 0
-    blocks = 0.5 * (_node_blocks(k, one) + _node_blocks(k, two))
+    blocks = 0.5 * (node_blocks(k, one) + node_blocks(k, two))
     # a missing component takes the mean of the others
     trace = np.trace(blocks, axis1=1, axis2=2) * 3 / np.maximum(there.sum(axis=1), 1)
     along = np.einsum("pi,pij,pj->p", normal, blocks, normal)
@@ -91,7 +90,7 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
                 at = own.reshape(-1, 3)
                 if i.tied:  # mid-edge nodes follow their corners
                     at = at[np.unique(i.triangles_on(side)[:, :3])]
-                nodes.append((at, _inverses(_node_blocks(k, at), ~held[at])))
+                nodes.append((at, inverses(node_blocks(k, at), ~held[at])))
     result = NodeCompliance.of(nodes, transfer)
     if at_mortars.any():
         gives = result.compliance.diagonal()
@@ -99,57 +98,6 @@ def _search_direction(space: TraceSpace, k: sp.csr_array, interfaces: list[Inter
         parts = [np.arange(a, b) for i, a, b in zip(interfaces, bounds[:-1], bounds[1:]) if i.mortar is not None]
         search_stiffness(result.coupling, points, parts, usual)
     return result
-
-
-def _node_blocks(matrix: sp.csr_array, dofs: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) diagonal blocks of a matrix at nodes with dofs (n, 3); zero where there is none, −1."""
-    if not len(dofs):
-        return np.zeros((0, 3, 3))
-    row, column = np.repeat(dofs[:, :, None], 3, axis=2), np.repeat(dofs[:, None, :], 3, axis=1)
-    values = np.asarray(matrix[row.ravel(), column.ravel()]).reshape(-1, 3, 3)
-    return np.where((row >= 0) & (column >= 0), values, 0.0)
-
-
-def _inverses(blocks: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) inverses of symmetric blocks on the components that are free, (n, 3) bool; zero on the others."""
-    both = free[:, :, None] & free[:, None, :]
-    held = np.where(free, 0.0, 1.0)[:, :, None] * np.eye(3)
-    return np.where(both, np.linalg.inv(np.where(both, blocks, 0.0) + held), 0.0)
-
-
-def search_stiffness(S: sp.csr_array, points: Points, parts: Sequence[np.ndarray], usual: float) -> None:
-    """Sets keq along the normal and across it, from S (3P, 3P), so that keq S has no eigenvalue above 1 on any part.
-
-    Parameters
-    ----------
-    parts : points of each interface whose nodes do not match: one eigenvalue for each
-    usual : compliance of points where none carries anything, as of sides that have slid off each other
-    """
-    for at in parts:
-        dofs = (np.arange(3)[:, None] * len(points) + at).ravel()
-        own, normal, count = sp.csr_array(S[dofs][:, dofs]), points.normal[:, at], len(at)
-        blocks = _node_blocks(own, np.arange(3 * count).reshape(3, -1).T)
-        along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
-        across = (np.trace(blocks, axis1=1, axis2=2) - along) / 2
-        idle = along <= 0  # points that carry nothing: any stiffness does
-        along[idle], across[idle] = along.max(initial=0.0) or usual, across.max(initial=0.0) or usual
-        root = Points(normal, 1 / np.sqrt(along), 1 / np.sqrt(across), np.ones(count))
-        factor = 1.0 if idle.all() else max(1.0, _largest(own, root))
-        points.stiff_n[at], points.stiff_t[at] = 1 / (along * factor), 1 / (across * factor)
-
-
-def _largest(S: sp.csr_array, root: Points) -> float:
-    """The largest eigenvalue of keq^½ S keq^½; ``root`` applies keq^½."""
-    shape = (3, len(root))
-
-    def apply(x: np.ndarray) -> np.ndarray:
-        return root.stiffness(np.reshape(S @ root.stiffness(np.reshape(x, shape)).ravel(), shape)).ravel()
-
-    if len(root) < 3:
-        return float(np.linalg.eigvalsh(np.column_stack([apply(e) for e in np.eye(S.shape[0])]))[-1])
-    start = np.random.default_rng(0).standard_normal(S.shape[0])
-    operator = sla.LinearOperator(S.shape, matvec=apply, dtype=float)
-    return float(sla.eigsh(operator, k=1, which="LA", tol=KNOWN, v0=start, return_eigenvectors=False)[0])
 
 
 def _beside_laws(stabilisation: np.ndarray, scene: Scene, wanted: list[Interface], bounds: np.ndarray,
@@ -192,3 +140,61 @@ def _over_steps(parts: list[tuple[np.ndarray | None, np.ndarray]]) -> np.ndarray
     steps = next(len(values) for values, _ in parts if values is not None)
     return np.concatenate([np.broadcast_to(same, (steps, *same.shape)) if values is None else values
                            for values, same in parts], axis=-1)
+
+
+def lawful_nodes(interface: Interface) -> np.ndarray:
+    """(p,) int, ascending, which of an interface's nodes a law answers for: none that is prescribed altogether or tied in the
+    middle of an edge, and where nodes do not match those that carry points."""
+    if interface.mortar is not None:
+        return interface.mortar.points
+    mobile = interface.free.any(axis=1)
+    if interface.tied:
+        mobile &= np.isin(np.arange(len(mobile)), interface.corners)
+    return np.flatnonzero(mobile)
+
+
+def pair_normals(points: np.ndarray, interface: Interface) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (n, 3) from side 1 to side 2 within the components that are free, and the length (n,) left of each.
+
+    What is prescribed on both sides neither opens nor slips: the law lives on the other components, where only
+    that part of the pressure is felt, so that a gap and a friction coefficient grow by 1/length. At the rim of a
+    symmetric half the facets' mean normal leans off the plane of symmetry; the true normal does not. Where the
+    normal itself is prescribed it stays what it is: nothing presses. Where nodes do not match all components of points are
+    free.
+    """
+    if interface.mortar is not None:
+        normal = node_normals(points, interface.triangles)
+        normal[interface.mortar.points] = interface.mortar.normal
+        return normal, np.ones(len(normal))
+    normal = node_normals(points, interface.triangles) if interface.normals is None else interface.normals
+    inside = np.where(interface.free, normal, 0.0)
+    length = np.linalg.norm(inside, axis=1)
+    length = np.where((length > UPRIGHT) & ~interface.free.all(axis=1), length, 1.0)
+    return np.where((length < 1.0)[:, None], inside / length[:, None], normal), length
+
+
+def point_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
+    """(n,) a third of the area of the facets around each corner; none for mid-edge nodes, which are tied. Where nodes do
+    not match that of the points; none for other nodes, whose share they have."""
+    if interface.mortar is not None:
+        area = np.zeros(len(points))
+        area[interface.mortar.points] = interface.mortar.area
+        return area
+    return node_areas(points, interface.triangles)
+
+
+def pair_areas(points: np.ndarray, interface: Interface) -> np.ndarray:
+    """(n,) the same where laws act at mid-edge nodes too: a twelfth of a six-node facet for its corners, a quarter for these.
+    Infinite where there are no facets: what such nodes carry, which are bonded, is no pressure."""
+    if not len(interface.triangles):
+        return np.full(len(points), np.inf)
+    if interface.tied or not interface.matching or interface.triangles.shape[1] == 3:
+        return point_areas(points, interface)
+    area = np.linalg.norm(area_vectors(points, interface.triangles), axis=1)
+    return np.bincount(interface.triangles.ravel(), weights=np.outer(area, [1 / 12] * 3 + [1 / 4] * 3).ravel(), minlength=len(points))
+
+
+def lawful_corners(interface: Interface) -> np.ndarray:
+    """(p,) int, ascending, which of the ``lawful_nodes`` are corners."""
+    lawful = lawful_nodes(interface)
+    return lawful[np.isin(lawful, interface.corners)]

@@ -20,48 +20,27 @@ from orchestrator.scene.model import Interface
 
 @dataclass
 class Run:
-    """Neighbouring interfaces of the same law, worked on as one.
+    """Neighbouring interfaces of the same law, worked on as one."""
 
-    Parameters
-    ----------
-    law : its class
-    part : which of the pairs
-    points : geometry, search direction and the law's parameters
-    """
-
-    law: type[Law]
-    part: slice
-    points: Points
+    law: type[Law]  # its class
+    part: slice  # which of the pairs
+    points: Points  # geometry, search direction and the law's parameters
 
 
 @dataclass
 class Pairs:
-    """All points of a set of interfaces, interface after interface; those of perfect interfaces come last.
+    """All points of a set of interfaces, interface after interface; those of perfect interfaces come last."""
 
-    Parameters
-    ----------
-    interfaces : the interfaces, in order
-    transfer : between the sides, with points (3, P); none where prescribed, or where the other side is out of reach
-    nodes : (k⁺)⁻¹ of all these interfaces
-    runs : the laws and their points, in order
-    mine : (P,) bool, points of interfaces whose first side is on this rank
-    laws : all laws of the scene, by name
-    stabilisation : (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
-    tied : this rank's trace dofs that follow the points'
-    numbers : (T,) int, which load steps of the scene these are
-    slid : (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
-    """
-
-    interfaces: list[Interface]
-    transfer: Transfer
-    nodes: NodeCompliance
-    runs: list[Run]
-    mine: np.ndarray
-    laws: list[type[Law]]
-    stabilisation: np.ndarray | None
-    tied: Prescribed
-    numbers: np.ndarray
-    slid: np.ndarray | None = None
+    interfaces: list[Interface]  # the interfaces, in order
+    transfer: Transfer  # between the sides, with points (3, P); none where prescribed, or where the other side is out of reach
+    nodes: NodeCompliance  # (k⁺)⁻¹ of all these interfaces
+    runs: list[Run]  # the laws and their points, in order
+    mine: np.ndarray  # (P,) bool, points of interfaces whose first side is on this rank
+    laws: list[type[Law]]  # all laws of the scene, by name
+    stabilisation: np.ndarray | None  # (P,) ε of every point, see ``stabilisation``; None where contacts are not stabilised
+    tied: Prescribed  # this rank's trace dofs that follow the points'
+    numbers: np.ndarray  # (T,) int, which load steps of the scene these are
+    slid: np.ndarray | None = None  # (3, P) what B w lacks of the jump of sides that are paired anew as they slide; None where none are
 
     def __len__(self) -> int:
         return len(self.mine)
@@ -109,8 +88,6 @@ class Pairs:
     def force(self, F: np.ndarray, before: History, step: int, derivative: bool = False) -> Answer:
         """The laws' answer for the predicted forces F (3, P), each interface by its own law.
 
-        Parameters
-        ----------
         before : what the load step before has left
         step : of the scene, one of ``numbers``
         """
@@ -157,8 +134,6 @@ class Pairs:
     def settled(self, lawful: np.ndarray, F: np.ndarray, anchor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, P) f̂ = (1 − ε) law(F) + ε (F − keq d_anchor), where anything is stabilised, and d = (F − f̂)/keq.
 
-        Parameters
-        ----------
         lawful : law(F); F : as for ``force``
         anchor : (3, P) jump at which springs carry nothing: d_before, or where they have been let go
         """

@@ -24,28 +24,24 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as sla
 
 from orchestrator.laws.points import Points
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.transfer import Transfer
 
+# λ is known to a hundredth: what a step may overshoot by costs nothing.
+KNOWN = 1e-2
+
 
 @dataclass
 class NodeCompliance:
-    """C = (k⁺)⁻¹ on the traces (D + G) of interfaces.
+    """C = (k⁺)⁻¹ on the traces (D + G) of interfaces."""
 
-    Parameters
-    ----------
-    dofs : (n, 3) int, the trace dofs of the nodes of both sides, −1 where there is none
-    blocks : (n, 3, 3) C at these, zero where there is none
-    size : D + G
-    coupling : (3P, 3P) sparse S = B C Bᵀ at their points; None where nodes match on all of them: keq⁻¹ says it
-    """
-
-    dofs: np.ndarray
-    blocks: np.ndarray
-    size: int
-    coupling: sp.csr_array | None = None
+    dofs: np.ndarray  # (n, 3) int, the trace dofs of the nodes of both sides, −1 where there is none
+    blocks: np.ndarray  # (n, 3, 3) C at these, zero where there is none
+    size: int  # D + G
+    coupling: sp.csr_array | None = None  # (3P, 3P) sparse S = B C Bᵀ at their points; None where nodes match on all of them: keq⁻¹ says it
 
     @classmethod
     def of(cls, nodes: Sequence[tuple[np.ndarray, np.ndarray]], transfer: Transfer) -> NodeCompliance:
@@ -90,20 +86,13 @@ class NodeCompliance:
 
 @dataclass
 class PointTraces:
-    """Traces at points, of both sides and all load steps.
+    """Traces at points, of both sides and all load steps."""
 
-    Parameters
-    ----------
-    transfer, points, nodes : the points, and C
-    slid : (3, P) what B w lacks of the jump; None: nothing
-    w, f : (T, D + G) traces
-    """
-
-    transfer: Transfer
+    transfer: Transfer  # the points, and C
     points: Points
     nodes: NodeCompliance
-    slid: np.ndarray | None
-    w: np.ndarray
+    slid: np.ndarray | None  # (3, P) what B w lacks of the jump; None: nothing
+    w: np.ndarray  # (T, D + G) traces
     f: np.ndarray
 
     @cached_property
@@ -141,3 +130,52 @@ class PointTraces:
 
     def _since(self, jump: np.ndarray) -> np.ndarray:
         return jump if self.slid is None else jump + self.slid
+
+
+def node_blocks(matrix: sp.csr_array, dofs: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) diagonal blocks of a matrix at nodes with dofs (n, 3); zero where there is none, −1."""
+    if not len(dofs):
+        return np.zeros((0, 3, 3))
+    row, column = np.repeat(dofs[:, :, None], 3, axis=2), np.repeat(dofs[:, None, :], 3, axis=1)
+    values = np.asarray(matrix[row.ravel(), column.ravel()]).reshape(-1, 3, 3)
+    return np.where((row >= 0) & (column >= 0), values, 0.0)
+
+
+def inverses(blocks: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) inverses of symmetric blocks on the components that are free, (n, 3) bool; zero on the others."""
+    both = free[:, :, None] & free[:, None, :]
+    held = np.where(free, 0.0, 1.0)[:, :, None] * np.eye(3)
+    return np.where(both, np.linalg.inv(np.where(both, blocks, 0.0) + held), 0.0)
+
+
+def search_stiffness(S: sp.csr_array, points: Points, parts: Sequence[np.ndarray], usual: float) -> None:
+    """Sets keq along the normal and across it, from S (3P, 3P), so that keq S has no eigenvalue above 1 on any part.
+
+    parts : points of each interface whose nodes do not match: one eigenvalue for each
+    usual : compliance of points where none carries anything, as of sides that have slid off each other
+    """
+    for at in parts:
+        dofs = (np.arange(3)[:, None] * len(points) + at).ravel()
+        own, normal, count = sp.csr_array(S[dofs][:, dofs]), points.normal[:, at], len(at)
+        blocks = node_blocks(own, np.arange(3 * count).reshape(3, -1).T)
+        along = np.einsum("ip,pij,jp->p", normal, blocks, normal)
+        across = (np.trace(blocks, axis1=1, axis2=2) - along) / 2
+        idle = along <= 0  # points that carry nothing: any stiffness does
+        along[idle], across[idle] = along.max(initial=0.0) or usual, across.max(initial=0.0) or usual
+        root = Points(normal, 1 / np.sqrt(along), 1 / np.sqrt(across), np.ones(count))
+        factor = 1.0 if idle.all() else max(1.0, _largest(own, root))
+        points.stiff_n[at], points.stiff_t[at] = 1 / (along * factor), 1 / (across * factor)
+
+
+def _largest(S: sp.csr_array, root: Points) -> float:
+    """The largest eigenvalue of keq^½ S keq^½; ``root`` applies keq^½."""
+    shape = (3, len(root))
+
+    def apply(x: np.ndarray) -> np.ndarray:
+        return root.stiffness(np.reshape(S @ root.stiffness(np.reshape(x, shape)).ravel(), shape)).ravel()
+
+    if len(root) < 3:
+        return float(np.linalg.eigvalsh(np.column_stack([apply(e) for e in np.eye(S.shape[0])]))[-1])
+    start = np.random.default_rng(0).standard_normal(S.shape[0])
+    operator = sla.LinearOperator(S.shape, matvec=apply, dtype=float)
+    return float(sla.eigsh(operator, k=1, which="LA", tol=KNOWN, v0=start, return_eigenvectors=False)[0])

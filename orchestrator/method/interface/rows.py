@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.blas import daxpy
 
 
 def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
@@ -22,6 +23,12 @@ def times(matrix: sp.sparray, rows: np.ndarray) -> np.ndarray:
 def dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(T,) products of the rows of (T, n) with each other."""
     return np.einsum("ti,ti->t", a, b)
+
+
+def add(rows: np.ndarray, factors: np.ndarray, others: np.ndarray) -> None:
+    """rows (T, n) += factors (T,) times others (T, n), rounded once."""
+    for row, factor, other in zip(rows, factors, others):
+        row[:] = daxpy(other, row, a=factor) if row.size else row
 
 
 def joined(parts: Sequence[np.ndarray], empty: tuple[int, ...] = (0,)) -> np.ndarray:
@@ -48,6 +55,18 @@ def unit_rows(at: np.ndarray, size: int) -> sp.csr_array:
     return sp.csr_array((np.ones(there.sum()), at[there], np.concatenate([[0], np.cumsum(there)])), shape=(len(at), size))
 
 
+def block_diagonal(blocks: Sequence[np.ndarray], counts: Sequence[int]) -> sp.csr_array:
+    """(sum of counts, sum of m) blocks (count, m) one after the other; zeros are no entries. Those of no rows keep their columns."""
+    widths = np.array([b.shape[1] for b in blocks], dtype=int)
+    values = np.concatenate([np.empty(0), *(b.ravel() for b, count in zip(blocks, counts) if count)])
+    width = np.repeat(widths, counts)  # of each row
+    row, filled = np.repeat(np.arange(len(width)), width), np.flatnonzero(values)
+    row = row[filled]
+    column = filled + (np.repeat(np.cumsum(widths) - widths, counts) - (np.cumsum(width) - width))[row]
+    ends = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(width)))])
+    return narrow(sp.csr_array((values[filled], column, ends), shape=(len(width), int(widths.sum()))))
+
+
 def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: int) -> sp.csr_array:
     """(size, size) the blocks (n, n) on the dofs (n,) of each; no dof belongs to two blocks."""
     slots = [np.asarray(at, np.int32) for at in slots]
@@ -59,12 +78,8 @@ def placed(blocks: Sequence[sp.csr_array], slots: Sequence[np.ndarray], size: in
 class Segments:
     """Columns that belong to subdomains, one after the other.
 
-    Parameters
-    ----------
     parts : columns of each subdomain, without gaps; those that have none are left out
 
-    Attributes
-    ----------
     subdomains : (S,) int, the others
     member : (columns,) int, place of each column's subdomain among these
     slices : the columns of each of them

@@ -27,13 +27,9 @@ from orchestrator.scene.model import Scene
 class SearchDirection:
     """k⁻ on all trace dofs.
 
-    Parameters
-    ----------
     whole : (D + G, D + G) sparse, symmetric positive definite, one block per interface and side, ghosts included
     space : numbering
 
-    Attributes
-    ----------
     k : (D, D) the part without ghosts
     diagonal, whole_diagonal : their diagonals, (D,) and (D + G,)
     """
@@ -82,13 +78,8 @@ def assemble_search_direction(scene: Scene, space: TraceSpace, soles, blackbox: 
                               share: bool, savings: Savings) -> SearchDirection:
     """Have the black box assemble every sole and place the results on the trace dofs: k⁻ of eq. 13.
 
-    Parameters
-    ----------
     share : congruent soles are assembled once
-
-    Raises
-    ------
-    BlackBoxError : from the code
+    Raises BlackBoxError: from the code
     """
     requests = sole_models(scene, soles)
     found, different, numbers, slots = assembled([model for model, _ in requests], blackbox, workers, share, savings), {}, [], []
@@ -118,8 +109,6 @@ class Nearest:
         [k  Bᵀ] [ŵ − w]   [ −f ]
         [B  0 ] [  q  ] = [−B w]
 
-    Parameters
-    ----------
     k : (n, n) sparse, stiffness of both sides' soles
     B : (Q, n) sparse
     held : (n,) bool, what is prescribed
@@ -145,8 +134,6 @@ def conditioning(k: sp.csr_array, root: Callable[[np.ndarray], np.ndarray]) -> t
 
     The fixed point is stable for relaxations α < 2/(1 + max(λ_max, 1/λ_min)) or so.
 
-    Parameters
-    ----------
     k : (D, D) k⁻
     root : applies (k⁺)^-½ to (D,)
     """

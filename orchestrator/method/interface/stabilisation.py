@@ -36,8 +36,6 @@ def allowed_residual(tolerance) -> float:
 def stabilisation(scene: Scene, method, scale: float = 1.0) -> np.ndarray:
     """(interfaces,) ε with which the iterations begin; zero where the law joins its sides.
 
-    Parameters
-    ----------
     method : ``method`` of the configuration. With ``contact: {stabilisation: auto}`` interfaces alone that touch a loose
         body have one, so that a scene that holds together is left as it is; a number is that of all
     scale : factor on the soles that ``method`` asks for

@@ -29,8 +29,10 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from orchestrator.scene.model import Interface, Scene
+from orchestrator.method.interface.rows import joined
+from orchestrator.method.interface.transfer import Transfer
 from orchestrator.scene.mesh.quadratic import TRIANGLE_EDGES, edges_of
+from orchestrator.scene.model import Interface, Scene
 
 # k⁺ of a tied dof over the body's stiffness with all else held, of which this is about what remains when nothing is.
 # Measured: 1/4 and 1/2 take the same iterations, 1 up to half as many again.
@@ -38,18 +40,11 @@ SHARE = 0.25
 
 
 class Prescribed(NamedTuple):
-    """Trace dofs that the local stage prescribes, each side by itself: f̂ = f − k⁺ (w − target).
+    """Trace dofs that the local stage prescribes, each side by itself: f̂ = f − k⁺ (w − target)."""
 
-    Parameters
-    ----------
-    dofs : (q,) int
-    targets : (T, q) displacements
-    stiffness : (q,) k⁺
-    """
-
-    dofs: np.ndarray
-    targets: np.ndarray
-    stiffness: np.ndarray
+    dofs: np.ndarray  # (q,) int
+    targets: np.ndarray  # (T, q) displacements
+    stiffness: np.ndarray  # (q,) k⁺
 
     @classmethod
     def nothing(cls, steps: int) -> Prescribed:
@@ -67,20 +62,13 @@ class Prescribed(NamedTuple):
 
 @dataclass
 class Ties:
-    """The tied dofs of a scene.
+    """The tied dofs of a scene."""
 
-    Parameters
-    ----------
-    prescribed : trace dofs of the mid-edge nodes; hierarchical displacements are not zero beside prescribed corners
-    change : (D, D) sparse Q
-    whole : (D + G, D + G) sparse Q, ghosts included
-    supports : (p, 4) int rows (tied dof's position in these, subdomain, local node, component): prescribed
-        corners, which take half of the tied dof's force
-    """
-
-    prescribed: Prescribed
-    change: sp.csr_array
-    whole: sp.csr_array
+    prescribed: Prescribed  # trace dofs of the mid-edge nodes; hierarchical displacements are not zero beside prescribed corners
+    change: sp.csr_array  # (D, D) sparse Q
+    whole: sp.csr_array  # (D + G, D + G) sparse Q, ghosts included
+    # (p, 4) int rows (tied dof's position in these, subdomain, local node, component): prescribed corners, which take half of the tied
+    # dof's force
     supports: np.ndarray
 
     @property
@@ -92,23 +80,6 @@ class Ties:
     def inverse(self) -> sp.csr_array:
         """(D + G, D + G) sparse Q⁻¹."""
         return sp.csr_array(2 * sp.eye_array(self.whole.shape[0]) - self.whole)
-
-    def part(self, held: np.ndarray, size: int) -> Ties:
-        """The ties of a rank's part.
-
-        Parameters
-        ----------
-        held : (D + G,) int, its trace dofs and ghosts in the whole numbering
-        size : number D of the former
-        """
-        place = np.full(self.change.shape[0], size)
-        place[held[:size]] = np.arange(size)
-        kept = np.flatnonzero(place[self.dofs] < size)
-        supports = self.supports[np.isin(self.supports[:, 0], kept)]
-        supports = np.column_stack([np.searchsorted(kept, supports[:, 0]), supports[:, 1:]])
-        whole = sp.csr_array(self.change[held][:, held])
-        prescribed = Prescribed(place[self.dofs[kept]], self.prescribed.targets[:, kept], self.prescribed.stiffness[kept])
-        return Ties(prescribed, sp.csr_array(whole[:size][:, :size]), whole, supports)
 
     def stiffen(self, diagonal: np.ndarray) -> None:
         """Take k⁺ from the diagonal (D,) of the bodies' stiffness on the trace dofs; zero where they are held."""
@@ -122,19 +93,16 @@ def traced(interface: Interface, side: int) -> np.ndarray:
     return interface.free if interface.mortar is None else np.ones((len(interface.nodes[side]), 3), dtype=bool)
 
 
-def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: int) -> Ties | None:
-    """Ties of all interfaces with six-node faces whose law does not give the jump; None where there are none.
-
-    Parameters
-    ----------
-    sides : per interface, the trace dofs of side 1 and of side 2
-    size : number of trace dofs D
-    """
-    dofs, targets, rows, columns, supports = [], [], [], [], []
-    for interface, own in zip(scene.interfaces, sides):
-        if not interface.tied:
-            continue
-        for side, slot in enumerate(own):
+def make_ties(scene: Scene, transfer: Transfer) -> Ties | None:
+    """Ties of all interfaces with six-node faces whose law does not give the jump, of a scene or a rank's part; None where a scene
+    has none."""
+    if not any(i.tied for i in scene.interfaces):
+        return None
+    dofs, targets, rows, columns, supports, count = [], [np.zeros((scene.steps, 0))], [], [], [], 0
+    for interface, both in zip(scene.interfaces, transfer.sides):
+        for side, slot in enumerate(both if interface.tied else ()):
+            if not len(slot):
+                continue
             triangles, free = interface.triangles_on(side), traced(interface, side)
             ends, edge = edges_of(triangles, TRIANGLE_EDGES)
             middle = np.empty(len(ends), dtype=int)
@@ -142,24 +110,22 @@ def make_ties(scene: Scene, sides: list[tuple[np.ndarray, np.ndarray]], size: in
             at, component = np.nonzero(free[middle])
             number = np.full(free.shape, -1)
             number[free] = slot
-            tied = number[middle[at], component]
-            target = np.zeros((scene.steps, len(tied)))
-            subdomain = scene.subdomains[interface.subdomains[side]]
+            tied, target = number[middle[at], component], np.zeros((scene.steps, len(at)))
+            subdomain, ours = scene.subdomains[interface.subdomains[side]], slot[0] < transfer.size
             for end in ends[at].T:
                 loose = free[end, component]
                 rows.append(tied[loose])
                 columns.append(number[end[loose], component[loose]])
-                held = np.flatnonzero(~loose)
+                held = np.flatnonzero(~loose) if ours else np.empty(0, int)
                 node, along = interface.nodes[side][end[held]], component[held]
                 target[:, held] += 0.5 * subdomain.prescribed[:, node, along]
-                position = sum(map(len, dofs)) + held
-                supports.append(np.stack([position, np.full(len(held), subdomain.index), node, along], axis=1))
-            dofs.append(tied)
-            targets.append(target)
-    if not dofs:
-        return None
-    rows, columns = np.concatenate(rows), np.concatenate(columns)
-    half = sp.csr_array((np.full(len(rows), 0.5), (rows, columns)), shape=(size, size))
-    tied = np.concatenate(dofs)
-    change = sp.csr_array(sp.eye_array(size) - half)
-    return Ties(Prescribed(tied, np.hstack(targets), np.ones(len(tied))), change, change, np.concatenate(supports))
+                supports.append(np.stack([count + held, np.full(len(held), subdomain.index), node, along], axis=1))
+            if ours:
+                dofs.append(tied)
+                targets.append(target)
+                count += len(tied)
+    row, tied = joined(rows), joined(dofs)
+    half = sp.csr_array((np.full(len(row), 0.5), (row, joined(columns))), shape=(transfer.total,) * 2)
+    whole = sp.csr_array(sp.eye_array(transfer.total) - half)
+    return Ties(Prescribed(tied, np.hstack(targets), np.ones(len(tied))), sp.csr_array(whole[: transfer.size, : transfer.size]), whole,
+                joined(supports, (0, 4)))

@@ -29,71 +29,44 @@ import scipy.sparse as sp
 from orchestrator.method.interface.rows import joined, narrow, times
 from orchestrator.method.interface.ties import Ties, make_ties, traced
 from orchestrator.method.interface.transfer import Sides, Transfer
-from orchestrator.parallel.team import ALONE, Team
+from orchestrator.parallel.team import ALONE, Borders, Team
 from orchestrator.scene.model import Scene, Subdomain
 
 
 @dataclass
 class Link:
-    """What a rank's part exchanges with others.
+    """What a rank's part exchanges with others."""
 
-    Parameters
-    ----------
-    number, boundary_number : (D,) and (B,) int, its trace dofs and boundary dofs in the numbering of the whole scene
-    total, subdomain_count : trace dofs and subdomains of the whole scene
-    sends, receives : per neighbouring rank, trace dofs to send and ghosts to receive
-    shared : per rank that has boundary dofs of the same classes, these classes
-    """
-
-    number: np.ndarray
+    number: np.ndarray  # (D,) and (B,) int, its trace dofs and boundary dofs in the numbering of the whole scene
     boundary_number: np.ndarray
-    total: int
+    total: int  # trace dofs and subdomains of the whole scene
     subdomain_count: int
-    sends: dict[int, np.ndarray] = field(default_factory=dict)
+    sends: dict[int, np.ndarray] = field(default_factory=dict)  # per neighbouring rank, trace dofs to send and ghosts to receive
     receives: dict[int, np.ndarray] = field(default_factory=dict)
-    shared: dict[int, np.ndarray] = field(default_factory=dict)
     team: Team = ALONE
 
 
 @dataclass
 class TraceSpace:
-    """Numbering of the interface unknowns of a scene, or of a rank's part of it.
+    """Numbering of the interface unknowns of a scene, or of a rank's part of it."""
 
-    Parameters
-    ----------
-    subdomains : those numbered here, ascending
-    boundary : for each, the slice of its boundary dofs
-    global_dof : (B,) int, 3 * node of the scene, or of the rank's part of it, + component
-    gather : (D,) int, boundary dof of each trace dof; −1 where it is held
-    dof : (D,) int, 3 * node + component of each trace dof, in the same numbering
-    owner : (D + G,) int, subdomain of each trace dof
-    held_at : (h, 2) int, of each held trace dof, ascending, the subdomain, and the dof there, 3 * node + component
-    transfer : how the two sides of all interfaces meet, with a point for every component that is free on both
-    label : (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
-    labels : (classes,) int, ascending, what these are called in the numbering of the whole scene
-    ties : mid-edge nodes tied to their corners, if there are any
-    link : what other parts have of it
-    """
-
-    subdomains: list[int]
-    boundary: list[slice]
-    global_dof: np.ndarray
-    gather: np.ndarray
-    dof: np.ndarray
-    owner: np.ndarray
-    held_at: np.ndarray
-    transfer: Transfer
-    label: np.ndarray
-    labels: np.ndarray
-    ties: Ties | None
-    link: Link
+    subdomains: list[int]  # those numbered here, ascending
+    boundary: list[slice]  # for each, the slice of its boundary dofs
+    global_dof: np.ndarray  # (B,) int, 3 * node of the scene, or of the rank's part of it, + component
+    gather: np.ndarray  # (D,) int, boundary dof of each trace dof; −1 where it is held
+    dof: np.ndarray  # (D,) int, 3 * node + component of each trace dof, in the same numbering
+    owner: np.ndarray  # (D + G,) int, subdomain of each trace dof
+    held_at: np.ndarray  # (h, 2) int, of each held trace dof, ascending, the subdomain, and the dof there, 3 * node + component
+    transfer: Transfer  # how the two sides of all interfaces meet, with a point for every component that is free on both
+    label: np.ndarray  # (B,) int, boundary dofs that perfect interfaces with matching nodes make one and the same, a class
+    labels: np.ndarray  # (classes,) int, ascending, what these are called in the numbering of the whole scene
+    ties: Ties | None  # mid-edge nodes tied to their corners, if there are any
+    link: Link  # what other parts have of it
 
     @classmethod
     def of(cls, scene: Scene, sides: list[list[tuple[int, int]]], traces: list[np.ndarray]) -> TraceSpace:
         """Number the traces.
 
-        Parameters
-        ----------
         sides : per subdomain, its (interface, side) pairs
         traces : per subdomain, its (t,) boundary dofs in local numbering, ascending
         """
@@ -121,19 +94,15 @@ class TraceSpace:
         return cls(list(range(len(sides))), _slices(ends), global_dof, gather,
                    3 * joined([s.nodes for s in subdomains])[everywhere // 3] + dofs % 3, owner,
                    np.column_stack([owner[held], dofs[held]]), transfer, label, np.arange(label.max(initial=-1) + 1),
-                   make_ties(scene, transfer.sides, count), Link(np.arange(count), np.arange(ends[-1]), count, len(sides)))
+                   make_ties(scene, transfer), Link(np.arange(count), np.arange(ends[-1]), count, len(sides)))
 
     def part(self, rank_of: np.ndarray, this: int, nodes: np.ndarray) -> TraceSpace:
-        """A rank's part of the numbering of a whole scene; the rank itself enters its ``team``.
+        """A rank's part of the numbering of a whole scene; the rank itself enters its ``team`` and makes its ``ties``.
 
-        Parameters
-        ----------
         rank_of : (subdomains,) int, the rank of each
         this : which rank
         nodes : (n,) int, ascending, the nodes of its part of the scene, in which ``global_dof`` and ``dof`` then count
 
-        Notes
-        -----
         Both sides of a message list its dofs in the order of the whole numbering: nothing has to be agreed on.
         """
         mine, rank = np.flatnonzero(rank_of == this), rank_of[self.owner]
@@ -147,18 +116,16 @@ class TraceSpace:
         met = {r: self.transfer.opposite(ghosts) for r, ghosts in theirs.items()}
 
         counts = np.array([part.stop - part.start for part in self.boundary])
-        rank_of_dof = np.repeat(rank_of, counts)
-        chosen = np.flatnonzero(rank_of_dof == this)
+        chosen = np.flatnonzero(np.repeat(rank_of, counts) == this)
         position = np.full(len(self.global_dof) + 1, -1)  # held trace dofs have no boundary dof: the last one's, −1
         position[chosen] = np.arange(len(chosen))
         labels, label = np.unique(self.label[chosen], return_inverse=True)
-        shared = {r: np.flatnonzero(np.isin(labels, self.label[rank_of_dof == r])) for r in np.unique(rank_of).tolist() if r != this}
-        link = Link(own, chosen, self.link.total, self.link.subdomain_count, {r: place[dofs[rank[dofs] == this]] for r, dofs in met.items()},
-                    {r: place[ghosts] for r, ghosts in theirs.items()}, {r: common for r, common in shared.items() if len(common)})
+        link = Link(own, chosen, self.link.total, self.link.subdomain_count,
+                    {r: place[dofs[rank[dofs] == this]] for r, dofs in met.items()}, {r: place[ghosts] for r, ghosts in theirs.items()})
         return TraceSpace(mine.tolist(), _slices(np.cumsum([0, *counts[mine]])), _on_nodes(self.global_dof[chosen], nodes),
                           position[self.gather[own]], _on_nodes(self.dof[own], nodes), self.owner[here],
                           self.held_at[np.isin(self.held, own)], self.transfer.renumbered(place, len(own), len(here)),
-                          label, labels, self.ties and self.ties.part(here, len(own)), link)
+                          label, labels, None, link)
 
     @property
     def size(self) -> int:
@@ -184,36 +151,16 @@ class TraceSpace:
 
     def extended(self, *fields: np.ndarray) -> tuple[np.ndarray, ...]:
         """Fields (rows, D) with the values of the ghosts behind, (rows, D + G): one message per neighbour."""
-        return self.exchanged(fields)[0]
-
-    def exchanged(self, fields: Sequence[np.ndarray], values: np.ndarray | None = None) -> tuple[tuple[np.ndarray, ...], np.ndarray | None]:
-        """``extended`` fields, and ``class_sums`` of boundary values (T, B) in the same messages; all ranks give them, or none."""
-        link, none = self.link, np.empty(0, int)
-        summed = None if values is None else times(self.classes, values)
-        met = {} if values is None else link.shared
-        if not link.receives and not met:
-            return tuple(fields), summed
-        mine, rows = np.vstack([*fields, np.empty((0, self.size))]), sum(map(len, fields))
-        outgoing, incoming, ends = {}, {}, {}
-        for r in sorted({*link.receives, *met}):
-            sums = summed[:, met[r]].ravel() if r in met else np.empty(0)
-            outgoing[r] = np.concatenate([mine[:, link.sends.get(r, none)].ravel(), sums])
-            ends[r] = rows * len(link.receives.get(r, none))
-            incoming[r] = np.empty(ends[r] + len(sums))
-        arrived = self.team.exchange(outgoing, incoming)
+        link, rows = self.link, sum(map(len, fields))
+        if not link.receives:
+            return fields
+        outgoing = {r: np.concatenate([f[:, dofs] for f in fields]) for r, dofs in link.sends.items()}
+        arrived = self.team.exchange(outgoing, {r: np.empty((rows, len(dofs))) for r, dofs in link.receives.items()})
         ghosts = np.empty((rows, len(self.owner) - self.size))
         for r, dofs in link.receives.items():
-            ghosts[:, dofs - self.size] = arrived[r][: ends[r]].reshape(rows, len(dofs))
-        total = summed
-        if met:
-            total = np.zeros_like(summed)
-            for r in sorted([*met, self.team.rank]):  # in one order, for the same bits on all ranks
-                if r == self.team.rank:
-                    total += summed
-                else:
-                    total[:, met[r]] += arrived[r][ends[r]:].reshape(len(summed), -1)
+            ghosts[:, dofs - self.size] = arrived[r]
         stops = np.cumsum([len(f) for f in fields])[:-1]
-        return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, stops))), total
+        return tuple(np.hstack([f, theirs]) for f, theirs in zip(fields, np.split(ghosts, stops)))
 
     def across(self, field: np.ndarray) -> np.ndarray:
         """(rows, D) what the other sides have where a field (rows, D) has its own."""
@@ -232,7 +179,14 @@ class TraceSpace:
 
     def class_sums(self, values: np.ndarray) -> np.ndarray:
         """(T, classes) sums of boundary values (T, B) over each class, other ranks' included."""
-        return self.exchanged((), values)[1]
+        return self._borders(times(self.classes, values))
+
+    @cached_property
+    def _borders(self) -> Borders:
+        """Classes that other ranks have, too; all ranks have to ask."""
+        names, count = np.unique(np.concatenate(self.team.all_gather(self.labels)), return_counts=True)
+        at = np.flatnonzero(np.isin(self.labels, names[count > 1]))
+        return Borders(self.labels[at, None], at, self.team)
 
     # ---- traces and forces ---------------------------------------------------------------------
 
@@ -263,8 +217,6 @@ class TraceSpace:
     def known(self, subdomains: Sequence[Subdomain]) -> np.ndarray | None:
         """(T, D) what ``trace`` lacks: the prescribed displacement of held trace dofs; None where none is held.
 
-        Parameters
-        ----------
         subdomains : of the scene
         """
         if not len(self.held):
@@ -298,5 +250,6 @@ def _labels(transfer: Transfer, gather: np.ndarray, size: int) -> np.ndarray:
     """(B,) int, number of the class of each boundary dof."""
     bonded = np.repeat(transfer.perfect, np.diff(transfer.bounds)) & transfer.at_pairs
     one, two = (gather[side[bonded]] for side in (transfer.one, transfer.two))
+    one, two = (side[(one >= 0) & (two >= 0)] for side in (one, two))  # held dofs are prescribed on either side
     graph = sp.csr_array((np.ones(len(one)), (one, two)), shape=(size, size))
     return sp.csgraph.connected_components(graph, directed=False)[1] if size else np.empty(0, int)

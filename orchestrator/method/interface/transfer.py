@@ -68,29 +68,18 @@ class Products(NamedTuple):
 
 @dataclass(frozen=True)
 class Transfer:
-    """Transfer between the sides of all interfaces of a scene, or of some.
+    """Transfer between the sides of all interfaces of a scene, or of some."""
 
-    Parameters
-    ----------
-    one : int array of any shape, here called Q: the trace dof, below D + G, of each point's own node on side 1; −1: there is no
-        such point
-    two : the same on side 2 where nodes match, and once more that on side 1 elsewhere
-    size, total : number of trace dofs D, and with ghosts D + G
-    bounds : (interfaces + 1,) int, where the points of each interface start, along the last axis
-    sides : per interface of the scene, the trace dofs of side 1 and of side 2; empty where neither is this rank's
-    matched, perfect : (interfaces of the scene,) bool, whose nodes match, and whose law is the perfect one
-    operators : of these points; None where nodes match everywhere
-    """
-
+    # int array of any shape, here called Q: the trace dof, below D + G, of each point's own node on side 1; −1: there is no such point
     one: np.ndarray
-    two: np.ndarray
-    size: int
+    two: np.ndarray  # the same on side 2 where nodes match, and once more that on side 1 elsewhere
+    size: int  # number of trace dofs D, and with ghosts D + G
     total: int
-    bounds: np.ndarray
-    sides: Sides
-    matched: np.ndarray
+    bounds: np.ndarray  # (interfaces + 1,) int, where the points of each interface start, along the last axis
+    sides: Sides  # per interface of the scene, the trace dofs of side 1 and of side 2; empty where neither is this rank's
+    matched: np.ndarray  # (interfaces of the scene,) bool, whose nodes match, and whose law is the perfect one
     perfect: np.ndarray
-    operators: Products | None = None
+    operators: Products | None = None  # of these points; None where nodes match everywhere
 
     @classmethod
     def of(cls, interfaces: Sequence[Interface], sides: Sides, size: int) -> Transfer:
@@ -129,18 +118,14 @@ class Transfer:
         the first side's say, which is right wherever forces come from points."""
         return 0.5 * (self.first(f) - self.second(f)) if self.picks else self._times(self.products.E, f)
 
-    def spread(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-        """(…, D + G) G₁ᵀ one + G₂ᵀ two of values (…, Q)."""
-        if not self.picks:
-            return self._turned(self.products.G1, one) + self._turned(self.products.G2, two)
-        result, there = np.zeros((*one.shape[: one.ndim - self.one.ndim], self.total)), self.exists
-        for at, values in ((self.one, one), (self.two, two)):
-            result[..., at if self._whole else at[there]] = values if self._whole else values[..., there]
-        return result
-
     def opposed(self, q: np.ndarray) -> np.ndarray:
         """(…, D + G) −Bᵀ q: forces q (…, Q) on the first sides, −q on the second."""
-        return self.spread(q, -q) if self.picks else -self._turned(self.B, q)
+        if not self.picks:
+            return -self._turned(self.B, q)
+        result, there = np.zeros((*q.shape[: q.ndim - self.one.ndim], self.total)), self.exists
+        for at, values in ((self.one, q), (self.two, -q)):
+            result[..., at if self._whole else at[there]] = values if self._whole else values[..., there]
+        return result
 
     def across(self, x: np.ndarray) -> np.ndarray:
         """(…, D) what the other side has there, of traces (…, D + G), where nodes match; zero elsewhere."""
@@ -263,8 +248,6 @@ class Transfer:
     def renumbered(self, place: np.ndarray, size: int, total: int) -> Transfer:
         """The flat points that have both sides in another numbering.
 
-        Parameters
-        ----------
         place : (D + G,) int, new number of each trace dof, −1 for those that are left out
         """
         known, none = place >= 0, np.empty(0, int)
@@ -282,8 +265,6 @@ class Transfer:
     def at(self, row: np.ndarray, bounds: np.ndarray) -> Transfer:
         """Points made of the flat ones that this one has.
 
-        Parameters
-        ----------
         row : int of any shape, which; −1: there is none
         bounds : where the points of each interface that is meant start, along the last axis
         """

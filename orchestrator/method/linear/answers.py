@@ -18,9 +18,8 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox, Layer
 from orchestrator.errors import BlackBoxError
-from orchestrator.method.interface.rows import times
+from orchestrator.method.interface.rows import Segments, times
 from orchestrator.method.interface.search_direction import SearchDirection
-from orchestrator.method.interface.rows import Segments
 
 # Relative. Sound codes stay below 1e-10; answers rounded to six digits, as text gives them, below 1e-5.
 CONSISTENT = 1e-3

@@ -20,8 +20,7 @@ import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.method.interface.factor import Factor
-from orchestrator.method.interface.macro_fields import both_sides as on_both_sides, displacements, on_points
-from orchestrator.method.interface.rows import fitting, times
+from orchestrator.method.interface.rows import block_diagonal, fitting, times, unit_rows
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.spread import SpreadFactor
@@ -60,11 +59,8 @@ class Macro:
         C = moved(space, bases)
         if strategy == "equilibrium":
             self.G = fitting(sp.csr_array(direction.k @ C))
-        elif not space.transfer.picks:
-            self.G = _at_points(space, direction, bases)
         else:
-            mirrored = direction.k + direction.other  # A k Aᵀ, written on either side
-            self.G = sp.csr_array(mirrored @ both_sides(space, bases, (-1.0, 1.0)))
+            self.G = _at_points(space, direction, bases)
         self.C = C
         self.size = self.G.shape[1]
 
@@ -137,12 +133,17 @@ class Macro:
 
 
 def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
-    """(D, size) C, displacements without jump, of all interfaces on both sides."""
-    both = displacements(space.transfer, bases)
+    """(D, size) C, fields of all interfaces without a jump: (points, m) each, the same on both sides where nodes match, elsewhere
+    (trace dofs of side 1 and of side 2, m)."""
+    transfer = space.transfer
+    dofs = [np.concatenate(sides) for sides in space.sides]
+    fields = block_diagonal([np.concatenate([basis, basis]) if match else basis for basis, match in zip(bases, transfer.matched)],
+                            [len(at) for at in dofs])
+    both = sp.csr_array((unit_rows(np.concatenate([np.empty(0, int), *dofs]), transfer.total).T @ fields)[: space.size])
     if space.ties is None:
         return both
     both = sp.csr_array(space.ties.change @ both)
-    if not space.transfer.picks:  # points follow the other side, mid-edge nodes their corners
+    if not transfer.picks:  # points follow the other side, mid-edge nodes their corners
         loose = np.ones(space.size)
         loose[space.ties.dofs] = 0.0
         both = sp.csr_array(sp.diags_array(loose) @ both)
@@ -150,16 +151,20 @@ def moved(space: TraceSpace, bases: list[np.ndarray]) -> sp.csr_array:
 
 
 def _at_points(space: TraceSpace, direction: SearchDirection, bases: list[np.ndarray]) -> sp.csr_array:
-    """(D, size) G = BᵀF where the nodes of some interfaces do not match: F = k G₁C, forces of the points."""
+    """(D, size) G = BᵀF, F = A k Aᵀ W forces of the points; k of the first side alone where nodes do not match, and W what the
+    fields are there."""
     transfer = space.transfer
     first, second = transfer.at_points(direction.whole)
-    forces = sp.csr_array((first + second) @ on_points(transfer, bases))
-    return sp.csr_array((transfer.B.T @ forces)[: space.size])
+    each = [basis if match else transfer.products.G1[a:b][:, one] @ basis[: len(one)] for basis, match, a, b, (one, _) in zip(
+        bases, transfer.matched, transfer.bounds[:-1], transfer.bounds[1:], transfer.sides)]
+    return pushing(space, each, first + second)
 
 
-def both_sides(space: TraceSpace, bases: list[np.ndarray], signs: tuple[float, float]) -> sp.csr_array:
-    """(D, size) the bases of all interfaces on both sides, with a sign for each side."""
-    both = on_both_sides(space.transfer, bases, signs)
+def pushing(space: TraceSpace, bases: list[np.ndarray], k: sp.csr_array | None = None) -> sp.csr_array:
+    """(D, size) forces Bᵀ k W of the points' fields W, (points, m) of every interface, on both sides; k: 1 unless given."""
+    transfer = space.transfer
+    fields = block_diagonal(bases, np.diff(transfer.bounds))
+    both = sp.csr_array(transfer.B[:, : space.size].T @ (fields if k is None else k @ fields))
     return both if space.ties is None else sp.csr_array(space.ties.change @ both)
 
 

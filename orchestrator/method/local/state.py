@@ -13,26 +13,16 @@ from orchestrator.method.interface.point_traces import PointTraces
 
 @dataclass
 class LocalState:
-    """What a local stage hands on: an element of the set ℒ, eq. 9.
+    """What a local stage hands on: an element of the set ℒ, eq. 9."""
 
-    s : (T, D) next state f̂ + k⁻ŵ
-    hats : ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
-    force : (T, 3, P) f̂ on side 1 of each pair that is not perfect
-    lawful : (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
-    jump : (T, 3, P) its jump d
-    status : (T, P) int, what its law says it does
-    own : name → (T, P) the laws' own variables at the end of each load step
-    at : the fields that it was made of at these pairs, for who measures it next
-    """
-
-    s: np.ndarray
-    hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-    force: np.ndarray | None = None
-    lawful: np.ndarray | None = None
-    jump: np.ndarray | None = None
-    status: np.ndarray | None = None
-    own: dict[str, np.ndarray] = field(default_factory=dict)
-    at: PointTraces | None = field(default=None, repr=False)
+    s: np.ndarray  # (T, D) next state f̂ + k⁻ŵ
+    hats: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # ŵ, f̂ and k⁻ŵ, (T, D) each, where they were formed
+    force: np.ndarray | None = None  # (T, 3, P) f̂ on side 1 of each pair that is not perfect
+    lawful: np.ndarray | None = None  # (T, 3, P) what its law alone asks for; f̂ itself but for the stabilisation
+    jump: np.ndarray | None = None  # (T, 3, P) its jump d
+    status: np.ndarray | None = None  # (T, P) int, what its law says it does
+    own: dict[str, np.ndarray] = field(default_factory=dict)  # name → (T, P) the laws' own variables at the end of each load step
+    at: PointTraces | None = field(default=None, repr=False)  # the fields that it was made of at these pairs, for who measures it next
 
     def left(self, step: int = -1) -> History:
         """What one of these load steps, the last one, leaves to the next."""

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.search_direction import SearchDirection
-from orchestrator.method.linear.macro import both_sides
+from orchestrator.method.linear.macro import pushing
 from orchestrator.method.linear.macro_basis import known_widths
 from orchestrator.method.stopping.rigid_motions import RigidModes
 from orchestrator.method.stopping.semidefinite import semidefinite_solver
@@ -92,7 +92,7 @@ class Balancing:
             local = block[:, np.flatnonzero(np.diff(block.indptr))].toarray()
             left, s, _ = np.linalg.svd(local, full_matrices=False) if local.size else (local, np.zeros(0), None)
             bases.append(left[:, s > DEPENDENT * s.max(initial=0.0)])
-        spread = both_sides(space, known_widths(bases, space.team), (1.0, -1.0))
+        spread = pushing(space, known_widths(bases, space.team))
         work = sp.csr_array(traces[: space.size].T @ spread)
         work = sum(space.team.all_gather(work), sp.csr_array(work.shape))
         return spread, work, semidefinite_solver(work @ work.T)

@@ -34,8 +34,7 @@ import numpy as np
 
 from orchestrator.method.linear.loading import NOTHING
 from orchestrator.scene.stress import CENTRE, strain, stress
-from orchestrator.parallel.borders import Meeting
-from orchestrator.parallel.team import ALONE
+from orchestrator.parallel.team import ALONE, Meeting
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene

@@ -56,10 +56,10 @@ class Answers:
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
         """What summary.json says of it."""
         about = np.array(config.output.moments_about, dtype=float)
-        moments = delivered.reaction_moments - np.cross(about, np.array(delivered.reactions).reshape(delivered.reaction_moments.shape))
+        forces, moments = np.split(delivered.reactions, 2, axis=2)
         return {
             "peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
-            "reaction_names": reaction_names(config), "reaction_moments": {"about": about, "moments": moments},
+            "reaction_names": reaction_names(config), "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces)},
             "probes": self.probes,
         }
 

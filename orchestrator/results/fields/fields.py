@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orchestrator.scene import stress as recovery
-from orchestrator.parallel.borders import Meeting
+from orchestrator.parallel.team import Meeting
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.scene.stress import principal, von_mises
-from orchestrator.parallel.borders import Borders, Meeting
+from orchestrator.parallel.team import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
 
 NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orchestrator.method.stopping.discretisation import Estimate, Estimator
-from orchestrator.parallel.borders import Meeting
-from orchestrator.parallel.team import Team
+from orchestrator.parallel.team import Meeting, Team
 from orchestrator.results.answers.extremes import Extremes, extremes
 from orchestrator.results.fields.fields import Fields
 

@@ -9,8 +9,8 @@ from dataclasses import asdict
 from orchestrator.config.model import Config
 from orchestrator.method.acceleration.base import algorithm
 from orchestrator.method.delivery.deliver import Delivered
-from orchestrator.method.delivery.energy import stored_energy
 from orchestrator.method.delivery.loose import held_bodies
+from orchestrator.method.delivery.recovery import stored_energy
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.delivery.resultants import bolt_forces
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
@@ -33,7 +33,7 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     ranks : what each rank has spent
     """
     iterated, estimated = delivered.iterated, delivered.discretisation
-    last, contact = iterated.last, _contact(scene, delivered)
+    last, contact, met = iterated.last, _contact(scene, delivered), delivered.contact
     spent = total(ranks, scene)
     if foreign := foreign_matter(spent["codes"]):
         estimated = None
@@ -42,24 +42,25 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
     summary = {
         "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
         "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes],
-                                 delivered.stabilised)),
+                                 met and met.stabilised)),
         "iterations": iterated.iterations,
         "acceleration": algorithm(config.method.acceleration,
                                   all(i.law.perfect for i in scene.interfaces) and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
         "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
-        "sole_scale": delivered.sole_scale,
+        "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative,
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
         "residuals": {name: getattr(last, name) for name in
                       ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
-        | (delivered.laws.named if delivered.laws else {}),
-        "stabilised": asdict(delivered.stabilised) if delivered.stabilised else None,
-        "places": asdict(delivered.places) if delivered.places else None,
+        | (met.laws.named if met else {}),
+        "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
+        "places": asdict(met.places) if met and met.places else None,
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
-        "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered), "reactions": delivered.reactions, **contact,
+        "energy": [math.nan] * scene.steps if nonlinear else stored_energy(scene, delivered.continuous, iterated.bound.energy),
+        "reactions": delivered.reactions[:, :, :3].tolist(), **contact,
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),

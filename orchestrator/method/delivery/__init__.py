@@ -1,1 +1,0 @@
-"""From the last iteration to fields, forces and guards on them."""

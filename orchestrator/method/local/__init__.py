@@ -1,1 +1,0 @@
-"""The local stage: the laws, and the exchange of perfect interfaces."""

@@ -1,1 +1,0 @@
-"""Ranks: placing subdomains, exchange, sums; and the single process as one of them."""
