@@ -19,8 +19,7 @@ from orchestrator.laws.status import BONDED
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.interface.ties import traced
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, node_normals
 from orchestrator.scene.model import Scene
 
 # Normal forces whose sum is this small beside their magnitudes have no centre: iterations leave as much.

@@ -18,8 +18,7 @@ from orchestrator.method.interface.point_traces import NodeCompliance, inverses,
 from orchestrator.method.interface.ties import Prescribed
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.patch import node_areas, node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_normals
 from orchestrator.scene.model import Interface, Scene
 from orchestrator.scene.soles.nodal import stiffer
 
