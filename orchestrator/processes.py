@@ -34,10 +34,8 @@ def end(process: subprocess.Popen) -> None:
 
 
 def waited_for(command: Sequence[str], patience: float, **options: Any) -> int:
-    """Starts a program and waits for its end: its exit code, or minus the signal that has ended it.
-
-    Raises OSError where it cannot be started, subprocess.TimeoutExpired where it was ended after ``patience`` seconds.
-    """
+    """Starts a program and waits for its end: its exit code, or minus the signal that has ended it. Raises OSError where it cannot be
+    started, subprocess.TimeoutExpired where it was ended after ``patience`` seconds."""
     with _starting:
         process = started(command, **options)
         _running.add(process)

@@ -43,10 +43,8 @@ class GuardedCode(Layer):
         self.codes, self._models = codes, []
 
     def load(self, models: Sequence[Model]) -> None:
-        """As the protocol says; of every model that the code keeps, the answer to one load is judged, all being there.
-
-        It costs one back-substitution per model, and finds a code that mixes up its models.
-        """
+        """As the protocol says; of every model that the code keeps, the answer to one load is judged, all being there. It costs one
+        back-substitution per model, and finds a code that mixes up its models."""
         super().load(models)
         self._models = list(models)
         random = np.random.default_rng(len(models))
@@ -155,11 +153,9 @@ def _apart_from_zero(random: np.random.Generator, count: int) -> np.ndarray:
 
 
 def imbalance(model: Model, u: np.ndarray, forces: np.ndarray) -> tuple[float, int]:
-    """How much of forces (rhs, 3n) displacements (rhs, 3n) leave unbalanced on free dofs, and at which node most.
-
-    Returns largest |K u − f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves
-        equal shares of that everywhere, however different the moduli; of rows in a random combination
-    """
+    """How much of forces (rhs, 3n) displacements (rhs, 3n) leave unbalanced on free dofs, and at which node most. Returns largest |K u −
+    f| / √d over the largest √d |u|, d being the nodes' own stiffness: rounding of a factorisation leaves equal shares of that everywhere,
+    however different the moduli; of rows in a random combination"""
     matter = Matter.of(model)
     free = ~model.fixed.ravel()
     root = np.sqrt(np.repeat(matter.stiff, 3))

@@ -40,7 +40,6 @@ class Pool:
     """The black box of ``protocol.BlackBox``.
 
     codes : ``Model.code`` → what to run, with its settings: how many processes at once, by which transport
-
     Raises InputError or BlackBoxError where processes do not start; none is left then.
     """
 

@@ -87,11 +87,8 @@ class Traits:
 
 
 class BlackBox(Protocol):
-    """A pool of finite element processes that hosts many models and keeps all cores busy.
-
-    All methods raise BlackBoxError when the code fails, hangs or answers nonsense.
-    Used as a context manager: leaving the block ends every process and removes every file.
-    """
+    """A pool of finite element processes that hosts many models and keeps all cores busy. All methods raise BlackBoxError when the code
+    fails, hangs or answers nonsense. Used as a context manager: leaving the block ends every process and removes every file."""
 
     usage: Usage  # what it has taken of the machine so far
 
@@ -102,10 +99,8 @@ class BlackBox(Protocol):
         """Back-substitutions on trace dofs: model → (rhs, t) nodal forces, to the (rhs, t) displacements there."""
 
     def fields(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to the (rhs, 3n) displacements.
-
-        Forces on clamped dofs are ignored.
-        """
+        """Back-substitutions on all dofs: model → (rhs, 3n) nodal forces, to the (rhs, 3n) displacements. Forces on clamped dofs are
+        ignored."""
 
     def stiffness(self, models: Sequence[Model]) -> list[sp.csr_array]:
         """Stiffness matrices (3n, 3n) of models, symmetric, without regard to ``fixed`` or ``trace``."""

@@ -104,10 +104,8 @@ class SharedModels(Layer):
         return {index: result[int(self.model_of[index]), key[index]] for index in forces}
 
     def _answered(self, rows: dict[int, np.ndarray], solve: Callable, remember: bool, again: int) -> dict[int, np.ndarray]:
-        """Answers per model to rows (n, size) per model, of which ``again`` more have been asked for.
-
-        Rows that are zero, that occur twice, or that were asked the last time are told by their bytes, and not solved.
-        """
+        """Answers per model to rows (n, size) per model, of which ``again`` more have been asked for. Rows that are zero, that occur
+        twice, or that were asked the last time are told by their bytes, and not solved."""
         if not self.repeated:
             return solve(rows)
         keys = {model: [row.tobytes() for row in r] for model, r in rows.items()}

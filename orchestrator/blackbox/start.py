@@ -31,7 +31,6 @@ def find_codes(settings: Sequence[CodeSettings], used: Iterable[int] | None = No
     settings : the entries of ``blackbox``
     used : which of them have a model; default all
     run_programs : whether interpreters that entries name may be started, to be asked whether they have what is needed
-
     Raises InputError for codes that are not installed, more workers than a machine can start; with the problems of all.
     """
     problems: list[Problem] = []
@@ -65,7 +64,6 @@ def make_blackbox(settings: CodeSettings | Sequence[CodeSettings], used: Iterabl
 
     settings : one, or the entries of a list, to which ``Model.code`` refers
     used : which entries of a list have a model; default all
-
     Raises InputError for a code that is not installed, nothing has been started then; BlackBoxError where processes do not start.
     """
     codes = find_codes(settings if isinstance(settings, Sequence) else [settings], used)
@@ -85,11 +83,9 @@ def with_layers(blackbox: BlackBox, skip, workers: int, steps: int, savings: Sav
 
 
 def with_own_loads(scene: Scene, settings: Sequence[CodeSettings]) -> Scene:
-    """The scene with the loads that codes' own models have beside those of the YAML: heat, own weight, whatever a form says.
-
-    They are asked for once, before anything is decomposed: energies, reactions and the error bound then know them like any
-    others. It is another scene, so that the first may be solved again. Raises as ``make_blackbox`` does.
-    """
+    """The scene with the loads that codes' own models have beside those of the YAML: heat, own weight, whatever a form says. They are
+    asked for once, before anything is decomposed: energies, reactions and the error bound then know them like any others. It is another
+    scene, so that the first may be solved again. Raises as ``make_blackbox`` does."""
     asked = {s.code for s in scene.subdomains if settings[s.code].brings_loads}
     if not asked:
         return scene

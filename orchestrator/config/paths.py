@@ -108,10 +108,8 @@ def parse(text: str, parse_value: Callable[[str], Any]) -> tuple[KeyPath, Any]:
 
 
 def apply(data: Any, path: KeyPath, value: Any, at: KeyPath = ()) -> Any:
-    """The data with the value at a path replaced or added; mappings on the way are created.
-
-    Raises BadOverride for an index outside a list, or a name where a list is.
-    """
+    """The data with the value at a path replaced or added; mappings on the way are created. Raises BadOverride for an index outside a
+    list, or a name where a list is."""
     if not path:
         return value
     key, here = path[0], (*at, path[0])

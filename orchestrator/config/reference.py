@@ -30,10 +30,8 @@ BOUNDS = {annotated_types.Gt: ("gt", ">"), annotated_types.Ge: ("ge", ">="),
 
 
 def schema() -> str:
-    """The JSON schema as text: keys, types, bounds, descriptions. Rules that concern several keys are ``check``'s alone.
-
-    An entry that names a law or a code is any of their models; a solver of one's own takes any keys.
-    """
+    """The JSON schema as text: keys, types, bounds, descriptions. Rules that concern several keys are ``check``'s alone. An entry that
+    names a law or a code is any of their models; a solver of one's own takes any keys."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$comment": "written by: orchestrator schema > configs/schema.json"}
     return json.dumps({**head, **Config.model_json_schema()}, indent=1, ensure_ascii=False) + "\n"
 

@@ -20,10 +20,7 @@ MOST = 100_000  # entries, those counted that aliases repeat: a few lines of ali
 
 
 def read_text(path: Path) -> str:
-    """The text of a configuration file.
-
-    Raises InputError: no such file, none that can be read, or one larger than ``LARGEST``
-    """
+    """The text of a configuration file. Raises InputError where no such file, none that can be read, or one larger than ``LARGEST``."""
     try:
         if not path.is_file():
             raise InputError(Problem((), "a folder" if path.is_dir() else "no such file", "a YAML file",
@@ -38,10 +35,8 @@ def read_text(path: Path) -> str:
 
 
 def parse_yaml(text: str, file: str) -> tuple[Any, dict[KeyPath, int]]:
-    """Plain data of a YAML text and the line of every path in it.
-
-    Raises InputError for bad syntax, a key given twice, more levels than ``DEEPEST`` or entries than ``MOST``.
-    """
+    """Plain data of a YAML text and the line of every path in it. Raises InputError for bad syntax, a key given twice, more levels than
+    ``DEEPEST`` or entries than ``MOST``."""
     reader, lines = YAML(typ="safe", pure=True), {}
     reader.Composer = _Composer
     try:
@@ -83,10 +78,8 @@ class _Composer(Composer):
 
 
 class _Plain:
-    """Plain dicts, lists and scalars of YAML's nodes; notes the lines on the way.
-
-    Keys are texts, quoted or not: 1 and "1" are one key, 1 and 1.0 are two, and none of them is a number.
-    """
+    """Plain dicts, lists and scalars of YAML's nodes; notes the lines on the way. Keys are texts, quoted or not: 1 and "1" are one key, 1
+    and 1.0 are two, and none of them is a number."""
 
     def __init__(self, constructor: SafeConstructor):
         self._constructor, self._count = constructor, 0

@@ -66,10 +66,8 @@ class NoSolver(Exception):
 
 
 def solver_class(code: str) -> type:
-    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names.
-
-    Raises NoSolver when there is none, or when it lacks a method.
-    """
+    """The class that ``package.module:Class``, ``file.py:Class`` or ``file.py`` (class ``Solver``) names. Raises NoSolver when there is
+    none, or when it lacks a method."""
     where, _, name = code.rpartition(":") if ":" in code else (code, "", "Solver")
     if where.endswith(".py"):
         spec = importlib.util.spec_from_file_location(Path(where).stem, where)

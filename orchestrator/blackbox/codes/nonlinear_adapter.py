@@ -87,11 +87,9 @@ class _Body:
         self.u, self.history = self.latest
 
     def advance(self, given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Newton's method from the last committed step, so that answers do not depend on what has been asked since; where it
-        gets no further, a few elastic steps, see ``_descended``.
-
-        Raises ArithmeticError: it does not converge, or the matter answers what is no number
-        """
+        """Newton's method from the last committed step, so that answers do not depend on what has been asked since; where it gets no
+        further, a few elastic steps, see ``_descended``. Raises ArithmeticError where it does not converge, or the matter answers what is
+        no number."""
         at = self._at(np.where(self.fixed, given, self.u), given)
         newton, descents = 0, 0
         while True:

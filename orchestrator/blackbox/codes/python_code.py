@@ -54,7 +54,6 @@ class PythonCode(MessageCode):
     ----------
     solver : ``file.py``, ``file.py:Class`` or ``package.module:Class``; empty: what ``settings.code`` says
     package : the Python package it needs beside itself, if any
-
     Raises InputError when the file, the module or the package is not there.
 
     Examples

@@ -122,11 +122,9 @@ def cut(found: Sequence[Assembled], chosen: Sequence[np.ndarray]) -> list[Block]
 
 
 def joined(models: Sequence[Model]) -> Model:
-    """Models of one code side by side.
-
-    Each stays where it is, so that its stiffness is the same bit for bit whatever it is joined with, on any number of ranks, and
-    for a sole also the same as within an extended subdomain: s − k w would show the rounding of another place.
-    """
+    """Models of one code side by side. Each stays where it is, so that its stiffness is the same bit for bit whatever it is joined with,
+    on any number of ranks, and for a sole also the same as within an extended subdomain: s − k w would show the rounding of another
+    place."""
     nodes, regions = (np.cumsum([0] + [len(getattr(m, name)) for m in models]) for name in ("nodes", "materials"))
     return Model(f"{models[0].name} … {models[-1].name}", np.vstack([m.nodes for m in models]),
                  np.vstack([m.cells + s for m, s in zip(models, nodes)]), np.concatenate([m.region + s for m, s in zip(models, regions)]),

@@ -124,10 +124,8 @@ def _check(reply: Reply, index: int, ints: int) -> None:
 
 
 def check_hello(reply: Reply) -> int:
-    """What the server says of itself: bit 0 set, it is translation invariant; bit 1, its matter is its own; bit 2, nonlinear.
-
-    Raises BadReply unless it introduced itself.
-    """
+    """What the server says of itself: bit 0 set, it is translation invariant; bit 1, its matter is its own; bit 2, nonlinear. Raises
+    BadReply unless it introduced itself."""
     _check(reply, 0, 2)
     return int(reply.ints[2]) if len(reply.ints) > 2 else 0
 

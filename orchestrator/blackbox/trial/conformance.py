@@ -40,10 +40,8 @@ def check(name: str, otherwise: str = ""):
 
 
 def run_checks(start: Callable[[], BlackBox]) -> Iterator[tuple[str, str, str]]:
-    """(check, figure, what is wrong: empty when it passed) of a black box; stops at a failure that ends the black box.
-
-    Raises InputError where the code is not there.
-    """
+    """(check, figure, what is wrong: empty when it passed) of a black box; stops at a failure that ends the black box. Raises InputError
+    where the code is not there."""
     models = trial_models()
     rng = np.random.default_rng(7)
     forces = [rng.standard_normal((4, len(m.trace))) * [[1.0], [1e3], [1e-3], [1.0]] for m in models]

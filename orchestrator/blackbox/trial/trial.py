@@ -36,7 +36,6 @@ def try_out(code: str, transport: str | None, timeout: float) -> int:
     timeout : seconds one answer may take
 
     Returns exit code: 0 all passed, 3 some check failed
-
     Raises InputError: no such code or transport, or it is not installed
     """
     console, failed = Console(highlight=False), 0

@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 
 
 class CalculiX(Code):
-    """The CalculiX executable.
-
-    Raises InputError when it is not there.
-    """
+    """The CalculiX executable. Raises InputError when it is not there."""
 
     translation_invariant = True
     install = "apt-get install calculix-ccx   (or ORCHESTRATOR_CALCULIX=/path/to/ccx)"

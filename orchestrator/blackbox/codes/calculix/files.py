@@ -29,10 +29,8 @@ class Unreadable(BadReply):
 
 
 def mesh(model: Model) -> str:
-    """Nodes, C3D4 tets (P1, one integration point) and a material per region: matter and soles alike.
-
-    Raises ValueError when a node belongs to no tet: CalculiX would give it no dofs.
-    """
+    """Nodes, C3D4 tets (P1, one integration point) and a material per region: matter and soles alike. Raises ValueError when a node
+    belongs to no tet: CalculiX would give it no dofs."""
     if not (np.bincount(model.cells.ravel(), minlength=len(model.nodes)) > 0).all():
         raise ValueError(f"{model.name}: a node belongs to no tet")
     places = np.where(np.abs(model.nodes) < SMALLEST, 0.0, model.nodes)
@@ -58,10 +56,7 @@ def unit_loads(dofs: np.ndarray) -> str:
 
 
 def load_cases(forces: np.ndarray) -> str:
-    """A static step per row of (rhs, 3n) forces, at most about 1 in size.
-
-    The restart file keeps every step's displacements, as doubles.
-    """
+    """A static step per row of (rhs, 3n) forces, at most about 1 in size. The restart file keeps every step's displacements, as doubles."""
     parts = []
     for step, row in enumerate(forces):
         loaded = np.flatnonzero(np.abs(row) > SMALLEST)
@@ -116,10 +111,8 @@ def green_functions(job: Path, loads: int, active: int) -> np.ndarray:
 
 
 def displacements(job: Path, steps: int, nodes: int) -> np.ndarray:
-    """Displacements (steps, 3 nodes) of the restart file.
-
-    They are two records after the materials' names of each step, (nodes, 4) with the temperature first.
-    """
+    """Displacements (steps, 3 nodes) of the restart file. They are two records after the materials' names of each step, (nodes, 4) with
+    the temperature first."""
     data, records, end = restart_records(job)
     names = [i for i, (start, _) in enumerate(records) if data[start : start + 8] == b"MATTER-0"]
     found = [records[i + 2] for i in names if i + 2 < len(records)]

@@ -43,10 +43,8 @@ class Loaded:
 
 
 class CalculixWorker(RunWorker):
-    """One run after another, in a folder of its own. Every answer is checked against the stiffness CalculiX stored.
-
-    A run's CPU seconds cannot be divided: factorising counts as solving.
-    """
+    """One run after another, in a folder of its own. Every answer is checked against the stiffness CalculiX stored. A run's CPU seconds
+    cannot be divided: factorising counts as solving."""
 
     def __init__(self, code, folder, number):
         own = folder / f"calculix-{number}"

@@ -20,11 +20,8 @@ PLACED = 1e-9  # of the joints' extent: nodes nearer than this are where they sh
 
 
 class AlgebraWorker(Worker):
-    """What a worker does, without a process.
-
-    Of a model the first nodes stand for the part: its joints', then those of the layer behind them, which have no stiffness;
-    soles are plain matter, whose stiffness is added.
-    """
+    """What a worker does, without a process. Of a model the first nodes stand for the part: its joints', then those of the layer behind
+    them, which have no stiffness; soles are plain matter, whose stiffness is added."""
 
     def __init__(self, *arguments):
         super().__init__(*arguments)

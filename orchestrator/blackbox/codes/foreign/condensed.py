@@ -75,7 +75,6 @@ def condense(K: sp.csr_array, loads: np.ndarray, joint: np.ndarray, path: KeyPat
     rounding : relative error of K's entries; where there is one, a sample E of random signs comes third, brought to the
         joints as the stiffness is: Tᵀ E T, T = [1; −K_ii⁻¹ K_ij]
     loose : whether something inside may move by itself, see ``schur``
-
     Raises InputError: what is not on the joints can move by itself
     """
     if len(joint) == K.shape[0]:  # by whoever has made it
@@ -107,7 +106,6 @@ def judged(joints: Joints, S: np.ndarray, loads: np.ndarray, path: KeyPath, name
     S : (3n, 3n) as it has come; loads : (cases, 3n)
     path : of what it was read from; name : of the part
     error : (3n, 3n) a sample of what S may be off by, where that is known from elsewhere
-
     Raises InputError: S is not finite, symmetric or ≥ 0, or rigid motions cost what they cannot cost
     """
     free = np.flatnonzero(~joints.held)
@@ -159,11 +157,9 @@ def check_modulus(part: Condensed, young: float | None, path: KeyPath, name: str
 
 
 def _rigid(joints: Joints, S: np.ndarray, free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """What rigid motions cost that should be free: the relative error of S's entries that would explain it; the cost of each of
-    the six motions; and the stiffness against independent ones, ascending.
-
-    Where entries have relative errors r of random signs, (S R)_i is about r/√3 · √Σ_j S_ij² R_j².
-    """
+    """What rigid motions cost that should be free: the relative error of S's entries that would explain it; the cost of each of the six
+    motions; and the stiffness against independent ones, ascending. Where entries have relative errors r of random signs, (S R)_i is about
+    r/√3 · √Σ_j S_ij² R_j²."""
     R = motions_about(joints.points, joints.centre, joints.size).reshape(-1, 6)
     own = S[np.ix_(free, free)]
 

@@ -54,11 +54,9 @@ class MatrixCode(ForeignCode):
 
 
 def _check_places(K: sp.csr_array, points: np.ndarray, ids: np.ndarray, rounding: float, path: KeyPath, name: str) -> None:
-    """Raises InputError where nodes (n, 3) are not where the matrix (3n, 3n) has them.
-
-    In the rows of a node without a support beside it, K vanishes on all rigid motions, held or not. Where it vanishes on
-    translations and not on rotations, the node or one that it is connected with is elsewhere.
-    """
+    """Raises InputError where nodes (n, 3) are not where the matrix (3n, 3n) has them. In the rows of a node without a support beside it,
+    K vanishes on all rigid motions, held or not. Where it vanishes on translations and not on rotations, the node or one that it is
+    connected with is elsewhere."""
     R = motions_about(points, points.mean(axis=0), size_of(points)).reshape(-1, 6)
     terms = sp.csr_array((np.abs(K.data), K.indices, K.indptr), K.shape) @ np.abs(R)
     left = np.abs(K @ R) / np.where(terms > 0, terms, 1.0)

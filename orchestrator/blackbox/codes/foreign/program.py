@@ -111,7 +111,6 @@ class Answers:
         """Of a program that is asked now.
 
         spring : a first guess of k
-
         Raises InputError: it is not linear, elastic, positive and repeatable
         """
         k = np.full(joints.points.size, spring)

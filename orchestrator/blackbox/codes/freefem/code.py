@@ -27,10 +27,7 @@ _PATIENCE = 60  # seconds for a form to be compiled
 
 
 class FreeFem(MessageCode):
-    """The FreeFEM executable.
-
-    Raises InputError when FreeFEM, its script or its plugin is not there.
-    """
+    """The FreeFEM executable. Raises InputError when FreeFEM, its script or its plugin is not there."""
 
     translation_invariant = True
     mesh_suffix = "meshb"
@@ -122,10 +119,8 @@ class FreeFem(MessageCode):
         self._said = f"{numbers[0]:g}" if len(numbers) else ""
 
     def version(self) -> str:
-        """What FreeFEM says it is, and where it comes from a package that one's version: Debian's 4.11 says 4.9.
-
-        E.g. "4.9 (package freefem++ 4.11+dfsg1-3)"; empty when it does not answer.
-        """
+        """What FreeFEM says it is, and where it comes from a package that one's version: Debian's 4.11 says 4.9. E.g. "4.9 (package
+        freefem++ 4.11+dfsg1-3)"; empty when it does not answer."""
         package = installation.package(self.executable)
         return (self._said or _version(self.executable)) + (f" (package {package})" if package else "")
 

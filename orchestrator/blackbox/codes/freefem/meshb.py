@@ -26,12 +26,9 @@ def padding(nodes: np.ndarray) -> np.ndarray:
 
 
 def encode(model: Model) -> bytes:
-    """The file's bytes. Regions are written as they are, vertex and tet order is kept, padding comes last.
-
-    Of ten-node tets the corners alone are written: FreeFEM numbers the other nodes itself.
-
-    Raises ValueError when a node belongs to no tet (FreeFEM ends on such meshes).
-    """
+    """The file's bytes. Regions are written as they are, vertex and tet order is kept, padding comes last. Of ten-node tets the corners
+    alone are written: FreeFEM numbers the other nodes itself. Raises ValueError when a node belongs to no tet (FreeFEM ends on such
+    meshes)."""
     if not (np.bincount(model.cells.ravel(), minlength=len(model.nodes)) > 0).all():
         raise ValueError(f"{model.name}: a node belongs to no tet")
     nodes, cells = model.nodes, model.cells
