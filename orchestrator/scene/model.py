@@ -64,12 +64,10 @@ class Subdomain:
 
 
 @dataclass
-class Interface:
+class FacePatch:
     """One connected patch of faces shared by two subdomains, or of opposite faces whose nodes are paired; or nodes that two
-    subdomains share where no faces hold them together, without triangles.
-
-    Where the sides are meshed each on its own, ``mortar`` says how they meet: then ``nodes`` are no pairs, and whatever
-    is said here of nodes, triangles, free components and the law's parameters per node is that of side 1, the slave.
+    subdomains share where no faces hold them together, without triangles. Where the sides are meshed each on its own, what is
+    said of nodes, triangles and free components is said of side 1, the slave.
 
     index, name : position in ``Scene.interfaces`` and a name for messages
     subdomains : (E1, E2), indices of the two sides
@@ -80,15 +78,6 @@ class Interface:
     cells : (k, 2) int, global cells behind each triangle, in E1 and in E2
     free : (n, 3) bool, components that boundary conditions do not prescribe on both sides; where they do on one, the
         other meets what is prescribed there
-    law : the interface law, with its parameters
-    entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
-    normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
-        larger one between bodies that are cut further
-    mortar : points and transfer operators between sides that do not match; None where nodes are paired
-    surfaces : what the operators are made of, until they are: boundary conditions have a say in it
-    law_at_steps : the law at every load step, where its parameters differ between them, and ``law`` is the one that asks for
-        most; else empty
-    moving : what they are made of anew where the sides have slid to, if they are
     """
 
     index: int
@@ -99,6 +88,28 @@ class Interface:
     triangles: np.ndarray
     cells: np.ndarray
     free: np.ndarray
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(c,) int, ascending, those of the patch's nodes that are corners of triangles."""
+        return np.unique(self.triangles[:, :3])
+
+
+@dataclass
+class Interface(FacePatch):
+    """A patch, and what acts there; per node, the law's parameters are those of side 1.
+
+    law : the interface law, with its parameters
+    normals : (n, 3) unit normals from E1 to E2, where more than the patch itself shapes them: it is a piece of a
+        larger one between bodies that are cut further
+    entry : position in the YAML's ``interfaces`` of the entry that governs it, −1 for none
+    mortar : points and transfer operators between sides that do not match; None where nodes are paired
+    surfaces : what the operators are made of, until they are: boundary conditions have a say in it
+    law_at_steps : the law at every load step, where its parameters differ between them, and ``law`` is the one that asks for
+        most; else empty
+    moving : what they are made of anew where the sides have slid to, if they are
+    """
+
     law: Law = field(default_factory=Perfect)
     normals: np.ndarray | None = None
     entry: int = -1
@@ -122,11 +133,6 @@ class Interface:
         """(steps, n) how far the sides are apart before they move, as the law has it at every load step."""
         laws = self.law_at_steps or [self.law] * steps
         return np.stack([np.broadcast_to(law.distance, len(self.free)) for law in laws])
-
-    @property
-    def corners(self) -> np.ndarray:
-        """(c,) int, ascending, those of the patch's nodes that are corners of triangles."""
-        return np.unique(self.triangles[:, :3])
 
     def triangles_on(self, side: int) -> np.ndarray:
         """(k, 3 or 6) int, the facets of side 0 (the first) or 1, indices into its nodes, looking from E1 to E2."""
