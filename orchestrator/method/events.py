@@ -25,8 +25,6 @@ _UNTOLD = dict.fromkeys(HISTORY_COLUMNS, math.nan) | {"newton_steps": 0, "far_bo
 class Iteration:
     """One finished iteration; ``row`` goes to history.csv.
 
-    Parameters
-    ----------
     values : name → number, each an attribute too:
 
         - iteration: linear stages after set-up; sweeps: back-substitutions per subdomain and load step so far, set-up included;
@@ -105,8 +103,6 @@ class Subscriber:
     all who listen: their arrays must not be changed, and are to be copied if they are kept. Of several ranks,
     only rank 0 has subscribers.
 
-    Attributes
-    ----------
     wants_states, wants_checkpoints : whether ``Iteration.state`` and ``Iteration.checkpoint`` are needed: with several ranks,
         they are brought together for those alone who want them
 

@@ -30,8 +30,6 @@ ORDINARY = 1e100  # loads and answers whose products, and products of these, are
 class GuardedTraces(Layer):
     """A black box every answer of whose ``traces`` is judged, at the cost of products on boundary dofs.
 
-    Parameters
-    ----------
     inner : where the answers come from
     direction : search direction
     names : of the subdomains, in the order of its ``space.subdomains``
@@ -60,9 +58,7 @@ class GuardedTraces(Layer):
     def traces(self, forces: Mapping[int, np.ndarray]) -> dict[int, np.ndarray]:
         """As the protocol says.
 
-        Raises
-        ------
-        BlackBoxError : also for an answer that no elastic body gives, naming the subdomain
+        Raises BlackBoxError: also for an answer that no elastic body gives, naming the subdomain
         """
         answers, judged = self.inner.traces(forces), {}
         first = {(id(forces[e]), id(u)): e for e, u in reversed(answers.items()) if u.size}
@@ -114,8 +110,6 @@ class GuardedTraces(Layer):
                in_soles: Callable[[np.ndarray], np.ndarray]) -> None:
         """Loads and answers (rows, columns).
 
-        Parameters
-        ----------
         of : whose the columns are, one after the other
         subdomains : which these are
         part : the boundary dofs that the columns are

@@ -30,16 +30,10 @@ ROUNDING = 1e-12  # of what is prescribed, what is left beside a rigid motion an
 
 @dataclass
 class RimStiffness:
-    """Stiffness of a subdomain's rim, in the rim's own numbering.
+    """Stiffness of a subdomain's rim, in the rim's own numbering."""
 
-    Parameters
-    ----------
-    found : what the black box has assembled; None: there are no tets
-    nodes : (r,) int, local node of the subdomain for each node of the rim
-    """
-
-    found: Assembled | None
-    nodes: np.ndarray
+    found: Assembled | None  # what the black box has assembled; None: there are no tets
+    nodes: np.ndarray  # (r,) int, local node of the subdomain for each node of the rim
 
     @property
     def stiffness(self) -> sp.csr_array:
@@ -77,31 +71,18 @@ def boundary_stiffness(space: TraceSpace, traces: list[np.ndarray], rims: list[R
 
 @dataclass
 class Loading:
-    """The part of the solution that loads give on their own, a row per load step.
+    """The part of the solution that loads give on their own, a row per load step."""
 
-    Parameters
-    ----------
-    forces : per subdomain (T, 3n_E) f_d on the free dofs, zero elsewhere
-    lift : per subdomain (T, 3n_E) prescribed displacements
-    known : (T, D) their traces on interfaces, None where there are none
-    boundary : (T, B) boundary values of M⁻¹f_d
-    carried : (T, B) the rigid motions r that come closest to what is prescribed on each body, on boundary dofs
-    working : (T, B) boundary values of M⁻¹(f_ext + K (u_lift − r)): gives energies by duality
-    energy : (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
-    alone : (2, T) energy that loads and supports would store in the extended subdomains alone, of all ranks; the same without
-        the rigid motions r
-    sweeps : back-substitutions per subdomain and step
-    """
-
-    forces: list[np.ndarray]
-    lift: list[np.ndarray]
-    known: np.ndarray | None
-    boundary: np.ndarray
-    carried: np.ndarray
-    working: np.ndarray
-    energy: np.ndarray
+    forces: list[np.ndarray]  # per subdomain (T, 3n_E) f_d on the free dofs, zero elsewhere
+    lift: list[np.ndarray]  # per subdomain (T, 3n_E) prescribed displacements
+    known: np.ndarray | None  # (T, D) their traces on interfaces, None where there are none
+    boundary: np.ndarray  # (T, B) boundary values of M⁻¹f_d
+    carried: np.ndarray  # (T, B) the rigid motions r that come closest to what is prescribed on each body, on boundary dofs
+    working: np.ndarray  # (T, B) boundary values of M⁻¹(f_ext + K (u_lift − r)): gives energies by duality
+    energy: np.ndarray  # (T,) the loads' own part of the energy ‖u‖²_K, see ``energy_of``
+    # (2, T) energy that loads and supports would store in the extended subdomains alone, of all ranks; the same without the rigid motions r
     alone: np.ndarray
-    sweeps: float
+    sweeps: float  # back-substitutions per subdomain and step
 
     def batch(self, steps: slice) -> "Loading":
         """The part that belongs to some of the load steps."""
@@ -122,14 +103,10 @@ class Loading:
     def energy_of(self, robin: np.ndarray, u: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """(T,) ‖u‖²_K of the subdomains' fields, both boundary-borne and inner.
 
-        Parameters
-        ----------
         robin : (T, B) Nᵀ(s − Gα), the interface load of the extended subdomains
         u : (T, B) boundary displacement
         forces : (T, B) Nᵀf, interface forces on the subdomains proper
 
-        Notes
-        -----
         u = u_free + u_lift with K u = f_ext + Nᵀf on free dofs. A rigid motion r has no energy: with d = u_lift − r on
         prescribed dofs, ‖u‖² = ‖u − r‖² = (u_free − r)ᵀ(f_ext + Nᵀf + K d) + ‖d‖², and u_free = M⁻¹(f_d + robin);
         on boundary dofs u is u_free. Of a body that is moved far, r leaves nothing to cancel.
@@ -141,8 +118,6 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
                 rims: list[RimStiffness], blackbox: BlackBox, bodies: Carried) -> Loading:
     """Solve the extended subdomains under the loads alone, all load steps at once: M⁻¹f_d of eq. 30.
 
-    Parameters
-    ----------
     bodies : the rigid motions of what is held together, of the whole scene
     """
     space, steps = direction.space, scene.steps
@@ -191,16 +166,10 @@ def apply_loads(scene: Scene, direction: SearchDirection, models: list[Model], t
 
 @dataclass(frozen=True)
 class Carried:
-    """The rigid motion that comes closest to what is prescribed on each body, of all that joining laws hold together.
+    """The rigid motion that comes closest to what is prescribed on each body, of all that joining laws hold together."""
 
-    Parameters
-    ----------
-    body : (subdomains,) int, the body of each
-    frames : body that is moved → centre, size, and (6, T) coefficients of its motions
-    """
-
-    body: np.ndarray
-    frames: dict[int, tuple[np.ndarray, float, np.ndarray]]
+    body: np.ndarray  # (subdomains,) int, the body of each
+    frames: dict[int, tuple[np.ndarray, float, np.ndarray]]  # body that is moved → centre, size, and (6, T) coefficients of its motions
 
     @classmethod
     def of(cls, scene: Scene) -> Carried:
@@ -215,8 +184,6 @@ class Carried:
         where nothing moves: neither do parts whose mesh is not ours and that are held inside. Rigid motions cost energy
         there, on joints too, and nothing is prescribed but rest.
 
-        Parameters
-        ----------
         points : (n, 3) where its nodes are
         """
         if self.body[s.index] not in self.frames or s.foreign and s.fixed.any():

@@ -32,16 +32,12 @@ from orchestrator.method.refusal import Refusal
 class Macro:
     """A macro problem, ready to correct linear stages.
 
-    Parameters
-    ----------
     space : numbering
     direction : search direction k⁻
     bases : per interface (d, m) macro basis
     strategy : "equilibrium" or "continuity"
     spent : back-substitutions per subdomain that the bases have cost
 
-    Attributes
-    ----------
     size : macro unknowns that this rank's subdomains see
     G : (D, size) sparse, macro forces; NᵀG is U of eq. 27
     coupled : how many entries the macro matrix has, this rank's part of it
@@ -69,14 +65,10 @@ class Macro:
     def solve(self, blackbox: BlackBox) -> float:
         """Form V = M⁻¹NᵀG, all subdomains at once, and factorise the macro matrix; it can be asked from then on.
 
-        Returns
-        -------
         back-substitutions per subdomain (the mean) that it has cost, those of the bases included
 
-        Raises
-        ------
-        Refusal : the macro matrix is not positive definite: the structure is not held
-        BlackBoxError : from the code
+        Raises Refusal: the macro matrix is not positive definite: the structure is not held
+        Raises BlackBoxError: from the code
         """
         space, (sees, forces) = self.space, self._forces
         del self._forces

@@ -25,15 +25,11 @@ DROP = 1e-8  # singular values below this fraction of the largest are dependent 
 def interface_basis(points: np.ndarray, free: np.ndarray, kind: str) -> np.ndarray:
     """Orthonormal macro basis of one interface.
 
-    Parameters
-    ----------
     points : (n, 3) float, nodes of the interface
     free : (n, 3) bool, components that are not prescribed; the others leave the basis
     kind : ``translations`` (3 fields), ``rigid`` (6), ``affine`` (12: rotations, extensions and
         shears included; 9 remain on a plane) or ``quadratic`` (30; 18 on a plane)
 
-    Returns
-    -------
     (d, m) float, d free dofs, m ≤ number of fields: what is dependent has been dropped. But for rigid motions each
     column moves one component alone: products with the basis read a third of what they would otherwise
     """
@@ -89,13 +85,9 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
     G₁ W₁ = G₂ W₂ also beside what is prescribed. Fields that are cut there on each side by themselves open the interface
     a little, and the iterations never get beyond that.
 
-    Parameters
-    ----------
     points : (n₁, 3), (n₂, 3) nodes of either side; free : (n₁, 3) bool, of the slave
     kind : as there
 
-    Returns
-    -------
     (3 n₁ + 3 n₂, m) float
     """
     fields, slave = macro_fields(np.vstack(points), kind), 3 * len(points[0])
@@ -111,8 +103,6 @@ def jump_free_basis(mortar: Mortar, points: tuple[np.ndarray, np.ndarray], free:
 def interface_bases(scene: Scene, space: TraceSpace, kind: str, wanted: Sequence[bool], share: bool) -> list[np.ndarray]:
     """Per interface (d, m) macro basis, without columns where none is wanted; of interfaces of other ranks alone (0, 0).
 
-    Parameters
-    ----------
     share : interfaces equal up to a translation share theirs
     """
     points = [scene.points(i) for i in scene.interfaces]

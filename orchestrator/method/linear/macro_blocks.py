@@ -24,18 +24,11 @@ import scipy.sparse as sp
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks of m subdomains that have the same shape, s macro unknowns and t boundary dofs.
+    """Blocks of m subdomains that have the same shape, s macro unknowns and t boundary dofs."""
 
-    Parameters
-    ----------
-    sees : (m, s) int, macro unknowns of each
-    columns : (m, t) int, boundary dofs of each
-    forces, answers : (k, s, t) rows of NᵀG and of V; k is m, or 1 where all subdomains share theirs
-    """
-
-    sees: np.ndarray
-    columns: np.ndarray
-    forces: np.ndarray
+    sees: np.ndarray  # (m, s) int, macro unknowns of each
+    columns: np.ndarray  # (m, t) int, boundary dofs of each
+    forces: np.ndarray  # (k, s, t) rows of NᵀG and of V; k is m, or 1 where all subdomains share theirs
     answers: np.ndarray
 
     def displace(self, alpha: np.ndarray, result: np.ndarray) -> None:
@@ -58,8 +51,6 @@ class Blocks:
 def force_blocks(forces: sp.csr_array, parts: Sequence[slice]) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Macro unknowns (s,) that each subdomain sees, and its macro forces (s, t): equal ones are the same array.
 
-    Parameters
-    ----------
     forces : (B, size) NᵀG
     parts : boundary dofs of each subdomain
     """
@@ -121,8 +112,6 @@ LEAST = 1e-8
 class MacroAnswers:
     """Approximate answers S⁺h of all subdomains, from their columns.
 
-    Parameters
-    ----------
     blocks : of the macro problem, solved
     soles : k on the boundary dofs of subdomains, at least of the first that has each array of the blocks
     starts : first boundary dof → subdomain

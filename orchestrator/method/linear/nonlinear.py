@@ -31,8 +31,6 @@ from orchestrator.scene.model import Subdomain
 class Nonlinear:
     """The nonlinear subdomains of one decomposition.
 
-    Parameters
-    ----------
     own : the subdomains in the order of ``space.subdomains``; some remember load steps
     traces : per subdomain (t,) its boundary dofs in local numbering
     dofs : per subdomain, dofs of its extended mesh

@@ -45,15 +45,10 @@ def check_own_matter(scene: Scene, own: Sequence[Subdomain], found: Mapping[int,
                      traces: Sequence[np.ndarray]) -> None:
     """Judge the stiffness of bodies whose matter is their code's own.
 
-    Parameters
-    ----------
     own : this rank's subdomains, with their rims
     found : of ``own_stiffness``
     traces : per subdomain (t,) boundary dofs whose rows are complete in its rim; those of prescribed dofs always are
-
-    Raises
-    ------
-    BlackBoxError : a stiffness that is not ≥ 0, or none that is a sum over tets
+    Raises BlackBoxError: a stiffness that is not ≥ 0, or none that is a sum over tets
     """
     seen: set[int] = set()
     for e, one in found.items():

@@ -39,8 +39,6 @@ INDEPENDENT = 1e-2  # share of a mode on one interface, in energy norm, that is 
 class _Krylov:
     """Block Krylov space of one subdomain.
 
-    Parameters
-    ----------
     k : (t, t) sparse, soles' stiffness on its boundary dofs
     start : (t, b) first block
     """
@@ -76,19 +74,12 @@ def soft_modes(direction: SearchDirection, blackbox: BlackBox,
                wanted: np.ndarray) -> tuple[dict[int, np.ndarray], float]:
     """Soft modes of the wanted subdomains.
 
-    Parameters
-    ----------
     direction : search direction
     wanted : (subdomains of the scene,) bool
 
-    Returns
-    -------
     modes : place among its ``space.subdomains`` → (t, m), k-orthonormal
     sweeps : back-substitutions per subdomain, the mean
-
-    Raises
-    ------
-    BlackBoxError : from the code
+    Raises BlackBoxError: from the code
     """
     space, spent, done = direction.space, 0, {}
     chosen = [e for e, part in enumerate(space.boundary) if wanted[space.subdomains[e]] and part.stop > part.start]
@@ -129,13 +120,9 @@ def enriched(space: TraceSpace, k: sp.csr_array, bases: list[np.ndarray],
              modes: dict[int, np.ndarray]) -> list[np.ndarray]:
     """Macro bases with the soft modes of both sides added, what is dependent left out.
 
-    Parameters
-    ----------
     k : (D + G, D + G) search direction, ghosts included
     bases : per interface (d, m), as without modes
 
-    Notes
-    -----
     Between ranks, the rank of the first side makes the basis and gives it to the other, see ``as_given``.
     """
     team, counts = space.team, np.zeros(space.link.subdomain_count)
@@ -168,8 +155,6 @@ def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.nda
     """Search direction of both sides of an interface whose nodes do not match, and the modes of either side on it: what is
     nearest to them, and to nothing on the other side, without a jump.
 
-    Parameters
-    ----------
     traces : (modes, D + G) of all subdomains; widths : how many either side's has; held : (D + G,) bool
     basis : handed on
     """
@@ -189,8 +174,6 @@ def _without_jump(space: TraceSpace, k: sp.csr_array, index: int, traces: np.nda
 def _with_modes(own: sp.csr_array, basis: np.ndarray, parts: list[np.ndarray]) -> np.ndarray:
     """The basis of one interface and what its sides' modes add to it.
 
-    Parameters
-    ----------
     own : (d, d) search direction; basis : (d, m); parts : (d, n) of either side
     """
     if parts and basis.size:

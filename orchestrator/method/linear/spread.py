@@ -30,20 +30,13 @@ COLUMNS = 64  # of A_IS that are eliminated at a time: so many as dense columns 
 class SpreadFactor:
     """Solves with a matrix of which every rank has a part.
 
-    Parameters
-    ----------
     lower : (n, n) sparse, the lower triangle of this rank's part
     number : (n,) int, ascending, which unknowns of all ranks these are
     shared : (n,) bool, those that another rank sees too
     team : the ranks
 
-    Attributes
-    ----------
     border : (n_S,) int, where this rank's shared unknowns are among those of all ranks; total : how many these are
-
-    Raises
-    ------
-    RuntimeError : the matrix is singular
+    Raises RuntimeError: the matrix is singular
     """
 
     def __init__(self, lower: sp.csr_array, number: np.ndarray, shared: np.ndarray, team: Team):

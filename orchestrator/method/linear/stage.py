@@ -29,25 +29,15 @@ from orchestrator.method.interface.traces import TraceSpace
 
 @dataclass
 class Admissible:
-    """Result of a linear stage, a row per load step: an element of the set 𝒜, eq. 8.
+    """Result of a linear stage, a row per load step: an element of the set 𝒜, eq. 8."""
 
-    Parameters
-    ----------
-    s : (T, D) state it was computed from
-    u : (T, B) displacement of the boundary dofs
-    alpha : (T, size) macro multiplier
-    w, f : (T, D) traces of displacement and interface forces
-    space : numbering
-    robin : (T, D) s − G α, where it is known already
-    """
-
-    s: np.ndarray
-    u: np.ndarray
-    alpha: np.ndarray
-    w: np.ndarray
+    s: np.ndarray  # (T, D) state it was computed from
+    u: np.ndarray  # (T, B) displacement of the boundary dofs
+    alpha: np.ndarray  # (T, size) macro multiplier
+    w: np.ndarray  # (T, D) traces of displacement and interface forces
     f: np.ndarray
-    space: TraceSpace
-    robin: np.ndarray | None = field(default=None, init=False, repr=False)
+    space: TraceSpace  # numbering
+    robin: np.ndarray | None = field(default=None, init=False, repr=False)  # (T, D) s − G α, where it is known already
 
     @classmethod
     def of_extended(cls, s: np.ndarray, u: np.ndarray, alpha: np.ndarray, w: np.ndarray, f: np.ndarray,
@@ -80,8 +70,6 @@ class Admissible:
 class LinearStage:
     """The linear stage of one decomposition.
 
-    Parameters
-    ----------
     space, direction : numbering and search direction
     macro : the macro problem, or None (mono-scale)
     loaded : (T, B) boundary values of M⁻¹f_d, computed once

@@ -1,1 +1,0 @@
-"""The linear stage: loads, back-substitutions, macro problem."""
