@@ -57,8 +57,7 @@ class Stages:
         """One of the load steps alone."""
         one = slice(step, step + 1)
         return Stages(self.force[one], self.jump[one], self.answered[one],
-                      self.answered[step - 1] if step else self.before, self.status[one],
-                      {name: x[one] for name, x in self.own.items()})
+                      self.answered[step - 1] if step else self.before, self.status[one], {name: x[one] for name, x in self.own.items()})
 
 
 @dataclass(frozen=True)

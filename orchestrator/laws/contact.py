@@ -34,10 +34,8 @@ class Parameters(Entry):
 
     friction: float | None = Field(None, ge=0, description="Coulomb's coefficient, 0 or above; none: 0")
     gap: Gap | None = Field(None, description=(
-        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0, and geometry beside "
-        "between: auto"))
-    within: Positive | None = Field(None, description=(
-        "search distance of gap: geometry, a length; none: twice the local element size"))
+        "initial gap, negative for a press fit, or geometry: as far as the sides are apart; none: 0, and geometry beside between: auto"))
+    within: Positive | None = Field(None, description=("search distance of gap: geometry, a length; none: twice the local element size"))
     pairing: Literal["fixed", "follow"] = Field("fixed", description=(
         "fixed: what lies opposite each other before loading stays paired, for sliding below an element; follow: paired anew "
         "where the sides have slid to, load step after load step"))
@@ -69,8 +67,7 @@ class Parameters(Entry):
             yield ("history", "history without a gap to multiply", "history beside a gap that is a number other than 0",
                    "give the gap as a number, or remove the history")
         if raw.get("within") is not None and not read:
-            yield ("within", "within without gap: geometry", "within beside gap: geometry only",
-                   "remove within, or write gap: geometry")
+            yield ("within", "within without gap: geometry", "within beside gap: geometry only", "remove within, or write gap: geometry")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,18 +85,15 @@ class Contact(Law):
 
     name = "contact"
     Parameters = Parameters
-    formula = ("g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, "
-               "where equal: slip along f_t")
+    formula = ("g = g₀ + n·d ≥ 0,  p = −n·f/A ≥ 0,  g p = 0;  |f_t| ≤ μ p A,  where less: no slip, where equal: slip along f_t")
     meaning = "unilateral contact with Coulomb friction"
     statuses = (OPEN, STICK, SLIP, BONDED)
-    measures = (
-        Measure("penetration", "penetration", "max −(g₀ + n·d) / ℓ", "sides inside each other", length=1),
+    measures = (Measure("penetration", "penetration", "max −(g₀ + n·d) / ℓ", "sides inside each other", length=1),
         Measure("tension", "tension", "max (n·f / A) / max pressure", "sides that pull each other", pressure=1),
         Measure("cone", "cone violation", "max (|f_t| − μ |f_n|) / A / max pressure",
                 "more friction than Coulomb's law allows", pressure=1),
         Measure("slip_direction", "slip direction", "max (|f_t| |Δs| − f_t·Δs) / A / (max pressure · ℓ)",
-                "friction that does not oppose the slip Δs", length=1, pressure=1),
-    )
+                "friction that does not oppose the slip Δs", length=1, pressure=1))
 
     @property
     def has_history(self) -> bool:
@@ -166,9 +160,6 @@ class Contact(Law):
         """Node by node: no penetration, no tension, Coulomb's cone, no pressure across an open gap."""
         gap, push = (self.gap[at.chosen] + at.opening) / length, at.pressure / pressure
         shear = np.linalg.norm(at.shear, axis=2) / pressure
-        return {
-            "penetration": np.max(-gap, initial=0.0),
-            "tension": np.max(-push, initial=0.0),
+        return {"penetration": np.max(-gap, initial=0.0), "tension": np.max(-push, initial=0.0),
             "Coulomb's cone": np.max(shear - self.friction * np.maximum(push, 0.0), initial=0.0),
-            "complementarity": np.max(np.minimum(gap, push), initial=0.0),
-        }
+            "complementarity": np.max(np.minimum(gap, push), initial=0.0)}

@@ -32,8 +32,7 @@ class Parameters(Entry):
 
     stiffness_n: Positive = Field(description="stiffness of the normal springs, above 0: force per area and per length")
     stiffness_t: Positive = Field(description="stiffness of the tangential springs, above 0: force per area and per length")
-    tension_only: bool = Field(False, description=(
-        "true: normal springs are slack where the sides approach; tangential ones always act"))
+    tension_only: bool = Field(False, description=("true: normal springs are slack where the sides approach; tangential ones always act"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,8 +39,7 @@ class Parameters(Entry):
     @classmethod
     def broken(cls, raw: dict[str, Any]) -> Iterator[tuple[str, str, str, str]]:
         if raw.get("between") == "auto":
-            yield ("between", "auto beside law: jump", "the names of two parts: the jump leads from the first to the second",
-                   "name them")
+            yield ("between", "auto beside law: jump", "the names of two parts: the jump leads from the first to the second", "name them")
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,8 +59,7 @@ class Record:
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
         self.subscribers = [self._history, self._checkpoint, self._remains]
 
-    def finish(self, solution: Solution, fields: bool, artist: Artist | None,
-               beside: Sequence[OwnFields] = ()) -> None:
+    def finish(self, solution: Solution, fields: bool, artist: Artist | None, beside: Sequence[OwnFields] = ()) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
 
         Whatever keeps fields and summary from being written, the checkpoint stays: ``--resume`` then does nothing but

@@ -51,8 +51,7 @@ class ResidualMinimisation(Acceleration):
 
     title = "residual minimisation (generalised conjugate residuals, equivalent to GMRES)"
 
-    def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float,
-                 team: Team = ALONE):
+    def __init__(self, complete: Callable[..., Admissible], weight: np.ndarray, memory: int | None, relaxation: float, team: Team = ALONE):
         self.complete, self.root, self.relaxation, self.team = complete, np.sqrt(weight), relaxation, team
         self.depth = None if memory is None else memory + 1
         self.directions: list[tuple[np.ndarray, list[np.ndarray]]] = []
@@ -64,8 +63,7 @@ class ResidualMinimisation(Acceleration):
     def of(cls, d: Decomposition, method) -> ResidualMinimisation:
         """``relaxation: auto`` is 1."""
         memory = None if method.acceleration == "gmres" or method.memory == "auto" else method.memory
-        return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation,
-                   d.space.team)
+        return cls(d.stage.complete, squared_weights(d), memory, 1.0 if method.relaxation == "auto" else method.relaxation, d.space.team)
 
     def take(self, evaluated: Admissible, image: np.ndarray) -> np.ndarray:
         """Take in an evaluation; residual at the combination of least residual. u and α are affine in s: combined like it."""
@@ -111,8 +109,7 @@ class ResidualMinimisation(Acceleration):
         Returns c : (T, n) what has been taken out; and dr·dr and dr·r* of what is left, (T,)
         """
         n, steps = len(self.directions), len(dr)
-        met, last, first = (np.reshape(x, (n, steps)).T for x in (products[: 2 * n : 2], products[1 : 2 * n : 2],
-                                                                     products[2 * n : 3 * n]))
+        met, last, first = (np.reshape(x, (n, steps)).T for x in (products[: 2 * n : 2], products[1 : 2 * n : 2], products[2 * n : 3 * n]))
         if self.tilted is None:
             self.tilted = np.zeros((steps, 0, 0))
         if n:

@@ -222,8 +222,7 @@ class CoarseCorrection:
             r[:, keep] = allowed @ (vectors[:, keep] / np.sqrt(size[keep]))
         return result
 
-    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray,
-                   ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _monomials(self, scene: Scene, frames: _Frames, R: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """φ (P, m) and A (I, 3m, 2n) of ``PairFields``; m = 4, or 8 where the two nodes of a pair are apart."""
         space, pairs = self.stage.space, self.pairs
         centre, size = self._of_all(frames.centre), self._of_all(frames.size)

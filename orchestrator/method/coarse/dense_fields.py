@@ -24,8 +24,7 @@ class DenseFields(PairFields):
     T : (P, 3, 2n); all_L, bodies : as for ``PairFields``
     """
 
-    def __init__(self, pairs: Pairs, T: np.ndarray, all_L: np.ndarray, bodies: np.ndarray,
-                 chosen: np.ndarray | None = None):
+    def __init__(self, pairs: Pairs, T: np.ndarray, all_L: np.ndarray, bodies: np.ndarray, chosen: np.ndarray | None = None):
         super().__init__(pairs, np.empty((len(T), 0)), np.empty((len(bodies), 0, all_L.shape[2])), all_L, bodies, chosen)
         self.T = T
 
@@ -36,8 +35,7 @@ class DenseFields(PairFields):
     def jump(self, y: np.ndarray) -> np.ndarray:
         """(3, Q) T y."""
         result = np.zeros((3, len(self.chosen)))
-        in_parts(spread, len(self.bodies), self.T, self.chosen, self.pairs.bounds, self.both(y), result,
-                 part=self.part(len(self.chosen)))
+        in_parts(spread, len(self.bodies), self.T, self.chosen, self.pairs.bounds, self.both(y), result, part=self.part(len(self.chosen)))
         return result
 
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

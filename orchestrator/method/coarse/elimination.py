@@ -131,12 +131,10 @@ class Layout(NamedTuple):
         enter = [np.column_stack([own, *(places(front, x[own]) for x in entries)])
                  for front, own in enumerate(np.split(blocks, enters[1:-1]))]
         child, (a, m) = np.argsort(parent, kind="stable")[np.count_nonzero(parent < 0):], size * fronts.T
-        return cls(
-            panel, max(1, BAND // panel) * panel, size * fronts,
+        return cls(panel, max(1, BAND // panel) * panel, size * fronts,
             np.column_stack([_starts(lengths)[:-1] for lengths in ((a + m) * a, a * m, m**2)]), starts[:-1],
             enters, np.concatenate([np.zeros((0, 3), int), *enter]),
-            np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, _starts(fronts[:, 1]),
-            np.concatenate([none, *rests]),
+            np.searchsorted(parent[child], np.arange(len(fronts) + 1)), child, _starts(fronts[:, 1]), np.concatenate([none, *rests]),
             np.concatenate([none, *(places(above, rest) for above, rest in zip(parent, rests) if len(rest))]))
 
 

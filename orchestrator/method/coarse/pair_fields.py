@@ -79,16 +79,14 @@ class PairFields:
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""
         F = np.array(F0, order="C")
-        in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F,
-                 part=self.part(len(self.chosen)))
+        in_parts(spread, len(self.bodies), self.all_L, self.chosen, self.pairs.bounds, self.both(y), F, part=self.part(len(self.chosen)))
         return F
 
     def jump(self, y: np.ndarray) -> np.ndarray:
         """(3, Q) T y, what the first body moves in the fields y (bodies, n), less what the second one does."""
         result = np.empty((3, len(self.chosen)))
         combined = np.matmul(self.A, self.both(y)[:, :, None])[:, :, 0]
-        in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result,
-                 part=self.part(len(self.chosen)))
+        in_parts(moved, len(self.bodies), self.phi, self.chosen, self.pairs.bounds, combined, result, part=self.part(len(self.chosen)))
         return result
 
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

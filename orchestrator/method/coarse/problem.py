@@ -55,8 +55,7 @@ class CoarseProblem:
     left : per load step, ‖ρ‖ that its last solve left, over that at its start
     """
 
-    def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray,
-                 W: list[np.ndarray]):
+    def __init__(self, team: Team, bodies: int, own: np.ndarray, fields: PairFields, K0: np.ndarray, W: list[np.ndarray]):
         self.team, self.own, self.fields, self.W = team, np.asarray(own, dtype=int), fields, W
         self.bodies = Bodies.of(team, bodies, self.own, fields, K0)
         self.farthest = self._of_all(np.array([np.linalg.norm(w, axis=1).max(initial=0.0) for w in W]))

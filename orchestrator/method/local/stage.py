@@ -91,8 +91,7 @@ class LawStage:
         return LocalState(s, (w_hat, f_hat, k_hat), force, lawful, jump, status,
                           {name: np.stack([each[name] for each in own]) for name in own[0]}, at)
 
-    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, before: History,
-                 t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
+    def _coupled(self, F: np.ndarray, q: np.ndarray, force: np.ndarray, before: History, t: int) -> tuple[Answer, np.ndarray, np.ndarray]:
         """What the laws answer, f̂ and d, (3, P) each, where points feel each other through the nodes they share:
 
             f̂ ← law(f̂ + keq d),   d = d* − S (f̂ − q*)

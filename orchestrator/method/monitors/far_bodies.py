@@ -127,8 +127,7 @@ class FarBodies(Monitor):
             motion = rigid[b, t, 3:] if turn[b, t] / ROTATION > shift[b, t] / DISPLACEMENT else rigid[b, t, :3]
             around = {names[other]: max(touch[pair][t] for pair in ((b, other), (other, b)) if pair in touch)
                       for other in dict.fromkeys(x for pair in touch if b in pair for x in pair if x != b)}
-            self.far.append(FarBody(
-                names[b], self.numbers[t], int(self.since[b, t]), float(shift[b, t]), float(turn[b, t]),
+            self.far.append(FarBody(names[b], self.numbers[t], int(self.since[b, t]), float(shift[b, t]), float(turn[b, t]),
                 (motion / np.linalg.norm(motion)).tolist(),
                 *([name for name, what in around.items() if what == wanted] for wanted in (2, 1, 0))))
         new = [body for body in self.far if body.body not in self.told]

@@ -65,8 +65,7 @@ class Balancing:
             ratio = one / np.maximum(two, TINY)
         if len(filled):
             even = np.maximum.reduceat(ratio, starts) <= UNEVEN * np.minimum.reduceat(ratio, starts)
-            one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side)
-                        for side in (one, two))
+            one, two = (np.where(np.repeat(even, counts), np.repeat(np.add.reduceat(side, starts), counts), side) for side in (one, two))
         return one / np.maximum(one + two, TINY)
 
     def __call__(self, f: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, bool]:

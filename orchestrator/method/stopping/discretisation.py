@@ -97,8 +97,7 @@ class Estimator:
         cells = np.concatenate([(s.connectivity + a).astype(kind) for s, a in zip(scene.subdomains, offsets)])
         nodes = scene.mesh.nodes[np.concatenate([s.nodes for s in scene.subdomains])]
         bonded = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
-        one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)])
-                    for side in (0, 1))
+        one, two = (np.concatenate([i.nodes[side] + offsets[i.subdomains[side]] for i in bonded] or [np.empty(0, int)]) for side in (0, 1))
         lame = np.array([m.lame for m in scene.materials])[scene.cell_material[order]]
         return cls(nodes, cells, components(one, two, len(nodes))[1], lame, None if scene.thermal is None else scene.thermal[:, order], order)
 

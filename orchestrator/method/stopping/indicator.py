@@ -99,8 +99,7 @@ def latin_parts(problem: Decomposition, fields: Admissible, local: LocalState, e
         squares = [float(np.vdot(one, its)) for one, its in zip(forces, solved)]
     else:
         squares = [_square(one, 1 / direction.diagonal) for one in forces]
-    return (float(np.vdot(w - w_hat, kw - kw_hat)) + squares[0],
-            float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + squares[1] + squares[2])
+    return (float(np.vdot(w - w_hat, kw - kw_hat)) + squares[0], float(np.vdot(w, kw) + np.vdot(w_hat, kw_hat)) + squares[1] + squares[2])
 
 
 def energy_residual(stage: LinearStage, fields: Admissible, local: LocalState, size: float) -> float:

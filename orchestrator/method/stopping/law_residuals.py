@@ -72,8 +72,7 @@ class LawResiduals:
         return {"law_residual": self.largest, "interface_residual": self.residual, "imbalance": self.imbalance, **self.measures}
 
 
-def law_residuals(parts: Sequence[tuple[Pairs, np.ndarray, np.ndarray, LocalState, History]], lengths: Lengths,
-                  team: Team) -> LawResiduals:
+def law_residuals(parts: Sequence[tuple[Pairs, np.ndarray, np.ndarray, LocalState, History]], lengths: Lengths, team: Team) -> LawResiduals:
     """How well laws hold in all load steps.
 
     parts : for some load steps each: the pairs, traces w and f (T, D + G) of the linear stage, the local stage, and what the step
@@ -124,8 +123,7 @@ def _of_law(pairs: Pairs, run, at: PointTraces, local: LocalState, before: Histo
     stages = Stages(at.force[..., part], at.jump[..., part], local.jump[..., part], before.jump[:, part], local.status[:, part],
                     {v.name: local.own[v.name][:, part] for v in law.variables})
     each = [(points, stages)] if not points.stepped else [(points.at(number), stages.at(t)) for t, number in enumerate(pairs.numbers)]
-    told = [(pressure, *(values[measure.name] for measure in law.measures))
-            for pressure, values in (law.residuals(*own) for own in each)]
+    told = [(pressure, *(values[measure.name] for measure in law.measures)) for pressure, values in (law.residuals(*own) for own in each)]
     return [_largest(points.stiff_n / points.area), *(np.max([_largest(x) for x in same]) for same in zip(*told))]
 
 
