@@ -10,7 +10,6 @@ import pytest
 from orchestrator.method.coarse import elimination
 from orchestrator.method.coarse.block_pattern import BlockPattern
 from orchestrator.method.coarse.elimination import Elimination
-from orchestrator.method.coarse.kept_factors import KeptFactors
 from orchestrator.compiled import compiled
 
 SIZE = 3
@@ -51,7 +50,7 @@ def test_it_is_what_dense_elimination_gives(monkeypatch, calls):
     assert factors.solve(right).ravel() == pytest.approx(np.linalg.solve(dense, right.ravel()), rel=1e-8)
     again = elimination_of.factors(pattern.matrix(values, 0.25).data)
     assert np.array_equal(again.solve(right), factors.solve(right))
-    assert np.array_equal(pattern.solve(values, right, 0.25), factors.solve(right))
+    assert np.array_equal(pattern.factors(values, 0.25).solve(right), factors.solve(right))
 
 
 def test_bands_end_within_fronts(monkeypatch):
@@ -77,7 +76,7 @@ def test_few_operations_beside_a_dense_matrix():
 def test_a_pivot_that_vanishes_is_told():
     pattern = BlockPattern(np.array([[0, 1]]), 2, SIZE)
     with pytest.raises(ZeroDivisionError, match="pivot"):
-        pattern.solve(np.zeros((4, SIZE, SIZE)), np.ones((2, SIZE)), 0.0)
+        pattern.factors(np.zeros((4, SIZE, SIZE)), 0.0)
 
 
 WRITE_NOTHING = """
@@ -108,29 +107,3 @@ def test_where_nothing_opens_nothing_is_compiled():
     code = ("import sys, orchestrator.run, orchestrator.cli, orchestrator.method.coarse.kernels; "
             "sys.exit('numba' in sys.modules)")
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
-
-
-def test_factors_of_a_neighbouring_matrix_serve(monkeypatch):
-    """A few blocks changed: no new factors; another matrix: new ones; always solved."""
-    rng, size = np.random.default_rng(8), 3
-    ends = np.array([(a, b) for a in range(60) for b in (a + 1, a + 7) if b < 60])
-    pattern = BlockPattern(ends, 60, size)
-    jump = np.block([[np.eye(size), -np.eye(size)]])
-
-    def values(stiff):
-        pairs = stiff[:, None, None] * (jump.T @ jump)
-        return pattern.values(pairs.reshape(-1, 2, size, 2, size).swapaxes(2, 3), np.tile(1e-3 * np.eye(size), (60, 1, 1)))
-
-    kept, made = KeptFactors(pattern), []
-    factors = pattern.elimination.factors
-    monkeypatch.setattr(pattern.elimination, "factors", lambda blocks, *instead: made.append(1) or factors(blocks, *instead))
-    pattern.elimination.worth = 20.0
-    stiff, right = rng.uniform(0.5, 2.0, len(ends)), rng.normal(size=(60, size))
-    less, other = stiff.copy(), rng.uniform(0.5, 2.0, len(ends)) ** 4
-    less[7] = 0.0
-    for given, count in ((stiff, 1), (less, 1), (other, 2), (1e9 * (stiff > 1) + 1e-9, 3)):
-        v = values(given)
-        x = kept.solve(v, right, 0.0)
-        assert len(made) == count
-        left = pattern.matrix(v, 0.0) @ x.ravel() - right.ravel()
-        assert np.linalg.norm(left) <= 5e-3 * np.linalg.norm(right)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.compiled import in_parts
-from orchestrator.method.coarse.elimination import Elimination
+from orchestrator.method.coarse.elimination import Elimination, Factors
 from orchestrator.method.coarse.kernels import added_up
 
 BLOCKS = 1024  # that are worth a thread's while
@@ -27,7 +27,7 @@ class BlockPattern:
     """
 
     def __init__(self, ends: np.ndarray, bodies: int, size: int, order: np.ndarray | None = None):
-        self.bodies, self.size = bodies, size
+        self.bodies, self.size, self._factors = bodies, size, None
         rows, columns = np.repeat(ends, 2, axis=1).ravel(), np.tile(ends, 2).ravel()
         own = np.arange(bodies)
         places, where = np.unique(np.concatenate([bodies * rows + columns, bodies * own + own]), return_inverse=True)
@@ -56,7 +56,7 @@ class BlockPattern:
     def less(self, values: np.ndarray, pairs: np.ndarray, sign: float = -1.0) -> np.ndarray:
         """Blocks of a matrix, less those of the interfaces (or, by the sign, and those), in the matrix's precision."""
         result = np.empty_like(values)
-        in_parts(added_up, len(result), self.starts, self.which, values.dtype.type(sign), pairs.reshape(-1, self.size**2),
+        in_parts(added_up, len(result), (self.starts, self.which), values.dtype.type(sign), pairs.reshape(-1, self.size**2),
                  *(x.reshape(len(result), -1) for x in (values, result)), part=BLOCKS)
         return result
 
@@ -64,9 +64,10 @@ class BlockPattern:
         """The matrix that ``values`` belong to, with a shift of its diagonal."""
         return self.matrix_of(self.shifted(values, shift))
 
-    def solve(self, values: np.ndarray, right: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, size) solution x of (matrix + shift) x = right."""
-        return self.elimination.factors(self.shifted(values, shift)).solve(right)
+    def factors(self, values: np.ndarray, shift: float) -> Factors:
+        """Of (matrix + shift), in the place of the last ones: fresh memory costs as much as what is done on it."""
+        self._factors = self.elimination.factors(self.shifted(values, shift), self._factors)
+        return self._factors
 
     def matrix_of(self, blocks: np.ndarray) -> sp.bsr_array:
         """The matrix of all its blocks."""

@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -52,12 +51,15 @@ FAR = 30.0  # the same where contacts are stabilised: loose bodies have a place,
 
 @dataclass
 class _Response:
-    """Fields of each trace dof's own body and their response: U, V (n, D); W, F (n, D + G), ghosts included."""
+    """Fields of each trace dof's own body and their response: U, V (n, D); W, F (n, D + G), ghosts included; u (n, B) on boundary
+    dofs, whose bodies are ``body`` (B,) int."""
 
     U: np.ndarray
     V: np.ndarray
     W: np.ndarray
     F: np.ndarray
+    u: np.ndarray
+    body: np.ndarray
 
 
 class CoarseCorrection:
@@ -67,7 +69,6 @@ class CoarseCorrection:
     stage : linear stage; solves the fields of every body once
     pairs : node pairs of all interfaces, perfect ones included
     kind : "affine", 12 fields per body, or "rigid", 6
-    sweeps : back-substitutions per subdomain at set-up
     problem : the contact problem of one load step
     """
 
@@ -75,28 +76,26 @@ class CoarseCorrection:
         self.stage, self.pairs = stage, pairs
         self.predict = LawStage(stage.direction, pairs)
         space = stage.space
-        self.team = space.team
-        self.bodies, self.own = len(scene.subdomains), space.subdomains
-        own = space.owner[: space.size]
-        self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in self.own]
+        self.bodies, own = len(scene.subdomains), space.owner[: space.size]
+        self.parts = [slice(*(int(np.searchsorted(own, e, side)) for side in ("left", "right"))) for e in space.subdomains]
         k = stage.direction.k
         frames = _Frames.of(scene, space, self.parts)
         fields = space.changed(frames.fields)
         if space.ties is not None:
             fields[:, space.ties.dofs] = 0.0  # tied dofs stay at rest, so that contact pairs do all the work
         R = self._independent(fields, times(k, fields), FIELDS[kind])
-        self.sweeps = R.shape[2]
-        U = np.zeros((self.sweeps, space.size))
+        each = np.arange(R.shape[2])
+        U = np.zeros((len(each), space.size))
         for part, r in zip(self.parts, R):
             np.matmul(r.T, fields[:, part], out=U[:, part])
         V = times(k, U)
-        self.boundary_response = stage.solve(space.loads(V))  # subdomains do not see each other's rows
-        W = space.trace(self.boundary_response)
+        u = stage.solve(space.loads(V))  # subdomains do not see each other's rows
+        W = space.trace(u)
         W, F = space.extended(W, V - times(k, W))  # ghosts last: own parts keep their places
-        self.response = _Response(U, V, W, F)
+        self.response = _Response(U, V, W, F, u, np.repeat(space.subdomains, [part.stop - part.start for part in space.boundary]))
         K0 = self._per_body(U, F)
         dropped = np.array([~U[:, part].any(axis=1) for part in self.parts])
-        K0[:, np.arange(self.sweeps), np.arange(self.sweeps)] += dropped  # fields a body lacks stay at rest
+        K0[:, each, each] += dropped  # fields a body lacks stay at rest
 
         self.K0 = self._of_all(K0)
         if pairs.transfer.picks:
@@ -105,8 +104,13 @@ class CoarseCorrection:
         else:
             at_pairs = self._dense(pairs)
         self.problem = self._problem(at_pairs)
-        self.prescribed = self.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.own))[0]
+        self.prescribed = self.stage.space.team.max(max(np.abs(scene.subdomains[e].prescribed).max(initial=0.0) for e in self.stage.space.subdomains))[0]
         self.radius: float | None = None
+
+    @property
+    def sweeps(self) -> int:
+        """Back-substitutions per subdomain at set-up."""
+        return len(self.response.U)
 
     def paired(self, pairs: Pairs) -> CoarseCorrection:
         """The same for sides that have been paired anew: what the bodies answer stays."""
@@ -129,7 +133,7 @@ class CoarseCorrection:
         return DenseFields(pairs, np.ascontiguousarray(T.transpose(2, 1, 0)), L, ends)
 
     def _problem(self, at_pairs: PairFields | DenseFields) -> CoarseProblem:
-        return CoarseProblem(self.team, self.bodies, self.own, at_pairs, self.K0,
+        return CoarseProblem(self.stage.space.team, self.bodies, self.stage.space.subdomains, at_pairs, self.K0,
                              [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts])
 
     def start_from(self, local: LawStage) -> None:
@@ -143,12 +147,12 @@ class CoarseCorrection:
         fields : result of a linear stage
         """
         if not self.radius:
-            moved = max(self.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
+            moved = max(self.stage.space.team.max(np.abs(fields.w).max(initial=0.0))[0], self.prescribed)
             if moved == 0:  # nothing but laws asks for anything: a jump, the force of a bolt
-                moved = self.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
+                moved = self.stage.space.team.max(np.abs(self.predict(fields).jump).max(initial=0.0))[0]
             self.radius = (REACH if self.pairs.stabilisation is None else FAR) * moved
         y, r, space = self._solved(fields), self.response, self.stage.space
-        s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, self.boundary_response, self.body_of_boundary)
+        s, u = self._moved(fields.s, y, r.V, space.owner), self._moved(fields.u, y, r.u, r.body)
         # ghosts move with their own bodies, whose fields all ranks know
         w, f = (self._moved(x, y, response, space.owner) for x, response in zip(fields.extended, (r.W, r.F)))
         return Admissible.of_extended(s, u, fields.alpha, w, f, space)
@@ -168,7 +172,7 @@ class CoarseCorrection:
         aside.problem = self.problem.aside()
         moved = np.zeros((len(jump), *before.shape))  # perfect interfaces come last, and have no springs
         moved[..., : jump.shape[2]] = np.diff(jump, axis=0, prepend=before[None, :, : jump.shape[2]])
-        return self._moved(fields.u, aside._solved(fields, moved), self.boundary_response, self.body_of_boundary)
+        return self._moved(fields.u, aside._solved(fields, moved), self.response.u, self.response.body)
 
     def _solved(self, fields: Admissible, moved: np.ndarray | None = None) -> np.ndarray:
         """(T, bodies, n) y.
@@ -193,12 +197,6 @@ class CoarseCorrection:
         in_parts(carried_along, at.shape[1], body, y, response, at, result)
         return result
 
-    @cached_property
-    def body_of_boundary(self) -> np.ndarray:
-        """(B,) int, the body of each boundary dof."""
-        parts = self.stage.space.boundary
-        return np.repeat(self.own, [part.stop - part.start for part in parts])
-
     def state(self) -> dict[str, object]:
         """What a resumed run has to know."""
         return {"radius": self.radius, **self.problem.state()}
@@ -215,7 +213,7 @@ class CoarseCorrection:
 
         fields, k_fields : (12, D); allowed : (12, n) combinations of them
         """
-        result = np.zeros((len(self.own), *allowed.shape))
+        result = np.zeros((len(self.stage.space.subdomains), *allowed.shape))
         for r, gram in zip(result, self._per_body(fields, k_fields)):
             size, vectors = np.linalg.eigh(allowed.T @ gram @ allowed)
             keep = size > DEPENDENT * size.max(initial=0.0)
@@ -233,7 +231,7 @@ class CoarseCorrection:
         phi = _monomials((x1 - centre[first]) / size[first, None])
         # fields are monomials outside, components inside; here it is the other way round
         R1, R2 = (R[b].reshape(-1, MONOMIALS, 3, R.shape[2]).swapaxes(1, 2) for b in ends.T)
-        if self.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
+        if self.stage.space.team.max(np.abs(x1 - x2).max(initial=0.0))[0] > 0:
             phi = np.hstack([phi, _monomials((x2 - centre[second]) / size[second, None])])
             A = np.block([[R1, np.zeros_like(R1)], [np.zeros_like(R2), -R2]])
         else:  # the second body's monomials are combinations of the first one's
@@ -247,7 +245,7 @@ class CoarseCorrection:
 
     def _per_body(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """(own bodies, n, n) products of rows (n, D) over each body's trace dofs, which lie together."""
-        result = np.zeros((len(self.own), len(a), len(b)))
+        result = np.zeros((len(self.stage.space.subdomains), len(a), len(b)))
         for e, part in enumerate(self.parts):
             result[e] = a[:, part] @ b[:, part].T
         return result
@@ -258,7 +256,7 @@ class CoarseCorrection:
 
     def _of_all(self, own: np.ndarray) -> np.ndarray:
         """(bodies, …) from what each rank knows of its own bodies."""
-        return of_all(self.team, self.bodies, self.own, own)
+        return of_all(self.stage.space.team, self.bodies, self.stage.space.subdomains, own)
 
 
 def kind_of(asked: str, scene: Scene, pairs: Pairs, team: Team) -> str:

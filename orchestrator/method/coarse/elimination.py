@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,6 @@ import scipy.sparse as sp
 
 from orchestrator.method.interface.factor import dissection
 
-READ = 20.0  # operations that BLAS does in the time that a solution spends on an entry of the factors
 OWN_CALLS = 1e5  # operations that BLAS does in the time that one more front takes beside them
 PASSED = 50.0  # operations that BLAS does in the time that it takes to pass a number on to the parent
 MANY, ORDERS = 1e9, 8  # operations that take as long as to look for another order; of a dozen the best saves a twentieth or a tenth
@@ -59,12 +57,6 @@ class Elimination:
         entries = place[np.repeat(np.arange(count), np.diff(indptr))], place[indices]
         self.layout = Layout.of(self.fronts, rests, entries, size)
         self._work: np.ndarray | None = None
-
-    @cached_property
-    def worth(self) -> float:
-        """How many solutions take as long as the factorisation."""
-        own, rest = self.fronts.T
-        return sum(_operations(*front, self.size) for front in self.fronts) / (READ * self.size**2 * (own * (own + 2 * rest)).sum())
 
     def factors(self, blocks: np.ndarray, instead: Factors | None = None) -> Factors:
         """Factorise a matrix.
@@ -155,13 +147,8 @@ class Factors:
         from orchestrator.method.coarse.fronts import solve
 
         result = np.empty(right.shape)
-        solve(self.numbers, np.ascontiguousarray(right, float), result)
+        solve((self.of.order, tuple(self.of.layout), self.own, self.beside), np.ascontiguousarray(right, float), result)
         return result
-
-    @property
-    def numbers(self) -> tuple:
-        """What ``fronts.solve`` wants."""
-        return self.of.order, tuple(self.of.layout), self.own, self.beside
 
 
 def _starts(lengths: Sequence[int] | np.ndarray) -> np.ndarray:

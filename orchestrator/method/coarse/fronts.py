@@ -96,8 +96,8 @@ def _inverted_by_panels(P, panel, product):
                 row[j] = 0.0
             for j in range(w):
                 below[(p + i) * w + j] = -1.0 if i == j else 0.0
-        gemm(product, w, n, w, 1.0, at_square, width, at_beside, n, 0.0, at_rows, n)
-        gemm(product, n, n, w, -1.0, at_below, w, at_rows, n, 1.0, at_P, n)
+        gemm(product, (w, n, w), 1.0, (at_square, width), (at_beside, n), 0.0, (at_rows, n))
+        gemm(product, (n, n, w), -1.0, (at_below, w), (at_rows, n), 1.0, (at_P, n))
     return True
 
 
@@ -174,15 +174,15 @@ def _across(f, p, product, layout, own, beside, right):
     _copied(P, L[p:q, p:q])
     at_P = np.int64(P.ctypes.data)
     if m:
-        gemm(product, w, m, w, 1.0, at_P, w, at_right + REAL * m * p, m, 0.0, at_U + REAL * m * p, m)
+        gemm(product, (w, m, w), 1.0, (at_P, w), (at_right + REAL * m * p, m), 0.0, (at_U + REAL * m * p, m))
     if rest:
         others = right[a * m + w * w : a * m + w * w + w * rest].reshape(w, rest)
         _copied(L[p:q, q:], others)
         at_beside, at_rows = at_L + REAL * (a * p + q), at_L + REAL * a * q
-        gemm(product, w, rest, w, 1.0, at_P, w, np.int64(others.ctypes.data), rest, 0.0, at_beside, a)
-        gemm(product, rest + m, rest, w, -1.0, at_rows + REAL * p, a, at_beside, a, 1.0, at_rows + REAL * q, a)
+        gemm(product, (w, rest, w), 1.0, (at_P, w), (np.int64(others.ctypes.data), rest), 0.0, (at_beside, a))
+        gemm(product, (rest + m, rest, w), -1.0, (at_rows + REAL * p, a), (at_beside, a), 1.0, (at_rows + REAL * q, a))
         if m:
-            gemm(product, rest, m, w, -1.0, at_rows + REAL * p, a, at_U + REAL * m * p, m, 1.0, at_right + REAL * m * q, m)
+            gemm(product, (rest, m, w), -1.0, (at_rows + REAL * p, a), (at_U + REAL * m * p, m), 1.0, (at_right + REAL * m * q, m))
     return True
 
 
@@ -193,7 +193,7 @@ def _left(f, product, layout, own, beside, work, runs):
     a, m = sizes[f]
     at_L, at_U, at_S = (np.int64(own.ctypes.data) + REAL * (places[f, 0] + a * a), np.int64(beside.ctypes.data) + REAL * places[f, 1],
                         np.int64(work.ctypes.data) + REAL * places[f, 2])
-    gemm(product, m, m, a, -1.0, at_L, a, at_U, m, 0.0, at_S, m)
+    gemm(product, (m, m, a), -1.0, (at_L, a), (at_U, m), 0.0, (at_S, m))
     for k in range(children[f], children[f + 1]):
         c = child[k]
         m_c, first = sizes[c, 1], rests[c]
@@ -242,9 +242,12 @@ def _added(result, to, given, of, runs, first, last):
             result[a + j] += given[b + j]
 
 
-@numba.njit(nogil=True, fastmath=SUMS)
-def _solved(factors, right, result):
-    """See ``solve``."""
+@compiled
+def solve(factors, right, result):
+    """Write the solution (bodies, size) for a right-hand side.
+
+    factors : (bodies,) int, the order of elimination; ``layout``, ``own`` and ``beside`` as for ``eliminate``
+    """
     order, layout, own_parts, beside = factors
     _, band, sizes, places, starts, _, _, _, _, rests, rest, _ = layout
     size, x = right.shape[1], np.empty(right.shape)
@@ -300,17 +303,8 @@ def _times_each(row, other):
 
 
 @compiled
-def solve(factors, right, result):
-    """Write the solution (bodies, size) for a right-hand side.
-
-    factors : (bodies,) int, the order of elimination; ``layout``, ``own`` and ``beside`` as for ``eliminate``
-    """
-    _solved(factors, right, result)
-
-
-@numba.njit(nogil=True, fastmath=SUMS)
-def _times(blocks, starts, columns, x, result):
-    """result (bodies, size) = a matrix of blocks (n, size, size), row after row, times x."""
+def times(blocks, starts, columns, x, result):
+    """result (bodies, size) = a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, times x."""
     size = blocks.shape[1]
     for i in range(len(result)):
         total = result[i]
@@ -322,67 +316,3 @@ def _times(blocks, starts, columns, x, result):
                 for d in range(size):
                     one += row[d] * part[d]
                 total[c] += one
-
-
-@compiled
-def times(blocks, starts, columns, x, result):
-    """result (bodies, size) = a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, times x."""
-    _times(blocks, starts, columns, x, result)
-
-
-@compiled
-def gmres(factors, blocks, starts, columns, right, most, accuracy, seen, x, more):
-    """Solve with a matrix of blocks (n, size, size), its rows' ``starts`` and ``columns``, preconditioned from the right.
-
-    factors : as for ``solve``, of a matrix like it
-    right : (bodies, size)
-    most : products that are allowed; accuracy : relative residual that is asked for
-    seen : products after which it can be told how many more it takes
-    x, more : (bodies, size) take the solution, and what the factors make of the residual that it leaves
-    Returns bool : whether it is solved
-    """
-    shape, length = right.shape, np.sqrt((right**2).sum())
-    x[:], more[:] = 0.0, 0.0
-    if length == 0.0:
-        return True
-    basis, directions = np.empty((most + 1, *shape)), np.empty((most, *shape))
-    R, turn, target = np.zeros((most + 1, most)), np.zeros((most, 2)), np.zeros(most + 1)
-    basis[0], target[0], count = right / length, 1.0, 0
-    for j in range(most):
-        _solved(factors, basis[j], directions[j])
-        new = basis[j + 1]
-        _times(blocks, starts, columns, directions[j], new)
-        for _ in range(2):  # what rounding leaves of a direction that is nearly known
-            for i in range(j + 1):
-                part = (basis[i] * new).sum()
-                new -= part * basis[i]
-                R[i, j] += part
-        height = np.sqrt((new**2).sum())
-        if not np.isfinite(height):
-            return False
-        for i in range(j):  # Givens's rotations make it triangular
-            a, b = R[i, j], R[i + 1, j]
-            R[i, j], R[i + 1, j] = turn[i, 0] * a + turn[i, 1] * b, turn[i, 0] * b - turn[i, 1] * a
-        far = np.hypot(R[j, j], height)
-        if far == 0.0:
-            return False
-        turn[j, 0], turn[j, 1] = R[j, j] / far, height / far
-        R[j, j], target[j], target[j + 1] = far, turn[j, 0] * target[j], -turn[j, 1] * target[j]
-        left = abs(target[j + 1])
-        if left <= accuracy:
-            count = j + 1
-            break
-        if height == 0.0 or (j + 1 >= seen and left ** (most / (j + 1)) > accuracy):
-            return False
-        new /= height
-    if count == 0:
-        return False
-    for i in range(count - 1, -1, -1):
-        share = target[i]
-        for j in range(i + 1, count):
-            share -= R[i, j] * target[j]
-        target[i] = share / R[i, i]
-        x += (length * target[i]) * directions[i]
-    _times(blocks, starts, columns, x, basis[0])
-    _solved(factors, right - basis[0], more)
-    return True

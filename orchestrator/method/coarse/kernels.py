@@ -65,11 +65,12 @@ def moved(start, stop, phi, chosen, bounds, C, d):
 
 
 @compiled
-def swept(start, stop, L, phi, A, chosen, bounds, ends, fields, weight, dF, against):
-    """dF = L y and against = ω (1₃ ⊗ φ) A y, (3, Q), at some of the pairs; as for ``spread`` and ``carried``.
+def swept(start, stop, of, ends, fields, weight, results):
+    """dF = L y and ω (1₃ ⊗ φ) A y, the ``results`` (3, Q), at some of the pairs; as for ``spread`` and ``carried``.
 
     ends : (I, 2) int, the two bodies of each interface; fields : (bodies, n), of which y are those of the two
     """
+    (L, phi, A, chosen, bounds), (dF, against) = of, results
     m, half = phi.shape[1], fields.shape[1]
     y, combined = np.empty(2 * half), np.empty(3 * m)
     for i in range(start, stop):
@@ -106,12 +107,12 @@ def along(start, stop, F, theta, dF, result):
 
 
 @compiled
-def carried(start, stop, phi, chosen, bounds, A, force, weight, result):
+def carried(start, stop, of, force, weight, result):
     """result (I, 2, n) = Aᵀ Σ ω f̂ ⊗ φ of forces (3, Q), first body and second body of each interface.
 
-    phi : (P, m); A : (I, 3m, 2n); weight : (P,) ω
-    others : as for ``spread``
+    of : L, φ (P, m), A (I, 3m, 2n), chosen and bounds, as for ``spread``; weight : (P,) ω
     """
+    _, phi, A, chosen, bounds = of
     m, half = phi.shape[1], A.shape[2] // 2
     moments = np.empty(3 * m)
     for i in range(start, stop):
@@ -142,11 +143,12 @@ def gathered(ends, each, result):
 
 
 @compiled
-def added_up(start, stop, starts, which, sign, blocks, at, result):
+def added_up(start, stop, places, sign, blocks, at, result):
     """result (n, s) = at + sign · the sum of some blocks (k, s), in rows from start to stop.
 
-    starts : (n + 1,) int, where those of each row begin in ``which``
+    places : (n + 1,) int, where those of each row begin, and which they are
     """
+    starts, which = places
     for i in range(start, stop):
         row, before = result[i], at[i]
         for j in range(len(row)):

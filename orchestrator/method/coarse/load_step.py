@@ -177,31 +177,31 @@ class Line:
     """
 
     def __init__(self, at: LoadStep, dy: np.ndarray):
-        self.at, self.F, self.theta, bodies = at, at.F, None, at.bodies
+        self.at, self.F, self.found, bodies = at, at.F, (None, None, None), at.bodies
         self.dF, self.against = at.fields.swept(dy, bodies.weight)
         self.there = np.empty_like(at.F)
         self.stiff, self.sprung = at._linear(dy)
-        self.start, self.slope = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff)
-        self.carried, self.springs = None, (0.0, 0.0)
+        self.start, self.slope, self.springs = np.vdot(dy, at.resultant + at.stiff), np.vdot(dy, self.stiff), (0.0, 0.0)
         if bodies.springs is not None:
             self.springs = np.vdot(dy, at.resisted + at.sprung), np.vdot(dy, self.sprung)
 
     def __call__(self, theta: float) -> float:
         """dy·ρ(y + θ dy), the work of the imbalance."""
-        at = self.at
+        at, carried = self.at, None
         at.F = self.there
         in_parts(along, at.F.shape[1], self.F, theta, self.dF, at.F, part=WORTH)
-        self.force, self.theta = at.answer(at.F).force, theta
-        team, work = at.bodies.team, np.vdot(self.against, self.force) + self.springs[0] + theta * self.springs[1]
+        force, team = at.answer(at.F).force, at.bodies.team
+        work = np.vdot(self.against, force) + self.springs[0] + theta * self.springs[1]
         if team.size > 1:  # most lines end at their first point: what ρ needs there travels along
-            work, self.carried = team.sum(work, at.carried(self.force, at.sprung + theta * self.sprung))
+            work, carried = team.sum(work, at.carried(force, at.sprung + theta * self.sprung))
+        self.found = theta, force, carried
         return float(self.start + theta * self.slope - work)
 
     def end(self, theta: float) -> np.ndarray:
         """(bodies, n) ρ(y + θ dy), which the load step then stands at."""
-        at = self.at
-        if self.theta != theta:
+        if self.found[0] != theta:
             self(theta)
-        at.stiff = at.stiff + self.theta * self.stiff
-        at.sprung = at.sprung + self.theta * self.sprung
-        return at._imbalance(self.force) if self.carried is None else at.resultant + at.stiff - self.carried
+        at, (_, force, carried) = self.at, self.found
+        at.stiff = at.stiff + theta * self.stiff
+        at.sprung = at.sprung + theta * self.sprung
+        return at._imbalance(force) if carried is None else at.resultant + at.stiff - carried

@@ -76,6 +76,11 @@ class PairFields:
         """(Q, 3, 2n) what the predicted force F changes with the fields."""
         return self.all_L if len(self.chosen) == len(self.all_L) else self.all_L[self.chosen]
 
+    @property
+    def _of(self) -> tuple[np.ndarray, ...]:
+        """Fields and pairs as loops take them."""
+        return self.all_L, self.phi, self.A, self.chosen, self.pairs.bounds
+
     def predicted(self, F0: np.ndarray, y: np.ndarray) -> np.ndarray:
         """(3, Q) F₀ + L y of the fields y (bodies, n)."""
         F = np.array(F0, order="C")
@@ -92,8 +97,8 @@ class PairFields:
     def swept(self, y: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(3, Q) L y and ω T y of the fields y (bodies, n); ω (P,) of all node pairs."""
         change, against = np.empty((2, 3, len(self.chosen)))
-        in_parts(swept, len(self.bodies), self.all_L, self.phi, self.A, self.chosen, self.pairs.bounds, self.bodies,
-                 np.ascontiguousarray(y), weight, change, against, part=self.part(len(self.chosen)))
+        in_parts(swept, len(self.bodies), self._of, self.bodies, np.ascontiguousarray(y), weight, (change, against),
+                 part=self.part(len(self.chosen)))
         return change, against
 
     def both(self, y: np.ndarray) -> np.ndarray:
@@ -106,8 +111,7 @@ class PairFields:
         weight : (P,) ω of all node pairs
         """
         each, result = np.empty((len(self.A), 2, self.size)), np.zeros((bodies, self.size))
-        in_parts(carried, len(each), self.phi, self.chosen, self.pairs.bounds, self.A, np.ascontiguousarray(force), weight, each,
-                 part=self.part(len(self.chosen)))
+        in_parts(carried, len(each), self._of, np.ascontiguousarray(force), weight, each, part=self.part(len(self.chosen)))
         gathered(self.bodies, each, result)
         return result
 
@@ -118,8 +122,8 @@ class PairFields:
 
         result = np.empty((len(self.A), 2, 2, self.size, self.size), self.all_L.dtype)
         first = np.searchsorted(answer.active, self.pairs.bounds)
-        in_parts(slopes, len(result), PRODUCT[self.all_L.dtype], self.phi, self.all_L, self.chosen, self.turned, answer.active,
-                 first, np.ascontiguousarray(answer.derivative), weight, result, part=self.part(SLOPES * len(answer.active)))
+        of, given = (self.phi, self.all_L, self.chosen, self.turned), (answer.active, first, np.ascontiguousarray(answer.derivative))
+        in_parts(slopes, len(result), PRODUCT[self.all_L.dtype], of, given, weight, result, part=self.part(SLOPES * len(answer.active)))
         self._collective(answer, weight, result)
         return result
 

@@ -2,8 +2,7 @@
 
     ρ(y) = Uᵀf + K₀ y − Σ_pairs Tᵀ law(F₀ + L y) = 0
 
-Where contacts are stabilised every body has a place, and ``searched`` finds it, with factors that are kept from one
-iteration to the next. Otherwise it is solved by ``newton``.
+Where contacts are stabilised every body has a place, and ``searched`` finds it. Otherwise it is solved by ``newton``.
 A body that hardly anything holds, which no Newton step brings to rest, is then settled alone (``settling``), no further
 than the radius in one solve: bodies come to rest over several iterations of the method, and their neighbours follow.
 
@@ -15,12 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import copy
-from functools import partial
 
 import numpy as np
 
 from orchestrator.method.coarse.searched import SearchedNewton
-from orchestrator.method.coarse.kept_factors import KeptFactors
 from orchestrator.method.coarse.load_step import Bodies, LoadStep
 from orchestrator.method.coarse.newton import Newton, Stall
 from orchestrator.method.coarse.pair_fields import PairFields
@@ -62,7 +59,6 @@ class CoarseProblem:
         self.newton_steps, self.reduction = 0, REDUCTION if self.bodies.springs is None else FINELY
         self.ends: dict[str, int] = {}
         self.left: dict[int, float] = {}
-        self._kept: dict[int, KeptFactors] = {}
         self._alone: dict[int, Body] = {}
 
     def solve(self, step: int, number: int, F0: np.ndarray, resultant: np.ndarray, before: History,
@@ -77,35 +73,37 @@ class CoarseProblem:
         anchor : (3, P) jump at which springs carry nothing; None: the one before
         """
         at = LoadStep(self.bodies, number, F0, resultant, before, anchor)
-        y, size, start, end = self._newton(at, radius) if self.bodies.springs is None else self._searched(step, at, radius)
+        y, size, start, end = (self._newton if self.bodies.springs is None else self._searched)(at, radius)
         self.ends[end] = self.ends.get(end, 0) + 1
         self.left[step] = size / start if start > 0 else 0.0
         return y, at.forces(y)
 
     def weakened(self, pairs: Pairs) -> CoarseProblem:
-        """The same with springs of stabilisation as these pairs have them; factors are forgotten."""
+        """The same with springs of stabilisation as these pairs have them."""
         other = copy(self)
         other.fields = self.fields.with_springs(pairs)
-        other.bodies, other._kept, other._alone = self.bodies.stabilised(other.fields), {}, {}
+        other.bodies, other._alone = self.bodies.stabilised(other.fields), {}
         return other
 
     def aside(self) -> CoarseProblem:
         """The same problem for an estimate, whose solves leave no trace in this one."""
         other = copy(self)
-        other.ends, other.left, other._kept = {}, {}, {}
+        other.ends, other.left = {}, {}
         other.reduction = ROUGH
         return other
 
-    def _searched(self, step: int, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
+    def _searched(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """Fields (bodies, n), ‖ρ‖ there and at the start, and how it ended, where every body has a place."""
-        kept = self._kept.setdefault(step, KeptFactors(self.bodies.pattern)) if self.bodies.pattern else None
+        pattern, factors = self.bodies.pattern, None
 
-        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float, whole: bool) -> np.ndarray:
-            # where a line has been left before its end, as many pairs have changed their status as there were in the way
-            return self._clipped(-kept.solve(matrix, rho, shift, whole) if kept else None, radius)
+        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
+            nonlocal factors
+            if pattern is not None:
+                factors = pattern.factors(matrix, shift)
+            return self._clipped(None if factors is None else -factors.solve(rho), radius)
 
         def ahead(rho: np.ndarray) -> np.ndarray:
-            return self.team.share(-kept.again(rho) if kept else None)
+            return self.team.share(None if factors is None else -factors.solve(rho))
 
         run, end = SearchedNewton(at, np.zeros((self.bodies.count, self.fields.size)), direction, ahead, self._farthest), ""
         for number in range(MOST_STEPS + 1):
@@ -121,7 +119,12 @@ class CoarseProblem:
 
     def _newton(self, at: LoadStep, radius: float) -> tuple[np.ndarray, float, float, str]:
         """The same where nothing is stabilised, or where the search has not arrived."""
-        newton = Newton(at, np.zeros((self.bodies.count, self.fields.size)), partial(self._direction, radius))
+        pattern = self.bodies.pattern
+
+        def direction(matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
+            return self._clipped(None if pattern is None else -pattern.factors(matrix, shift).solve(rho), radius)
+
+        newton = Newton(at, np.zeros((self.bodies.count, self.fields.size)), direction)
         stall, settled, start, end = Stall(), [], newton.size, "steps"
         for _ in range(MAX_STEPS):
             stalled = stall.seen(newton.size)
@@ -141,11 +144,6 @@ class CoarseProblem:
                 end = "no direction"
                 break
         return newton.y, newton.size, start, "tolerance" if newton.size <= self.reduction * start else end
-
-    def _direction(self, radius: float, matrix: np.ndarray | bool, rho: np.ndarray, shift: float) -> np.ndarray:
-        """(bodies, n) Newton step."""
-        pattern = self.bodies.pattern
-        return self._clipped(-pattern.solve(matrix, rho, shift) if pattern else None, radius)
 
     def _clipped(self, dy: np.ndarray | None, radius: float) -> np.ndarray:
         """(bodies, n) rank 0's step. A body that nothing touches has no stiffness to stop it: none moves further than

@@ -13,18 +13,20 @@ PRODUCT = {np.dtype(np.float32): get_cython_function_address("scipy.linalg.cytho
 
 
 @intrinsic
-def gemm(typing, routine, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc):
-    """C ← α A B + β C of matrices that lie row after row, (m, k) by (k, n), ``ld`` entries from one row to the next.
+def gemm(typing, routine, shape, alpha, a, b, beta, c):
+    """C ← α A B + β C of matrices that lie row after row, (m, k) by (k, n).
 
-    routine : address of BLAS's; alpha, beta : of the precision that it works in
-    a, b, c : address of the first entry
+    routine : address of BLAS's; shape : m, n, k; alpha, beta : of the precision that it works in
+    a, b, c : address of the first entry, and entries from one row to the next
     """
     real, whole = alpha, types.intp
-    signature = types.void(whole, whole, whole, whole, real, whole, whole, whole, whole, real, whole, whole)
+    two = types.UniTuple(whole, 2)
+    signature = types.void(whole, types.UniTuple(whole, 3), real, two, two, real, two)
 
     def generate(context, builder, signature, arguments):
-        routine, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc = arguments
-        real, word, letter = context.get_value_type(signature.args[4]), ir.IntType(32), ir.IntType(8)
+        routine, shape, alpha, a, b, beta, c = arguments
+        (m, n, k), (a, lda), (b, ldb), (c, ldc) = (cgutils.unpack_tuple(builder, x) for x in (shape, a, b, c))
+        real, word, letter = context.get_value_type(signature.args[2]), ir.IntType(32), ir.IntType(8)
 
         def at(value, kind):
             place = cgutils.alloca_once(builder, kind)

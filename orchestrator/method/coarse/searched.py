@@ -28,11 +28,10 @@ class SearchedNewton:
     """The iterates.
 
     at : the load step
-    direction : (matrix values, ρ, δ, whether the step before was whole) → (bodies, n) the step dy, no longer than allowed
+    direction : (matrix values, ρ, δ) → (bodies, n) the step dy, no longer than allowed
     ahead : ρ → (bodies, n) about the step that would follow, by the last step's own factors
     farthest : fields (bodies, n) → how far any body moves in them at most
     y, size : (bodies, n) the fields, and their ‖ρ‖; start : ‖ρ‖ at the start
-    length : θ of the last step
     """
 
     def __init__(self, at: LoadStep, y: np.ndarray, direction: Callable[..., np.ndarray],
@@ -40,7 +39,6 @@ class SearchedNewton:
         self.at, self.y, self.direction, self.ahead, self.farthest = at, y, direction, ahead, farthest
         self._rho = at.residual(y)
         self.start = self.size = np.linalg.norm(self._rho)
-        self.length = 1.0
         self._waited, self._mark, self._last, self._whole = 0, self.size, np.inf, False
 
     def solved(self, reduction: float) -> bool:
@@ -72,7 +70,7 @@ class SearchedNewton:
         """Take a step; why there is no other, or nothing."""
         matrix, shift = self.at.matrix(), LEAST
         while True:
-            dy = self.direction(matrix, self._rho, shift, self.length == 1)
+            dy = self.direction(matrix, self._rho, shift)
             work = np.vdot(dy, self._rho)
             if work < 0:
                 break
@@ -80,11 +78,11 @@ class SearchedNewton:
             if not shift <= MOST:
                 return "no direction"
         line = Line(self.at, dy)
-        self.length = search(line, work)
-        self.y = self.y + self.length * dy
-        self._rho = line.end(self.length)
-        self.size, self._last = np.linalg.norm(self._rho), self.length * self.farthest(dy)
-        self._whole = self.length == 1
+        length = search(line, work)
+        self.y = self.y + length * dy
+        self._rho = line.end(length)
+        self.size, self._last = np.linalg.norm(self._rho), length * self.farthest(dy)
+        self._whole = length == 1
         self._waited += 1
         if self.size <= GAIN * self._mark:
             self._waited, self._mark = 0, self.size

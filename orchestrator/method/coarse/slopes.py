@@ -11,14 +11,15 @@ TOGETHER = 64  # pairs to a product: enough for it to be quick, and what it take
 
 
 @compiled
-def slopes(start, stop, product, phi, L, chosen, A, active, first, derivative, weight, result):
+def slopes(start, stop, product, of, given, weight, result):
     """result (I, 2, 2, n, n) = Aᵀ Σ ω (∂f̂/∂F ⊗ φ) L of the interfaces from start to stop, blocks of the two bodies.
 
     product : address of BLAS's product, in L's precision, that of all sums
-    phi : (P, m); L : (P, 3, 2n); chosen : (Q,) int, pairs among these; A : (I, 2n, 3m), transposed, in L's precision
-    active : (R,) int, ascending, among the chosen pairs; first : (I + 1,) int, where those of each interface start
-    derivative : (3, 3, R); weight : (P,) ω
+    of : φ (P, m); L (P, 3, 2n); (Q,) int, pairs among these; A (I, 2n, 3m), transposed, in L's precision
+    given : (R,) int, ascending, pairs among the chosen; (I + 1,) int, where those of each interface start; ∂f̂/∂F (3, 3, R)
+    weight : (P,) ω
     """
+    (phi, L, chosen, A), (active, first, derivative) = of, given
     m, size, real = phi.shape[1], L.shape[2], L.itemsize
     half, rows = size // 2, 3 * m
     turned, fields = np.empty((rows, 3 * TOGETHER), L.dtype), np.empty((3 * TOGETHER, size), L.dtype)
@@ -47,8 +48,8 @@ def slopes(start, stop, product, phi, L, chosen, A, active, first, derivative, w
                         row, slope = turned[c * m + j, count * d : count * d + count], derivative[c, d, r : r + count]
                         for q in range(count):
                             row[q] = share[q] * slope[q]
-            gemm(product, rows, size, 3 * count, one, at_turned, 3 * TOGETHER, at_fields, size, one, at_sums, size)
-        gemm(product, size, size, rows, one, at_A + real * size * rows * i, rows, at_sums, size, nothing, at_whole, size)
+            gemm(product, (rows, size, 3 * count), one, (at_turned, 3 * TOGETHER), (at_fields, size), one, (at_sums, size))
+        gemm(product, (size, size, rows), one, (at_A + real * size * rows * i, rows), (at_sums, size), nothing, (at_whole, size))
         for row in range(2):
             for column in range(2):
                 for f in range(half):
