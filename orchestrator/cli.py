@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
-import re
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -72,24 +70,17 @@ def run(config: ConfigFile, overrides: Overrides = None,
             raise team.cause(error)
 
     def lead(team) -> int:
-        from orchestrator.results.figures.artist import Artist
+        from orchestrator.config.load import load_config, located
+        from orchestrator.parallel.team import Elsewhere
 
-        # started before all other imports: it has as much to import
-        with nullcontext() if _without_figures(config, overrides or []) else Artist() as artist:
-            from orchestrator.config.load import load_config, located
-            from orchestrator.parallel.team import Elsewhere
+        loaded = load_config(config, overrides or [])
+        from orchestrator.run import run as solve
 
-            loaded = load_config(config, overrides or [])
-            if artist and not loaded.config.output.figures:
-                artist = artist.close()
-            from orchestrator.run import run as solve
-
-            try:
-                return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team,
-                             artist=artist)
-            except (InputError, Elsewhere) as error:
-                cause = team.cause(error)
-                raise located(cause, loaded) if isinstance(cause, InputError) else error
+        try:
+            return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team)
+        except (InputError, Elsewhere) as error:
+            cause = team.cause(error)
+            raise located(cause, loaded) if isinstance(cause, InputError) else error
 
     guarded(action)
 
@@ -269,15 +260,6 @@ def main() -> None:
         print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
               file=sys.stderr)
     sys.exit(code)
-
-
-def _without_figures(config: Path, overrides: list[str]) -> bool:
-    """Whether the words say so, before anybody has parsed them: who is mistaken has started a process in vain, or late."""
-    try:
-        text = config.read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return True
-    return bool(re.search(r"\bfigures\s*[:=]\s*(false|False|FALSE)\b", " ".join([text, *overrides])))
 
 
 def _figures(cut: str | None, parts: list[str] | None, view: str | None) -> dict[str, object] | None:

@@ -11,6 +11,7 @@ from in_process import IN_PROCESS
 from method_case import config
 from processes import gone
 
+import orchestrator.run as runs
 from orchestrator.config.load import Loaded
 from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures.artist import Artist
@@ -20,18 +21,25 @@ BAR = {"blackbox": IN_PROCESS, "output": {"fields": True, "figures": True}}
 
 
 @pytest.fixture
-def stopped():
-    """An artist whose process stands still."""
-    with Artist() as artist:
-        os.kill(artist._process.pid, signal.SIGSTOP)
-        yield artist
-    assert gone([artist._process.pid])
+def stopped(monkeypatch):
+    """Those who draw stand still."""
+    made = []
+
+    class Still(Artist):
+        def __init__(self):
+            super().__init__()
+            made.append(self._process.pid)
+            os.kill(self._process.pid, signal.SIGSTOP)
+
+    monkeypatch.setattr(runs, "Artist", Still)
+    yield
+    assert made and gone(made)
 
 
 def test_a_process_that_stands_still_is_given_up(tmp_path, monkeypatch, stopped):
     """Exit code, fields and summary are those of the run, charts are drawn here; the summary says what is missing, and how to get it."""
     monkeypatch.setattr(artists, "PATIENCE", 0.5)
-    assert run(Loaded(config(**BAR)), output=tmp_path, quiet=True, artist=stopped) == 0
+    assert run(Loaded(config(**BAR)), output=tmp_path, quiet=True) == 0
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["converged"] and (tmp_path / "fields.npz").exists()
     assert "no pictures of the structure: the process that draws was not done after 0.5 s" in summary["warnings"][-1]
@@ -54,7 +62,7 @@ def test_while_it_is_waited_for_all_else_is_there(tmp_path, stopped):
     sender.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            run(Loaded(config(**BAR)), output=tmp_path, quiet=True, artist=stopped)
+            run(Loaded(config(**BAR)), output=tmp_path, quiet=True)
     finally:
         sender.join()
         signal.signal(signal.SIGINT, before)

@@ -1,11 +1,13 @@
 """Pictures of surfaces: what one sees, whoever draws them, and the process that does."""
 
+import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
 from dataclasses import replace
+from multiprocessing import spawn
 
 import numpy as np
 import pytest
@@ -36,7 +38,7 @@ def draw():
     program = "from orchestrator.results.figures.figures import warm_up; warm_up()"
     if subprocess.run([sys.executable, "-c", program], capture_output=True).returncode:  # VTK would crash here too
         pytest.skip("VTK can draw neither with X nor with EGL on this machine")
-    from orchestrator.results.figures.canvas import draw
+    from orchestrator.results.figures.sheet import draw
 
     return draw
 
@@ -222,26 +224,17 @@ def test_another_process_draws(tmp_path, draw):
     assert gone([idle._process.pid])
 
 
-@pytest.mark.parametrize("how", ["killed", "crashes at once", "is no program", "hangs"])
+@pytest.mark.parametrize("how", ["killed", "is no program", "hangs"])
 def test_a_process_that_fails_is_noticed(tmp_path, monkeypatch, how):
     """One that hangs has not even read the job, which is more than a pipe takes in."""
-    programs = {"crashes at once": "#!/bin/sh\nkill -SEGV $$\n", "hangs": "#!/bin/sh\nexec sleep 60\n"}
-    if how in programs:
-        program = tmp_path / "program"
-        program.write_text(programs[how])
-        program.chmod(0o755)
-        monkeypatch.setattr(sys, "executable", str(program))
-    elif how == "is no program":
-        monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
+    if how == "is no program":
+        monkeypatch.setattr(spawn, "get_executable", lambda: b"/nothing")
     monkeypatch.setattr(artists, "PATIENCE", 0.5 if how == "hangs" else 60.0)
-    with artists.Artist() as artist:
-        if how == "killed":
-            artist._process.kill()
+    with Artist() as artist:
+        process = artist._process.pid
+        if how != "is no program":
+            os.kill(process, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
         artist.begin(write_figures, ResultsFolder(tmp_path), case.summary(ballast="x" * 10**6), case.history(), case.fields())
         with pytest.raises(CannotDraw, match="was not done" if how == "hangs" else "cannot draw"):
             artist.finish()
-    process = artist._process
-    assert (process is None) == (how == "is no program") and not (tmp_path / "figures").exists()
-    if process is not None:
-        assert gone([process.pid])
-        assert process.returncode == (-signal.SIGSEGV if how == "crashes at once" else -signal.SIGKILL)
+    assert gone([process]) and not (tmp_path / "figures").exists()

@@ -202,10 +202,3 @@ def test_a_run_draws_and_writes_only_what_is_asked_for(tmp_path):
     assert not (tmp_path / "out" / "fields").exists() and not (tmp_path / "out" / "figures").exists()
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert {entry["skip"] for entry in summary["skipped"]} >= {"congruent", "repeated"}
-
-
-def test_who_draws_loads_neither_the_method_nor_the_configuration():
-    """It gets ready beside the run's own imports, and the pictures wait for it."""
-    code = "import sys, orchestrator.results.figures.figures; print(*{name.partition('.')[0] for name in sys.modules})"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert not set(done.stdout.split()) & {"pydantic", "scipy", "pyvista", "meshio", "gmsh", "rich"}

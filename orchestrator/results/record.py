@@ -8,17 +8,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from types import TracebackType
 
-import numpy as np
-
 from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.config.model import Config
 from orchestrator.method.checkpoint import Start
 from orchestrator.results.checkpoint import NAME as CHECKPOINT
 from orchestrator.results.checkpoint import PROBLEM, CheckpointWriter, begun, load_checkpoint
 from orchestrator.results.fields.files import write_fields
-from orchestrator.results.fields.nodal import KEPT
 from orchestrator.results.figures.artist import Artist, CannotDraw
-from orchestrator.results.figures.deformed import shown_steps
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
@@ -113,22 +109,13 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     with watch("output"):
         if artist:
             note_time(solution.summary, watch)
-            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields, None,
-                         _known_stress(solution))
+            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
         if fields:
             write_fields(folder, solution.fields, solution.piece, beside)
         if solution.answers is not None:
             solution.answers.write(folder)
     note_time(solution.summary, watch)
     write_summary(folder, solution.summary)
-
-
-def _known_stress(solution: Solution) -> dict[int, np.ndarray] | None:
-    """Von Mises stresses of what is drawn; None where no process has those of the whole, or nobody keeps those of so many steps."""
-    fields = solution.fields
-    if solution.piece is not None or not fields.steps or not len(fields.cells) or len(steps := shown_steps(fields)) > KEPT:
-        return None
-    return {step: fields.nodal.von_mises(step) for step in steps}
 
 
 def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, artist: Artist) -> None:

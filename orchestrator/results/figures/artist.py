@@ -1,29 +1,19 @@
-"""A process that draws, made ready while the run computes.
-
-To import what draws and to open a window takes as long as the iterations of a small problem; and a graphics library that finds no
-display may end its process: the run must survive that. This module imports next to nothing before ``main``, so that the process can
-be started before the run's own imports.
-
-    python -m orchestrator.results.figures.artist < JOBS > ANSWER
-
-JOBS are pickled pairs of a function and its arguments, one after the other; ANSWER is the pickled pair of what they returned, and an
-InputError of one of them.
-"""
+"""A process that draws, made ready while the run computes: a graphics library that finds no display may end its process."""
 
 from __future__ import annotations
 
 import os
 import pickle
-import subprocess
-import sys
+import resource
 from collections.abc import Callable
 from contextlib import suppress
-from queue import SimpleQueue
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from threading import Thread
 
-from orchestrator.parallel.launcher import without_launcher
+from orchestrator.errors import InputError
 
-PATIENCE = 300.0  # seconds after the last job from which the process is given up
+PATIENCE = 300.0  # seconds after which the process is given up
 
 
 class CannotDraw(Exception):
@@ -34,52 +24,43 @@ class Artist:
     """The process; as a context manager it is ended on leaving."""
 
     def __init__(self) -> None:
-        self._work: SimpleQueue[bytes | None] = SimpleQueue()
-        self._answer, self._process = b"", None
-        with suppress(OSError):
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", __name__], env=without_launcher(os.environ), stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, process_group=0)  # Ctrl-C is for the run, which then ends it
-        self._thread = Thread(target=self._hand_over, daemon=True)  # pipes hold less than a job
-        self._thread.start()
+        fresh = get_context("spawn")  # a fork of a process that has threads may never wake up
+        self._connection, theirs = fresh.Pipe()
+        self._process = fresh.Process(target=_serve, args=(theirs,), daemon=True)
+        with suppress(OSError):  # no more processes are allowed: it never answers
+            self._process.start()
+        theirs.close()
 
     def begin(self, draw: Callable[..., object], *job: object) -> None:
-        """Has ``draw(*job)`` called there, after earlier jobs; the function is one of a module, and all that is pickled."""
-        self._work.put(pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL))
+        """Have ``draw(*job)`` called there, once; the function is one of a module, and all is pickled now."""
+        Thread(target=self._send, args=(pickle.dumps((draw, job), pickle.HIGHEST_PROTOCOL),), daemon=True).start()  # pipes hold less
 
-    def finish(self) -> list[object]:
-        """Waits for what the functions return, but not for ever.
+    def _send(self, job: bytes) -> None:
+        with suppress(OSError):  # it has ended before
+            self._connection.send_bytes(job)
+
+    def finish(self) -> object:
+        """What the function returned.
 
         Raises CannotDraw: the process crashes, as where VTK finds neither a display, EGL nor OSMesa, or takes longer than ``PATIENCE``
-        Raises InputError: from a function: disk full or folder not writable
+        Raises InputError: from the function: disk full or folder not writable
         """
-        self._work.put(None)
-        self._thread.join(PATIENCE)
-        if late := self._thread.is_alive():
+        if not self._connection.poll(PATIENCE):
             self.close()
-        if late or not self._answer:
-            raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s" if late else "VTK cannot draw on this machine")
-        results, error = pickle.loads(self._answer)
-        if error is not None:
-            raise error
-        return results
-
-    def _hand_over(self) -> None:
-        if self._process is not None:
-            with suppress(OSError):  # it has ended before
-                while (work := self._work.get()) is not None:
-                    self._process.stdin.write(work)
-                    self._process.stdin.flush()
-            with suppress(OSError, ValueError):
-                self._answer, _ = self._process.communicate()
+            raise CannotDraw(f"the process that draws was not done after {PATIENCE:g} s")
+        try:
+            answer = self._connection.recv()
+        except (EOFError, OSError):
+            raise CannotDraw("VTK cannot draw on this machine") from None
+        if isinstance(answer, InputError):
+            raise answer
+        return answer
 
     def close(self) -> None:
-        """Ends the process if it still runs."""
-        if self._process is not None:
+        """End the process if it still runs."""
+        if self._process.pid is not None:
             self._process.kill()
-            self._work.put(None)
-            self._thread.join()
-            self._process.wait()
+            self._process.join()
 
     def __enter__(self) -> Artist:
         return self
@@ -92,34 +73,23 @@ def drawn(draw: Callable[..., object], *job: object) -> object:
     """What ``draw(*job)`` returns, called in a process of its own; errors as from ``Artist.finish``."""
     with Artist() as artist:
         artist.begin(draw, *job)
-        return artist.finish()[0]
+        return artist.finish()
 
 
-def main() -> None:
-    """Gets ready, does its jobs, ends."""
-    import atexit
-    import gc
-    import resource
-
-    gc.disable()  # a few jobs, then the end
-    atexit.register(gc.freeze)
+def _serve(connection: Connection) -> None:
+    """Get ready, do the job, end; the end of who asks ends it too."""
+    os.setpgid(0, 0)  # Ctrl-C is for the run, which then ends this process
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # where VTK can draw nowhere it crashes: no core dump
-    with os.fdopen(os.dup(1), "wb") as answer:
-        os.dup2(2, 1)  # what libraries print is no answer
-        from orchestrator.errors import InputError
-        from orchestrator.results.figures.figures import warm_up
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    from orchestrator.results.figures.figures import warm_up
 
-        warm_up()
-        results, error = [], None
-        with suppress(EOFError):
-            while error is None:
-                draw, job = pickle.load(sys.stdin.buffer)
-                try:
-                    results.append(draw(*job))
-                except InputError as its:
-                    error = its
-        pickle.dump((results, error), answer)
-
-
-if __name__ == "__main__":
-    main()
+    warm_up()
+    with suppress(EOFError, OSError):
+        draw, job = pickle.loads(connection.recv_bytes())
+        try:
+            answer = draw(*job)
+        except InputError as error:
+            answer = error
+        connection.send(answer)

@@ -59,17 +59,16 @@ def _largest(fields: Fields, steps: Sequence[int]) -> list[float]:
     return [float(np.linalg.norm(drawn.displacement[step][ours], axis=1).max(initial=0.0)) for step in steps]
 
 
-def deformed(fields: Fields, look: Look = Look(), stress: Mapping[int, np.ndarray] | None = None) -> Sheet | None:
+def deformed(fields: Fields, look: Look = Look()) -> Sheet | None:
     """The deformed surface at ``shown_steps``: one camera, one exaggeration, one colour scale; bodies apart where interfaces opened.
 
-    stress : step → ``Nodal.von_mises``; None: computed here
-    Returns None where there is no part to draw that has a mesh of ours
+    None where there is no part to draw that has a mesh of ours.
     """
     if not len(drawn_cells(fields, look)):
         return None
     steps, units = shown_steps(fields), look.units
     factor, toward = exaggeration(fields, steps), toward_eye(fields.nodes) if look.direction is None else look.direction
-    seen = skin(fields, steps, look, toward, stress)
+    seen = skin(fields, steps, look, toward)
     moved = {step: seen.points + factor * seen.displacement[step] for step in steps}
     own = toward if look.cut is not None or look.direction is not None else None
     camera = Camera.framing(np.concatenate([*moved.values(), seen.outline.reshape(-1, 3)]), own)

@@ -13,20 +13,19 @@ from orchestrator.results.figures.deformed import codes, deformed
 from orchestrator.results.figures.interfaces import interfaces
 from orchestrator.results.figures.view import Camera, Look, View
 from orchestrator.results.figures.plotting import new_figure, png
-from orchestrator.results.figures.sheet import compose
+from orchestrator.results.figures.sheet import compose, draw
 from orchestrator.results.figures.surface import edges, outer_faces
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.words import units_of
 
 
 def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history: Mapping[str, np.ndarray], fields: Fields | None = None,
-                  look: Look | None = None, stress: Mapping[int, np.ndarray] | None = None) -> list[Path]:
+                  look: Look | None = None) -> list[Path]:
     """Draw charts and pictures of a run, of what is known; pictures in a process apart (see ``artist``).
 
     summary : as in summary.json; history : as from ``read_history``
     fields : for deformed.png, interfaces.png, jumps.png and codes.png; None: charts alone
     look : of the structure; None: as the configuration says
-    stress : step → ``Nodal.von_mises`` of ``shown_steps``; None: computed here
     Returns paths of the figures written
     Raises InputError: disk full or folder not writable
     """
@@ -34,7 +33,7 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
             "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary)}
     if fields is not None and fields.steps and len(fields.cells):
         look, title = look or look_of(summary), str(summary.get("name") or "")
-        sheets = {"deformed": deformed(fields, look, stress), "interfaces": interfaces(fields, look),
+        sheets = {"deformed": deformed(fields, look), "interfaces": interfaces(fields, look),
                   "jumps": interfaces(fields, look, imposed=True), "codes": codes(fields, summary)}
         made |= {name: sheet and compose(sheet, title) for name, sheet in sheets.items()}
     return [folder.write(f"figures/{name}.png", png(figure)) for name, figure in made.items() if figure is not None]
@@ -47,9 +46,7 @@ def look_of(summary: Mapping[str, object]) -> Look:
 
 
 def warm_up() -> None:
-    """Has loaded what the first figure waits for: fonts, VTK's filters and shaders."""
-    from orchestrator.results.figures.canvas import draw
-
+    """Have loaded what the first figure waits for: fonts, VTK's filters and shaders."""
     nodes = np.eye(4)[:, :3]
     faces, _ = outer_faces(nodes, np.arange(4)[None])
     lines = nodes[edges(nodes, faces)]

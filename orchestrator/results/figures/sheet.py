@@ -1,9 +1,15 @@
-"""A figure of pictures: a title, a grid of views with headings, colour scales, and a caption. Matplotlib sets the text."""
+"""A figure of pictures: a grid of views, drawn off screen by pyvista, with headings, colour scales and a caption by matplotlib.
+
+Where neither a display, EGL nor OSMesa is to be had, VTK ends its process with a segmentation fault instead of an error: only a
+process apart from the run may draw here (see ``artist``).
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,12 +18,15 @@ from orchestrator.results.figures.plotting import DPI, new_figure
 from orchestrator.results.figures.view import WIDTH, View
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.transforms import Transform
+    from pyvista import Plotter
 
 _HEADING, _BELOW, _ABOVE = 0.26, 0.95, 0.42  # inches over each picture that has a heading, below and above all
+UNKNOWN = (0.75, 0.75, 0.75)  # of what has no value
+# colour, width in pixels of a picture of 1000, opacity
+_LINES = {"lines": ("black", 1.1, 0.45), "outline": ("#595959", 1.3, 1.0)}
 _MARK, _MARK_TEXT = "#D55E00", "#8a3c00"
 
 
@@ -47,10 +56,50 @@ class Sheet:
     caption: str
 
 
+@cache
+def _window() -> Plotter:
+    """A window that is never shown, for all pictures of this process: to open it takes longer than to draw."""
+    import pyvista
+
+    if not os.environ.get("DISPLAY"):  # otherwise VTK tries X first and complains
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    plotter = pyvista.Plotter(off_screen=True, lighting="none", window_size=(16, 16), theme=pyvista.themes.DocumentTheme())
+    plotter.enable_anti_aliasing("msaa", multi_samples=8)
+    plotter.add_light(pyvista.Light(light_type="headlight"))
+    plotter.enable_parallel_projection()
+    plotter.show(auto_close=False)
+    return plotter
+
+
+def draw(view: View, inches: float = WIDTH) -> np.ndarray:
+    """(rows, columns, 3) uint8, the picture of a view in a width."""
+    import pyvista
+
+    plotter, camera, pixels = _window(), view.camera, view.pixels(inches)
+    plotter.clear_actors()
+    plotter.render_window.SetSize(*pixels)
+    plotter.add_mesh(
+        pyvista.PolyData.from_regular_faces(view.points, view.triangles), scalars=np.asarray(view.values, float), cmap=view.palette,
+        clim=view.limits, nan_color=UNKNOWN, interpolate_before_map=True, show_scalar_bar=False, lighting=view.shaded,
+        ambient=0.65 if view.shaded else 1.0, diffuse=0.38 * view.shaded, culling="back" if view.closed else None,
+        reset_camera=False, render=False)
+    for name, (colour, width, opacity) in _LINES.items():
+        if len(ends := getattr(view, name)):
+            actor = plotter.add_mesh(pyvista.line_segments_from_points(ends.reshape(-1, 3)), color=colour, opacity=opacity, lighting=False,
+                                     line_width=max(1.0, pixels[0] / 1000) * width, reset_camera=False, render=False)
+            actor.mapper.resolve = "polygon_offset"  # a hair nearer than the faces they lie on
+            actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-2.0, -2.0)
+    plotter.camera.position = camera.focus + camera.height * camera.toward
+    plotter.camera.focal_point = camera.focus
+    plotter.camera.up = camera.up
+    plotter.camera.parallel_scale = 0.5 * camera.height
+    plotter.reset_camera_clipping_range()
+    plotter.render()
+    return plotter.screenshot(return_img=True)
+
+
 def compose(sheet: Sheet, title: str) -> Figure:
     """The figure; its pictures are drawn now, dot for dot."""
-    from orchestrator.results.figures.canvas import draw  # in a process apart from the run
-
     camera, rows = sheet.views[0].camera, -(-len(sheet.views) // sheet.columns)
     width, heading = WIDTH / sheet.columns, _HEADING * any(sheet.headings)
     height = width * camera.height / camera.width
@@ -59,7 +108,7 @@ def compose(sheet: Sheet, title: str) -> Figure:
     for k, (view, text) in enumerate(zip(sheet.views, sheet.headings)):
         row, column = divmod(k, sheet.columns)
         left, bottom = column * width, total - _ABOVE - (row + 1) * (height + heading)
-        figure.add_artist(_dot_for_dot(draw(view, width), round(left * DPI), round(bottom * DPI)))
+        figure.figimage(draw(view, width), round(left * DPI), round(bottom * DPI), origin="upper", zorder=-1)
         if view.mark is not None:
             _point_at(figure, view, left, bottom, width)
         figure.text((left + 0.5 * width) / WIDTH, (bottom + height + 0.04) / total, text, ha="center", va="bottom", fontsize=9)
@@ -69,22 +118,6 @@ def compose(sheet: Sheet, title: str) -> Figure:
     figure.text(0.5, 1 - 0.12 / total, title, ha="center", va="top", fontsize=12)
     figure.text(0.5, 0.08 / total, sheet.caption, ha="center", va="bottom", fontsize=8.5, color="0.3")
     return figure
-
-
-def _dot_for_dot(picture: np.ndarray, left: int, bottom: int) -> Artist:
-    """A picture with its lower left corner at a dot, behind all else: ``figimage`` would resample it, which takes .1 s."""
-    from matplotlib.artist import Artist
-
-    opaque = np.full((*picture.shape[:2], 4), 255, np.uint8)
-    opaque[..., :3] = picture[::-1]  # Agg begins at the bottom
-
-    class Picture(Artist):
-        zorder = -1
-
-        def draw(self, renderer):
-            renderer.draw_image(renderer.new_gc(), left, bottom, opaque)
-
-    return Picture()
 
 
 def _point_at(figure: Figure, view: View, left: float, bottom: float, width: float) -> None:

@@ -92,14 +92,13 @@ def drawn_cells(fields: Fields, look: Look) -> np.ndarray:
     return kept[fields.lame[kept, 1] > 0]
 
 
-def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray, known: Mapping[int, np.ndarray] | None = None) -> Skin:
+def skin(fields: Fields, steps: Sequence[int], look: Look, toward: np.ndarray) -> Skin:
     """What is drawn of a solution.
 
     toward : (3,) from the structure to the eye: what a cut takes away is there
-    known : step → ``Nodal.von_mises``; None: computed here
     """
     drawn, (node, cells), kept = fields.opened, fields.nodal.split, drawn_cells(fields, look)
-    stress = {step: fields.nodal.von_mises(step) for step in steps} if known is None else {step: known[step] for step in steps}
+    stress = {step: fields.nodal.von_mises(step) for step in steps}
     places = np.unique(cells[kept])  # those with a stress in what is drawn
     if look.cut is not None:
         axis, at = look.cut
