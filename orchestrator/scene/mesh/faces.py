@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.compiled import in_slices
-
 # The four faces of a positively oriented tet, each oriented outward.
 LOCAL_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 
@@ -60,45 +58,19 @@ def pack(triangles: np.ndarray, nodes: int) -> np.ndarray:
 
 
 def faces_of(cells: np.ndarray, nodes: int) -> Faces:
-    """Pairs the faces of tets.
-
-    cells : (m, 4) int, positively oriented
-    nodes : number of nodes
-    Raises ValueError: more than ``MAX_NODES`` nodes
-    """
+    """The faces of tets (m, 4), positively oriented, of a mesh of some nodes; raises ValueError for more than ``MAX_NODES``."""
     if nodes > MAX_NODES:
         raise ValueError(f"{nodes} nodes; at most {MAX_NODES} are possible")
-    cells = np.ascontiguousarray(cells[:, :4])
-    keys, even = np.empty((len(cells), 4), dtype=np.int64), np.empty((len(cells), 4), dtype=bool)
-
-    def packed(part: slice) -> None:
-        corners = np.ascontiguousarray(cells[part].T)
-        for face, local in enumerate(LOCAL_FACES):
-            triangles = corners[local].T
-            keys[part, face], even[part, face] = pack(triangles, nodes), _even(triangles)
-
-    in_slices(packed, len(cells))
-    keys, even = keys.ravel(), even.ravel()
+    triangles = cells[:, LOCAL_FACES].reshape(-1, 3)
+    keys = pack(triangles, nodes)
     # A stable order makes the tet with the lower index the owner.
     order = np.argsort(keys, kind="stable")
     keys = keys[order]
     start = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]])
     count = np.diff(np.r_[start, len(keys)])
-    owner, neighbour = np.empty((2, len(start)), dtype=order.dtype)
-    triangles, same_way = np.empty((len(start), 3), dtype=cells.dtype), np.empty(len(start), dtype=bool)
-
-    def paired(part: slice) -> None:
-        first, there = order[start[part]], count[part] > 1
-        second = order[np.minimum(start[part] + 1, len(order) - 1)]
-        neighbour[part], owner[part] = np.where(there, second >> 2, -1), first >> 2
-        same_way[part] = there & (even[first] == even[second])
-        face = first & 3
-        first -= face  # of the four corners of the owner, one after the other
-        for corner, local in enumerate(LOCAL_FACES.T):
-            triangles[part, corner] = cells.ravel().take(first + local.take(face))
-
-    in_slices(paired, len(start))
-    return Faces(nodes, triangles, keys[start], owner, neighbour, np.flatnonzero(count > 2), np.flatnonzero(same_way))
+    first, second = order[start], order[np.minimum(start + 1, len(order) - 1)]
+    same_way = (count > 1) & (_even(triangles[first]) == _even(triangles[second]))
+    return Faces(nodes, triangles[first], keys[start], first // 4, np.where(count > 1, second // 4, -1), np.flatnonzero(count > 2), np.flatnonzero(same_way))
 
 
 def _even(triangles: np.ndarray) -> np.ndarray:
@@ -108,12 +80,7 @@ def _even(triangles: np.ndarray) -> np.ndarray:
 
 
 def pieces(faces: Faces, labels: np.ndarray) -> tuple[int, np.ndarray]:
-    """Parts of the mesh held together by faces between tets of equal label.
-
-    labels : (m,) int, one per tet
-    Returns count : number of pieces
-    piece : (m,) int, the piece of each tet
-    """
+    """How many parts of the mesh faces between tets of equal labels (m,) hold together, and the part (m,) of each tet."""
     inner = faces.inner
     a, b = faces.owner[inner], faces.neighbour[inner]
     keep = labels[a] == labels[b]

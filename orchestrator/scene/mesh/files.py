@@ -17,20 +17,19 @@ import numpy as np
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.gmsh_files import not_saved, once, physical, read_by_gmsh
 from orchestrator.scene.mesh.inp import read_inp
+from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.recognised import check_content
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
-from orchestrator.scene.mesh.mesh import Mesh
 
 # Where the formats keep the number of each cell's group, the most telling first.
 TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "flac3d:group", "tetgen:ref",
         "netgen:index")
+ROOM = 2.0  # bytes that reading takes per byte of the file, at least
 BY_VTK = {".vtu", ".pvtu", ".vtk"}  # meshio knows no text and no fields of theirs
-# Bytes that reading takes per byte of the file, at least.
-ROOM = 2.0
 BY_GMSH = {".unv", ".med", ".bdf", ".nas"}  # gmsh reads more of these than meshio does
-FLAT_CELLS = {"vertex", "line", "triangle", "quad"}
+FLAT_CELLS = {"vertex", "line", "line3", "triangle", "quad"}
 
 
 def file(mesh: Any) -> Mesh:
@@ -43,27 +42,12 @@ def read(path: Path) -> Mesh:
 
     Volumes are named by gmsh's physical names or the format's cell sets, else ``volume_<tag>``;
     surfaces likewise, else ``surface_<tag>``. A named surface none of whose triangles lies on tets is there, empty.
-
     Raises InputError: no such file, too large, unreadable, no solid cells, of higher order, too distorted to be split
     """
     loaded = _load(path)
     raw, remarks = straightened(loaded)
     raw, split = in_tets(raw, str(path))
-    solid = sorted({block.type for block in raw.cells} - FLAT_CELLS - {"line3"})
-    problem = None
-    if any(kind.startswith("tetra") and kind != "tetra" for kind in solid):
-        problem = Problem(("mesh", "file"), f"{path}: tetrahedra of higher order ({', '.join(solid)})",
-                          "four- or ten-node tetrahedra", "save the mesh with linear elements (gmsh: -order 1) and write "
-                          "blackbox: {element: P2}: the nodes amid the edges are put back here")
-    elif not solid:
-        kinds = ", ".join(sorted({block.type for block in raw.cells})) or "no cells at all"
-        problem = Problem(("mesh", "file"), f"{path}: no tetrahedra (it has {kinds})", "four-node tetrahedra",
-                          "mesh the volume, not only its surface, and save the volume elements")
-    elif solid != ["tetra"]:
-        problem = Problem(("mesh", "file"), f"{path}: cells that are not known here: {', '.join(kind for kind in solid if kind != 'tetra')}",
-                          "tetrahedra, hexahedra, prisms or pyramids, linear or quadratic", "mesh the volume with tetrahedra")
-    if problem:
-        raise InputError(problem)
+    _check_kinds(path, {block.type for block in raw.cells})
     cells, groups, rest = _cells(raw, "tetra", 3, "volume")
     volumes, volume, unclear = _volumes(groups, len(cells), rest)
     if lost := [name for name, (_, dimension) in physical(raw) if dimension == 3 and name not in groups]:
@@ -73,45 +57,59 @@ def read(path: Path) -> Mesh:
     used, inverse = np.unique(cells, return_inverse=True)
     renumber = np.full(len(raw.points), -1)
     renumber[used] = np.arange(len(used))
-    named = {}
-    for name, index in surfaces.items():
-        rows = renumber[triangles[index]]
-        # Triangles away from the tets (shells, helper geometry) are no faces of theirs.
-        named[name] = rows[(rows >= 0).all(axis=1)]
+    named = {name: renumber[triangles[index]] for name, index in surfaces.items()}
+    # Triangles away from the tets (shells, helper geometry) are no faces of theirs.
+    named = {name: rows[(rows >= 0).all(axis=1)] for name, rows in named.items()}
     for name, (_, dimension) in physical(raw):
         if dimension == 2:
             named.setdefault(name, np.empty((0, 3), dtype=np.int64))
-    points = np.asarray(raw.points, dtype=float)[used]
-    return Mesh(points, inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=[
+    return Mesh(np.asarray(raw.points, dtype=float)[used], inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=[
         *(loaded.info or {}).get("remarks", []), *remarks, *split, *unclear, *not_saved(raw, path)])
 
 
+def _check_kinds(path: Path, kinds: set[str]) -> None:
+    """Raises InputError where solid cells are not tets, all of them, or there are none."""
+    solid = sorted(kinds - FLAT_CELLS)
+    if any(kind.startswith("tetra") and kind != "tetra" for kind in solid):
+        problem = (f"tetrahedra of higher order ({', '.join(solid)})", "four- or ten-node tetrahedra", "save the mesh with linear elements (gmsh: "
+                   "-order 1) and write blackbox: {element: P2}: the nodes amid the edges are put back here")
+    elif not solid:
+        problem = (f"no tetrahedra (it has {', '.join(sorted(kinds)) or 'no cells at all'})", "four-node tetrahedra",
+                   "mesh the volume, not only its surface, and save the volume elements")
+    elif solid != ["tetra"]:
+        problem = (f"cells that are not known here: {', '.join(kind for kind in solid if kind != 'tetra')}",
+                   "tetrahedra, hexahedra, prisms or pyramids, linear or quadratic", "mesh the volume with tetrahedra")
+    else:
+        return
+    raise InputError(Problem(("mesh", "file"), f"{path}: {problem[0]}", *problem[1:]))
+
+
 def _load(path: Path) -> meshio.Mesh:
+    """What the reader of a file's ending makes of it."""
+    ending = path.suffix.lower()
     if not path.is_file():
         raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file", "check the path"))
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
-    if path.suffix.lower() in (".vtm", ".vtmb", ".pvd"):
+    if ending in (".vtm", ".vtmb", ".pvd"):
         raise InputError(Problem(("mesh", "file"), f"{path}: a collection of grids", "one grid (.vtu)",
                                  "put its blocks together (ParaView: Merge Blocks; pyvista: combine(merge_points=True)) with a cell array "
                                  "'volume' that tells them apart, or name each one's file under parts:"))
-    heard = io.StringIO()
-    if path.suffix.lower() == ".inp":
+    if ending == ".inp":
         return read_inp(path)
-    if path.suffix.lower() in BY_GMSH:
+    if ending in BY_GMSH:
         return read_by_gmsh(path)
-    if path.suffix.lower() != ".msh":  # that of ANSYS begins otherwise, and meshio knows it
+    if ending != ".msh":  # that of ANSYS begins otherwise, and meshio knows it
         check_content(path, ("mesh", "file"))
-    if path.suffix.lower() in BY_VTK:
+    if ending in BY_VTK:
         return read_vtk(path)
-    if path.suffix.lower() in (".xdmf", ".xmf"):
+    if ending in (".xdmf", ".xmf"):
         _check_beside(path)
     try:
-        # meshio prints its complaint and ends the program.
-        with redirect_stderr(heard), redirect_stdout(heard):
+        with redirect_stderr(heard := io.StringIO()), redirect_stdout(heard):  # meshio prints its complaint and ends the program
             raw = meshio.read(path)
-        return once(raw) if path.suffix.lower() == ".msh" else raw
+        return once(raw) if ending == ".msh" else raw
     except (Exception, SystemExit):
-        if path.suffix.lower() == ".msh":  # meshio knows no file with groups for some of its elements only
+        if ending == ".msh":  # meshio knows no file with groups for some of its elements only
             return read_by_gmsh(path)
         # what meshio says may quote the file, which may be another's behind a link
         raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
@@ -133,15 +131,12 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
     blocks = [i for i, block in enumerate(raw.cells) if block.type == kind]
     if not blocks:
         return np.empty((0, 3), dtype=int), {}, ""
-    sizes = [len(raw.cells[i].data) for i in blocks]
-    offsets = np.r_[0, np.cumsum(sizes)]
     cells = np.concatenate([np.asarray(raw.cells[i].data, dtype=np.int64) for i in blocks])
+    starts = np.cumsum([0, *(len(raw.cells[i].data) for i in blocks)])
     groups: dict[str, list[np.ndarray]] = {}
     for name, sets in raw.cell_sets.items():
-        if name.startswith("gmsh:"):
-            continue
-        index = [offset + np.asarray(sets[i], dtype=np.int64) for i, offset in zip(blocks, offsets) if sets[i] is not None and len(sets[i])]
-        if index:
+        index = [start + np.asarray(sets[i], dtype=np.int64) for i, start in zip(blocks, starts) if sets[i] is not None and len(sets[i])]
+        if index and not name.startswith("gmsh:"):
             groups.setdefault(name, []).extend(index)
     known = {numbers: name for name, numbers in physical(raw)}
     for key in TAGS:
@@ -153,17 +148,14 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
             groups.setdefault(name, []).append(np.flatnonzero(tags == tag))
         if tags.any():
             break
-    return cells, {name: np.unique(np.concatenate(index)) for name, index in groups.items()}, \
-        f"{word}_0" if groups else f"{word}_1"
+    return cells, {name: np.unique(np.concatenate(index)) for name, index in groups.items()}, f"{word}_0" if groups else f"{word}_1"
 
 
 def _volumes(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[list[str], np.ndarray, list[str]]:
     """One volume per cell: the smallest of the groups that hold it, so that sets of sets do not hide parts; what to say of it."""
-    volume = np.full(size, -1)
-    names, said = list(groups), []
+    volume, names, said, shared = np.full(size, -1), list(groups), [], []
     for i in sorted(range(len(names)), key=lambda i: -len(groups[names[i]])):
         volume[groups[names[i]]] = i
-    shared = []
     for i, name in enumerate(names):
         owners, counts = np.unique(volume[groups[name]], return_counts=True)
         lost = [j for j in owners if j != i]

@@ -17,8 +17,12 @@ TRIANGLE, TET = 2, 4
 @contextmanager
 def session() -> Iterator[None]:
     """gmsh switched on, quiet, with a model of its own; always switched off again."""
-    with _handlers_kept():
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
+    # gmsh gives these back to the system: a broken pipe would kill the program without a word, a hangup despite nohup
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    if threading.current_thread() is threading.main_thread():
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         # With several threads gmsh gives another mesh at every call; alone it is hardly slower.
@@ -26,16 +30,6 @@ def session() -> Iterator[None]:
         yield
     finally:
         gmsh.finalize()
-
-
-@contextmanager
-def _handlers_kept() -> Iterator[None]:
-    """gmsh gives these back to the system: a broken pipe would kill the program without a word, a hangup despite nohup."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGPIPE, signal.SIGTERM, signal.SIGINT)}
-    yield
-    if threading.current_thread() is threading.main_thread():
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
 
 
 def elements(kind: int, tags: list[int]) -> tuple[np.ndarray, np.ndarray]:

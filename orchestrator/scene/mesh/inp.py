@@ -12,7 +12,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.inp_cards import Model, Row, cards_of_a_model, outer, problem
+from orchestrator.scene.mesh.inp_cards import Card, Model, Row, cards_of_a_model, outer, problem
 from orchestrator.scene.mesh.splitting import SIDES
 
 # meshio's words of solid elements, by number of nodes
@@ -43,7 +43,7 @@ class _Mesh(Model):
     passed : surfaces with faces of shells, and where the first of them is
     """
 
-    def __init__(self, cards: list[tuple[str, dict[str, str], list[Row]]]):
+    def __init__(self, cards: list[Card]):
         super().__init__(cards, _shape)
         self.surfaces: dict[str, list[tuple[str, int, Row]]] = {}
         self.passed: dict[str, str] = {}
@@ -68,13 +68,11 @@ class _Mesh(Model):
         place[ids] = np.arange(len(ids))
         blocks, numbers = {}, {kind: table[:, 0] for kind, table in self.blocks.items()}
         for kind, table in self.blocks.items():
-            unknown = table[:, 1:][place[np.clip(table[:, 1:], 0, len(place) - 1)] < 0]
-            if len(unknown):
-                raise problem("", f"an element has node {unknown[0]}, which is not there", "the nodes of every element")
-            blocks[kind] = place[table[:, 1:]]
-        sets = {name: members for name, members in self.sets["ELSET"].items() if name}
+            blocks[kind] = place[np.clip(table[:, 1:], 0, len(place) - 1)]
+            if (blocks[kind] < 0).any():
+                raise problem("", f"an element has node {table[:, 1:][blocks[kind] < 0][0]}, which is not there", "the nodes of every element")
         cells = [meshio.CellBlock(kind, table) for kind, table in blocks.items()]
-        named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in sets.items()}
+        named = {name: [np.flatnonzero(np.isin(numbers[kind], members)) for kind in blocks] for name, members in self.sets["ELSET"].items() if name}
         for name, faces in self._faces(blocks, numbers, place).items():
             for kind, width in (("triangle", 3), ("quad", 4)):
                 of_kind = faces[(faces[:, 3] == _NO_NODE) == (width == 3), :width]
@@ -93,15 +91,13 @@ class _Mesh(Model):
         solids = [(kind, shape) for kind in blocks for shape in SIDES if kind.rstrip("0123456789") == shape]
         if not solids:
             return {}
-        table, ids = np.full((sum(len(blocks[k]) for k, _ in solids), 6, 4), _NO_NODE), np.concatenate([numbers[k] for k, _ in solids])
-        there, start = np.zeros(table.shape[:2], dtype=bool), 0
+        ids = np.concatenate([numbers[kind] for kind, _ in solids])
+        table, start = np.full((len(ids), 6, 4), _NO_NODE), 0
         for kind, shape in solids:
             rows = slice(start, start := start + len(blocks[kind]))
             for side, corners in enumerate(SIDES[shape]):
                 table[rows, side, : len(corners)] = blocks[kind][:, corners]
-                there[rows, side] = True
-        order = np.argsort(ids)
-        found = {}
+        there, order, found = table[:, :, 0] != _NO_NODE, np.argsort(ids), {}
         for name, entries in self.surfaces.items():
             if name in self.passed:
                 continue
@@ -116,16 +112,15 @@ class _Mesh(Model):
                 chosen.append(table[at, side])
             found[name] = np.concatenate(chosen)
         skin = outer(table[there])
+        inside = np.zeros(len(self.nodes) + 1, dtype=bool)
         for name, members in self.sets["NSET"].items():
-            if not name or name in found or name in self.sets["ELSET"]:
-                continue
-            inside = np.zeros(int(place.max(initial=0)) + 2, dtype=bool)
-            inside[_NO_NODE] = True
-            members = place[members[(members >= 0) & (members < len(place))]]
-            inside[members[members >= 0]] = True
-            chosen = skin[inside[skin].all(axis=1)]
-            if len(chosen):
-                found[name] = chosen
+            if name and name not in found and name not in self.sets["ELSET"]:
+                inside[:] = False
+                inside[place[members[(members >= 0) & (members < len(place))]]] = True
+                inside[_NO_NODE] = True
+                chosen = skin[inside[skin].all(axis=1)]
+                if len(chosen):
+                    found[name] = chosen
         return found
 
 

@@ -9,6 +9,7 @@ Messages tell file and line and never what stands there: an *INCLUDE may name an
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -19,13 +20,13 @@ from orchestrator.errors import InputError, Problem
 _DEPTH, _MOST = 20, 1000  # files within each other, and files in all
 
 
+@dataclass(frozen=True, slots=True)
 class Row:
     """A line of numbers or names."""
 
-    __slots__ = ("text", "file", "line")
-
-    def __init__(self, text: str, file: Path, line: int):
-        self.text, self.file, self.line = text, file, line
+    text: str
+    file: Path
+    line: int
 
     @property
     def words(self) -> list[str]:
@@ -42,23 +43,20 @@ class Row:
             self.fail("a word that is no number and names no set", "a whole number, or the name of a set defined before")
         return int(word)
 
-    def integers(self) -> list[int]:
-        """All of its entries."""
-        return [self.integer(word) for word in self.words]
+
+Card = tuple[str, dict[str, str], list[Row]]  # keyword, its options, its lines
 
 
 def numbers(rows: list[Row]) -> np.ndarray:
     """(…,) float, the entries of lines one after the other; raises InputError for what is no number."""
-    words = ",".join(row.text for row in rows).upper().replace("D", "E").split(",")
+    text = ",".join(row.text for row in rows)
     try:
-        return np.array(words, dtype=float)
+        return np.array(text.upper().replace("D", "E").split(","), dtype=float)
     except ValueError:
+        if len(rows) == 1:
+            rows[0].fail("a word that is no number", "a number")
         for row in rows:
-            for word in row.words:
-                try:
-                    float(word.upper().replace("D", "E"))
-                except ValueError:
-                    row.fail("a word that is no number", "a number")
+            numbers([row])
         raise
 
 
@@ -70,11 +68,10 @@ def node_table(options: dict[str, str], rows: list[Row]) -> np.ndarray:
     """
     if options.get("SYSTEM", "R").upper() != "R":
         rows[0].fail(f"nodes in SYSTEM={options['SYSTEM'][:12]}", "Cartesian coordinates")
-    if all(row.text.count(",") == 3 for row in rows) and not any(",," in row.text.replace(" ", "") for row in rows):
-        table = numbers(rows).reshape(-1, 4)
-    else:
+    full = rows
+    if any(row.text.count(",") != 3 or ",," in row.text.replace(" ", "") for row in rows):
         full = [Row(",".join([word or "0" for word in row.words[:4]] + ["0"] * (4 - len(row.words))), row.file, row.line) for row in rows]
-        table = numbers(full).reshape(-1, 4)
+    table = numbers(full).reshape(-1, 4)
     bad = np.flatnonzero(~((table[:, 0] >= 1) & (table[:, 0] == np.floor(table[:, 0]))))
     if len(bad):
         rows[bad[0]].fail(f"'{rows[bad[0]].words[0]}' as the number of a node", "a whole number from 1")
@@ -92,7 +89,7 @@ class Model:
     sets : kind → name → members, ascending; names as they are written first, capitals do not count
     """
 
-    def __init__(self, cards: list[tuple[str, dict[str, str], list[Row]]], shape: Callable[[str, Row], tuple[str, int] | None],
+    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None],
                  sets: Sequence[str] = ("NSET", "ELSET")):
         nodes, blocks, self._parts = [np.empty((0, 4))], {}, {kind: {} for kind in sets}
         for card, options, rows in cards:
@@ -121,15 +118,14 @@ class Model:
             sets.setdefault(next((own for own in sets if own.upper() == options[kind].upper()), options[kind]), []).extend(members)
 
     def _members(self, kind: str, options: dict[str, str], rows: list[Row]) -> list[np.ndarray]:
-        found: list[np.ndarray] = [np.empty(0, dtype=int)]
         names = {name.upper(): parts for name, parts in self._parts[kind].items()}
+        found: list[np.ndarray] = [np.empty(0, dtype=int)]
         for row in rows:
             if "GENERATE" in options:
-                first, last, *step = row.integers()
+                first, last, *step = (row.integer(word) for word in row.words)
                 found.append(np.arange(first, last + 1, *step))
-                continue
-            for word in filter(None, row.words):
-                found += names.get(word.upper()) or [np.array([row.integer(word)])]
+            else:
+                found += [part for word in filter(None, row.words) for part in names.get(word.upper()) or [np.array([row.integer(word)])]]
         return found
 
 
@@ -153,15 +149,6 @@ class Inclusion:
         if path.resolve() in self.stack[:-1] or len(self.stack) > _DEPTH or len(self.opened) > _MOST:
             raise problem(where, "files that include each other without end", "a deck that ends")
 
-    def lines(self) -> list[str]:
-        """The file's; raises InputError where there is none. Devices and pipes are none: they have no end."""
-        try:
-            if not self.path.is_file():
-                raise problem("", f"{self.path}: no such file", "a file that is there")
-            return self.path.read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError as error:
-            raise problem("", f"{self.path}: {error.strerror}", "a file that is there") from error
-
     def include(self, options: dict[str, str], line: int) -> Inclusion:
         """The file that a line includes: beside the including file, or beside the deck, where CalculiX looks; raises InputError
         for two different ones."""
@@ -174,7 +161,13 @@ class Inclusion:
     def spliced(self) -> Iterator[tuple[str, Path, int]]:
         """Lines that say something, with file and number; those of an included file stand where *INCLUDE stood, as CalculiX
         reads them: data there continues the card above, and a card there takes the data below."""
-        for number, line in enumerate(self.lines(), 1):
+        try:
+            if not self.path.is_file():  # devices and pipes are none: they have no end
+                raise problem("", f"{self.path}: no such file", "a file that is there")
+            lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError as error:
+            raise problem("", f"{self.path}: {error.strerror}", "a file that is there") from error
+        for number, line in enumerate(lines, 1):
             text = line.strip()
             if not text or text.startswith("**"):
                 continue
@@ -192,8 +185,8 @@ def heading(text: str) -> tuple[str, dict[str, str]]:
     return " ".join(head.upper().split()), {key.strip().upper(): value.strip() for key, _, value in (part.partition("=") for part in rest)}
 
 
-def cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
-    """Keyword, its options, its lines, up to the first *STEP; the keyword is empty for data above the first card."""
+def cards(path: Path) -> Iterator[Card]:
+    """The cards that have lines, up to the first *STEP; the keyword is empty for data above the first card."""
     card, options, rows = "", {}, []
     for text, file, number in Inclusion(path).spliced():
         if not text.startswith("*"):
@@ -208,7 +201,7 @@ def cards(path: Path) -> Iterator[tuple[str, dict[str, str], list[Row]]]:
         yield card, options, rows
 
 
-def cards_of_a_model(path: Path) -> list[tuple[str, dict[str, str], list[Row]]]:
+def cards_of_a_model(path: Path) -> list[Card]:
     """The same of a file that may not begin with data; raises InputError where it does."""
     found = list(cards(path))
     if found and not found[0][0]:

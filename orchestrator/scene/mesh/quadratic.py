@@ -20,8 +20,6 @@ if TYPE_CHECKING:  # what draws needs no scene
 # Ends of the edges behind nodes 4 … 9 of a tet, and behind nodes 3 … 5 of a triangle.
 TET_EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 TRIANGLE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
-# Of an edge with its middle.
-LINE = np.array([[0, 1]])
 
 # Integrals of the shape functions over an element, as shares of its volume or area, by number of nodes.
 TET_SHARES = {4: np.full(4, 1 / 4), 10: np.r_[np.full(4, -1 / 20), np.full(6, 1 / 5)]}
@@ -43,11 +41,9 @@ def quadratic(mesh: Mesh, faces: Faces) -> tuple[Mesh, Faces]:
 
 
 def edges_of(elements: np.ndarray, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The edges of elements (m, p), each once.
+    """The edges of elements (m, p), each once: ends (e, 2) int, ascending within and among rows, and edge (m, q) int, index into ends.
 
     local : (q, 2) int, ends of an element's edges in its own numbering
-    Returns ends : (e, 2) int, ascending within and among rows
-    edge : (m, q) int, index into ``ends``
     """
     pairs = np.sort(elements[:, local], axis=2).reshape(-1, 2).astype(np.int64)
     size = int(pairs.max(initial=0)) + 1
@@ -76,7 +72,7 @@ def with_middles(inner: np.ndarray, lines: np.ndarray, points: np.ndarray, cells
     """
     n = len(inner)
     ends, edge = edges_of(cells, TET_EDGES)
-    known, own = edges_of(lines, LINE)
+    known, own = edges_of(lines, np.array([[0, 1]]))
     middle_of = np.empty(len(known), dtype=int)
     middle_of[own[:, 0]] = lines[:, 2]
     on = ends[:, 1] < n

@@ -39,16 +39,12 @@ def check_content(path: Path, key: KeyPath, source: str = "") -> None:
     key : of the YAML that names it
     source : what the user calls the file, for the message; none: its path
     """
-    if not recognised(path):
-        raise InputError(Problem(key, f"{source or path}: its content is not what {path.suffix} stands for",
-                                 f"a file that begins with {_KNOWN[path.suffix.lower()][1]}",
-                                 "check that the ending fits the content, and save it again from the program that made it"))
-
-
-def recognised(path: Path) -> bool:
-    """Whether the content is what the ending says; true of endings that are not known here."""
     start = _KNOWN.get(path.suffix.lower())
     if start is None:
-        return True
+        return
     with path.open("rb") as file:
-        return re.match(start[0], file.read(HEAD), re.DOTALL) is not None
+        known = re.match(start[0], file.read(HEAD), re.DOTALL)
+    if not known:
+        raise InputError(Problem(key, f"{source or path}: its content is not what {path.suffix} stands for",
+                                 f"a file that begins with {start[1]}",
+                                 "check that the ending fits the content, and save it again from the program that made it"))

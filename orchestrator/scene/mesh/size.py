@@ -12,31 +12,20 @@ import psutil
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.mesh.faces import MAX_NODES
 
-# Nodes per h³, measured.
-DENSITY = 0.82
-# Bytes per node that a mesh of tets and its faces take at most while they are made, measured.
-BYTES = 2200.0
-
-
-def largest() -> tuple[float, str]:
-    """Nodes that a mesh may have here, and in words why no more."""
-    fit = memory_left() / BYTES
-    if fit >= MAX_NODES:
-        return float(MAX_NODES), f"at most {MAX_NODES} nodes"
-    return fit, f"at most {fit:.2g} nodes, in the {memory_left() / 1e9:.2g} GB of memory that are free"
+DENSITY = 0.82  # nodes per h³, measured
+BYTES = 2200.0  # per node, that a mesh of tets and its faces take at most while they are made, measured
+_GROUPS = Path("/sys/fs/cgroup")
 
 
 def check_size(nodes: float, path: KeyPath, found: str, cure: Callable[[float], str]) -> None:
-    """Refuses a mesh of more nodes than there may be.
+    """Raises InputError for a mesh of more nodes (estimated) than there may be, with what would do.
 
-    nodes : estimated
-    path : the key that decides on it
-    found : what stands there
-    cure : factor that elements have to grow by → what to write
-    Raises InputError: with what would do
+    path : the key that decides on it; found : what stands there; cure : factor that elements have to grow by → what to write
     """
-    most, expected = largest()
-    if not nodes <= most:
+    fit = memory_left() / BYTES
+    if not nodes <= (most := min(fit, MAX_NODES)):
+        expected = f"at most {MAX_NODES} nodes" if fit >= MAX_NODES else \
+            f"at most {fit:.2g} nodes, in the {BYTES * fit / 1e9:.2g} GB of memory that are free"
         raise InputError(Problem(path, f"{found} makes about {nodes:.2g} nodes", expected, cure(1.05 * (nodes / most) ** (1 / 3))))
 
 
@@ -46,10 +35,7 @@ def coarser(h: float) -> Callable[[float], str]:
 
 
 def check_memory(needed: float, path: KeyPath, found: str, cure: str) -> None:
-    """Refuses what takes more bytes than are free.
-
-    Raises InputError: with both numbers
-    """
+    """Raises InputError for what takes more bytes than are free, with both numbers."""
     if not needed <= (left := memory_left()):
         raise InputError(Problem(path, f"{found}: takes about {needed / 1e9:.2g} GB of memory",
                                  f"at most the {left / 1e9:.2g} GB that are free", cure))
@@ -66,6 +52,3 @@ def memory_left() -> float:
     if soft != resource.RLIM_INFINITY:
         left.append(float(soft - psutil.Process().memory_info().vms))
     return max(min(left), 0.0)
-
-
-_GROUPS = Path("/sys/fs/cgroup")

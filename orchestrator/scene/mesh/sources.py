@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from orchestrator.config.base import Rotate, unit
-from orchestrator.config.parts import Move
 from orchestrator.errors import InputError, KeyPath, Problem, Problems
-from orchestrator.scene.foreign.read import check_asked
+from orchestrator.scene.foreign.read import check_asked, read_joints
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh
@@ -19,60 +18,8 @@ from orchestrator.scene.mesh.quality import checked
 from orchestrator.scene.names import INSIDE
 from orchestrator.wording import visible
 
-
-def placed(mesh: Mesh, name: str, move: Move | None) -> Mesh:
-    """A part's mesh where it belongs, with the part's names.
-
-    A single volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
-    """
-    inside = name + INSIDE
-    volumes = [name] if len(mesh.volumes) == 1 else [inside + volume for volume in mesh.volumes]
-    nodes = mesh.nodes if move is None else moved(mesh.nodes, move)
-    return replace(mesh, nodes=nodes, volumes=volumes, surfaces={inside + s: t for s, t in mesh.surfaces.items()},
-                   source=f"{name} ({mesh.source})", remarks=[f"{name}: {text}" for text in mesh.remarks],
-                   smooth=[inside + s for s in mesh.smooth])
-
-
-def moved(nodes: np.ndarray, move: Move) -> np.ndarray:
-    """Points (n, 3) turned, one turn after another, then shifted."""
-    for turn in move.rotate or []:
-        nodes = turned(nodes, turn)
-    return nodes if move.translate is None else nodes + np.array(move.translate)
-
-
-def turned(nodes: np.ndarray, turn: Rotate) -> np.ndarray:
-    """Points (n, 3) turned about an axis, by Rodrigues' formula."""
-    axis = np.array(unit(turn.axis))
-    sine, cosine = _exact(turn.degrees)
-    arm = nodes - np.array(turn.about)
-    along = np.outer(arm @ axis, axis)
-    return np.array(turn.about) + along + cosine * (arm - along) + sine * cross(np.broadcast_to(axis, arm.shape), arm)
-
-
-def _exact(degrees: float) -> tuple[float, float]:
-    """Sine and cosine; of right angles exactly, so that faces turned onto a plane lie in it."""
-    quarters, rest = divmod(degrees, 90.0)
-    if rest:
-        angle = np.deg2rad(degrees)
-        return float(np.sin(angle)), float(np.cos(angle))
-    return ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[int(quarters) % 4]
-
-
-def joined(meshes: list[Mesh]) -> Mesh:
-    """One mesh of several that share no nodes; names of volumes and of surfaces must differ."""
-    nodes = np.cumsum([0, *(len(m.nodes) for m in meshes)])
-    volumes = np.cumsum([0, *(len(m.volumes) for m in meshes)])
-    return Mesh(np.concatenate([m.nodes for m in meshes]), np.concatenate([m.cells + start for m, start in zip(meshes, nodes)]),
-                np.concatenate([m.volume + start for m, start in zip(meshes, volumes)]), [name for m in meshes for name in m.volumes],
-                {name: t + start for m, start in zip(meshes, nodes) for name, t in m.surfaces.items()},
-                " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks],
-                [name for m in meshes for name in m.smooth],
-                [replace(stand, volume=stand.volume + v, first=stand.first + n, triangles=stand.triangles + n)
-                 for m, v, n in zip(meshes, volumes.tolist(), nodes.tolist()) for stand in m.foreign])
-
-
 if TYPE_CHECKING:
-    from orchestrator.config.parts import OnePart
+    from orchestrator.config.parts import Move, OnePart
 
 # key and name of the function → its module in ``orchestrator.scene``
 SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.files",
@@ -80,13 +27,13 @@ SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.fi
 
 
 def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
-    """Makes, scales and checks the mesh of the configuration's ``mesh`` entry.
+    """Makes, scales and checks the mesh of the configuration's ``mesh`` entry, its names such as can be shown.
 
     ``scale`` multiplies the finished coordinates, so sizes and h are in unscaled units.
-
     Raises InputError: the source is missing or bad, or what it gives is no valid mesh
     """
-    made = _named(_made(mesh))
+    key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
+    made = _named(getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)(mesh))
     scale = getattr(mesh, "scale", None)
     if scale is not None:
         made.nodes = made.nodes * float(scale)
@@ -96,40 +43,54 @@ def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:
 def _named(mesh: Mesh) -> Mesh:
     """The mesh with names that can be shown: in terminals, where signs of a file's would move the cursor, and in results."""
     names = {name: visible(name) for name in [*mesh.volumes, *mesh.surfaces]}
-    if any(name != shown for name, shown in names.items()):
-        volumes, surfaces = [names[name] for name in mesh.volumes], {names[name]: t for name, t in mesh.surfaces.items()}
-        if len(set(volumes)) < len(volumes) or len(surfaces) < len(mesh.surfaces):
-            raise InputError(Problem(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
-                                     "rename the groups"))
-        mesh = replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth])
-    mesh.remarks[:] = map(visible, mesh.remarks)
-    return mesh
+    volumes, surfaces = [names[name] for name in mesh.volumes], {names[name]: t for name, t in mesh.surfaces.items()}
+    if len(set(volumes)) < len(set(mesh.volumes)) or len(surfaces) < len(mesh.surfaces):
+        raise InputError(Problem(("mesh",), f"{mesh.source}: names that cannot be told apart but by signs that nobody sees", "names of letters",
+                                 "rename the groups"))
+    return replace(mesh, volumes=volumes, surfaces=surfaces, smooth=[names[name] for name in mesh.smooth], remarks=[*map(visible, mesh.remarks)])
 
 
 def make_parts(parts: list[OnePart], run_programs: bool | None = False) -> tuple[Mesh, Faces]:
     """Makes the mesh of each part, as ``make_mesh`` does, moves it, and puts all together.
 
     A part's one volume is called as the part is, several ``part/volume``; surfaces are ``part/surface``.
-
-    parts : of the configuration
     run_programs : whether programs are started that are parts; None: these are left out
     Raises InputError: as ``make_mesh``; all parts' problems, each with its place in the YAML; programs that may not be started
     """
-    meshed, foreign = [p for p in parts if p.mesh is not None], [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
+    foreign = [(i, p) for i, p in enumerate(parts) if p.foreign is not None]
     if run_programs is None and any(part.program is None for part in parts):
         foreign = [(i, part) for i, part in foreign if part.program is None]
     elif not run_programs:
         check_asked(parts)
-    meshes = [_together(parts)] if meshed else []
+    meshes = [_together(parts)] if any(part.mesh is not None for part in parts) else []
     mesh = joined([*meshes, *_standing_in(foreign, meshes)]) if foreign else meshes[0]
     return mesh, faces_of(mesh.cells, len(mesh.nodes))
 
 
+def _together(parts: list[OnePart]) -> Mesh:
+    """The parts that have meshes of ours."""
+    made, problems = [], Problems()
+    for i, part in enumerate(parts):
+        if part.mesh is None:
+            continue
+        try:
+            made.append(placed(make_mesh(part.source)[0], part.name, part.move))
+        except InputError as error:
+            problems.found += [replace(p, path=_in_part(i, part, p.path)) for p in error.problems]
+    problems.raise_if_any()
+    if (count := sum(len(mesh.nodes) for mesh in made)) > MAX_NODES:
+        raise InputError(Problem(("parts",), f"{count} nodes in all", f"at most {MAX_NODES} nodes", "use coarser meshes"))
+    return joined(made)
+
+
+def _in_part(index: int, part: OnePart, path: KeyPath) -> KeyPath:
+    """Where a problem with the mesh of a part stands."""
+    return ("parts", index, *(path[1:] if part.h is not None and path == ("mesh", "h") else path))
+
+
 def _standing_in(parts: list[tuple[int, OnePart]], meshes: list[Mesh]) -> list[Mesh]:
     """What stands for parts whose mesh is not ours, with the place of each in the YAML; ``meshes`` are ours."""
-    from orchestrator.scene.foreign.standin import fitted, outer_surfaces
-    from orchestrator.scene.foreign.read import read_joints
-    from orchestrator.scene.foreign.standin import stand_in
+    from orchestrator.scene.foreign.standin import fitted, outer_surfaces, stand_in  # with it comes SciPy
 
     made, problems, others = [], Problems(), [surface for mesh in meshes for surface in outer_surfaces(mesh)]
     for i, part in parts:
@@ -145,30 +106,41 @@ def _standing_in(parts: list[tuple[int, OnePart]], meshes: list[Mesh]) -> list[M
     return made
 
 
-def _together(parts: list[OnePart]) -> Mesh:
-    made, problems = [], Problems()
-    for i, part in enumerate(parts):
-        if part.mesh is None:
-            continue
-        try:
-            mesh = make_mesh(part.source)[0]
-        except InputError as error:
-            problems.found += [replace(p, path=_in_part(i, part, p.path)) for p in error.problems]
-        else:
-            made.append(placed(mesh, part.name, part.move))
-    problems.raise_if_any()
-    if (count := sum(len(mesh.nodes) for mesh in made)) > MAX_NODES:
-        raise InputError(Problem(("parts",), f"{count} nodes in all", f"at most {MAX_NODES} nodes", "use coarser meshes"))
-    return joined(made)
+def placed(mesh: Mesh, name: str, move: Move | None) -> Mesh:
+    """A part's mesh where it belongs, with the part's names."""
+    inside = name + INSIDE
+    volumes = [name] if len(mesh.volumes) == 1 else [inside + volume for volume in mesh.volumes]
+    return replace(mesh, nodes=mesh.nodes if move is None else moved(mesh.nodes, move), volumes=volumes,
+                   surfaces={inside + s: t for s, t in mesh.surfaces.items()}, source=f"{name} ({mesh.source})",
+                   remarks=[f"{name}: {text}" for text in mesh.remarks], smooth=[inside + s for s in mesh.smooth])
 
 
-def _in_part(index: int, part: OnePart, path: KeyPath) -> KeyPath:
-    """Where a problem with the mesh of a part stands."""
-    own = part.h is not None and path == ("mesh", "h")
-    return ("parts", index, *(path[1:] if own else path))
+def moved(nodes: np.ndarray, move: Move) -> np.ndarray:
+    """Points (n, 3) turned, one turn after another, then shifted."""
+    for turn in move.rotate or []:
+        nodes = turned(nodes, turn)
+    return nodes if move.translate is None else nodes + np.array(move.translate)
 
 
-def _made(mesh: Any) -> Mesh:
-    key = next(key for key in SOURCES if getattr(mesh, key, None) is not None)
-    source = getattr(import_module(f"orchestrator.scene.{SOURCES[key]}"), key)
-    return source(mesh)
+def turned(nodes: np.ndarray, turn: Rotate) -> np.ndarray:
+    """Points (n, 3) turned about an axis, by Rodrigues' formula; by right angles exactly, so that faces turned onto a plane lie in it."""
+    quarters, rest = divmod(turn.degrees, 90.0)
+    angle = np.deg2rad(turn.degrees)
+    sine, cosine = (np.sin(angle), np.cos(angle)) if rest else ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))[int(quarters) % 4]
+    axis = np.array(unit(turn.axis))
+    arm = nodes - np.array(turn.about)
+    along = np.outer(arm @ axis, axis)
+    return np.array(turn.about) + along + cosine * (arm - along) + sine * cross(np.broadcast_to(axis, arm.shape), arm)
+
+
+def joined(meshes: list[Mesh]) -> Mesh:
+    """One mesh of several that share no nodes; names of volumes and of surfaces must differ."""
+    nodes = np.cumsum([0, *(len(m.nodes) for m in meshes)])
+    volumes = np.cumsum([0, *(len(m.volumes) for m in meshes)])
+    return Mesh(np.concatenate([m.nodes for m in meshes]), np.concatenate([m.cells + start for m, start in zip(meshes, nodes)]),
+                np.concatenate([m.volume + start for m, start in zip(meshes, volumes)]), [name for m in meshes for name in m.volumes],
+                {name: t + start for m, start in zip(meshes, nodes) for name, t in m.surfaces.items()},
+                " + ".join(m.source for m in meshes), [text for m in meshes for text in m.remarks],
+                [name for m in meshes for name in m.smooth],
+                [replace(stand, volume=stand.volume + v, first=stand.first + n, triangles=stand.triangles + n)
+                 for m, v, n in zip(meshes, volumes.tolist(), nodes.tolist()) for stand in m.foreign])

@@ -19,6 +19,7 @@ from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.partition.numbering import position_rank
 
 # Cells with nodes amid their edges: the linear ones that they are read as, and their corners.
 CORNERS = {"tetra10": ("tetra", 4), "triangle6": ("triangle", 3), "quad8": ("quad", 4), "quad9": ("quad", 4),
@@ -42,16 +43,12 @@ def straightened(raw: meshio.Mesh) -> tuple[meshio.Mesh, list[str]]:
     if not any(block.type == "tetra10" for block in raw.cells):
         said = [said[0].replace("ten-node tetrahedra", "quadratic cells")]
     worst, off = 0.0, 0.0
-    for block in raw.cells:
-        if block.type not in EDGES:
-            continue
-        ends = raw.points[block.data[:, EDGES[block.type]]]
-        first = CORNERS[block.type][1]
+    for block in (block for block in raw.cells if block.type in EDGES):
+        ends, first = raw.points[block.data[:, EDGES[block.type]]], CORNERS[block.type][1]
         length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
         bend = np.linalg.norm(raw.points[block.data[:, first : first + ends.shape[1]]] - ends.mean(axis=2), axis=2)
         if (bend > BENT * length).any():
-            worst = max(worst, float(np.max(bend / length)))
-            off = max(off, float(bend.max()))
+            worst, off = max(worst, float(np.max(bend / length))), max(off, float(bend.max()))
     if worst:
         said.append(f"edges that bend are straight here: their middles are off by up to {off:.3g}, or {worst:.2g} of an edge; "
                     "a finer mesh follows the shape better")
@@ -68,8 +65,6 @@ FACES = {
 # Those of tets too, in the order in which CalculiX and Abaqus call them S1, S2, …
 SIDES = {"tetra": [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], **FACES}
 WORDS = {"hexahedron": "hexahedra", "wedge": "prisms", "pyramid": "pyramids"}
-# Of the whole mesh's extent: places closer than that are one in the order of the nodes.
-NEAR = 1e-9
 
 
 def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
@@ -84,20 +79,18 @@ def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
     kinds = {block.type for block in raw.cells}
     if not kinds & {*FACES, "quad"}:
         return raw, []
-    order = _order(np.asarray(raw.points, dtype=float))
+    order = position_rank(np.asarray(raw.points, dtype=float))
     blocks, parents, quads, said = [], [], [], []
     for block in raw.cells:
         cells, kind = np.asarray(block.data, dtype=np.int64), block.type
+        pieces, parent = cells, np.arange(len(cells))
         if kind == "quad":
-            pieces, parent = _two(cells, order)
+            pieces, parent = _from_first(cells, order)[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3), np.repeat(parent, 2)
             kind = "triangle"
         elif kind in FACES:
-            pieces, parent = _tets(cells, kind, order)
-            pieces, parent = _turned(raw.points, pieces, parent, cells, kind, source)
+            pieces, parent = _turned(raw.points, *_tets(cells, kind, order), cells, kind, source)
             quads += [cells[:, face] for face in FACES[kind] if len(face) == 4]
             kind = "tetra"
-        else:
-            pieces, parent = cells, np.arange(len(cells))
         blocks.append(meshio.CellBlock(kind, pieces))
         parents.append(parent)
     counts = {kind: sum(len(b.data) for b in raw.cells if b.type == kind) for kind in FACES}
@@ -113,25 +106,10 @@ def in_tets(raw: meshio.Mesh, source: str) -> tuple[meshio.Mesh, list[str]]:
     return meshio.Mesh(raw.points, blocks, cell_data=data, cell_sets=sets, field_data=raw.field_data), said
 
 
-def _order(points: np.ndarray) -> np.ndarray:
-    """(n,) place of each node in the order of coordinates, x before y before z; the number decides among those that are alike."""
-    low, size = points.min(axis=0), np.ptp(points, axis=0).max()
-    x, y, z = np.round((points - low) / (NEAR * size if size > 0 else 1.0)).T
-    place = np.empty(len(points), dtype=np.int64)
-    place[np.lexsort((z, y, x))] = np.arange(len(points))
-    return place
-
-
 def _from_first(face: np.ndarray, order: np.ndarray) -> np.ndarray:
     """The nodes (k, 3 or 4) of faces in the same sense of rotation, each from its first node on."""
     width = face.shape[1]
     return np.take_along_axis(face, (order[face].argmin(axis=1)[:, None] + np.arange(width)) % width, axis=1)
-
-
-def _two(quads: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (2 k, 3) of quads, and the quad of each."""
-    rolled = _from_first(quads, order)
-    return rolled[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3), np.repeat(np.arange(len(quads)), 2)
 
 
 def _tets(cells: np.ndarray, kind: str, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -152,14 +130,12 @@ def _tets(cells: np.ndarray, kind: str, order: np.ndarray) -> tuple[np.ndarray, 
     return tets[by_cell], parent[by_cell]
 
 
-def _turned(points: np.ndarray, tets: np.ndarray, parent: np.ndarray, cells: np.ndarray, kind: str,
-            source: str) -> tuple[np.ndarray, np.ndarray]:
+def _turned(points: np.ndarray, tets: np.ndarray, parent: np.ndarray, cells: np.ndarray, kind: str, source: str) -> tuple[np.ndarray, np.ndarray]:
     """The tets, positive all; a block whose cells are all inside out follows another convention."""
     volumes = tet_volumes(points, tets)
     if len(volumes) and volumes.max() < 0:
         return tets[:, [0, 2, 1, 3]], parent
-    bad = np.unique(parent[volumes <= 0])
-    if len(bad):
+    if len(bad := np.unique(parent[volumes <= 0])):
         raise InputError(Problem(
             ("mesh", "file"), f"{source}: {len(bad)} of {len(cells)} {WORDS[kind]} are too distorted to be split into tetrahedra; the "
             f"first is around {format_point(points[cells[bad[0]]].mean(axis=0))}", "convex cells, all oriented the same way",

@@ -34,10 +34,8 @@ def bricks(size: np.ndarray, counts: np.ndarray, name: str) -> Mesh:
 
     The split is the same in every brick, so slices of equal thickness are congruent.
 
-    size : (3,) lengths
-    counts : (3,) int, bricks along x, y, z
-    name : of the one volume; the six sides are named xmin, xmax, ymin, …
-    Returns Mesh with nodes in lexicographic order, z fastest
+    size : (3,) lengths; counts : (3,) int, bricks along x, y, z
+    name : of the one volume; the six sides are named xmin, xmax, ymin, …; nodes are in lexicographic order, z fastest
     """
     shape = tuple(int(c) + 1 for c in counts)
     axes = [np.linspace(0.0, length, points) for length, points in zip(size, shape)]
