@@ -5,17 +5,17 @@ from __future__ import annotations
 import atexit
 import gc
 import sys
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import Annotated, Optional
 
 import typer
 
-from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, Problem
-from orchestrator.guarded import guarded
+from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, Problem, visible
+from orchestrator.guarded import guard_streams, guarded, lost_output
 from orchestrator.interrupts import heard
 from orchestrator.registry import CODES
-from orchestrator.streams import guard_streams, lost_output
-from orchestrator.wording import visible
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 
@@ -34,164 +34,152 @@ def every_command(version: Annotated[bool, typer.Option("--version", callback=_v
     """Multiscale domain decomposition around an untouched finite element code."""
 
 
+def command(does: Callable[..., int | None]) -> Callable[..., int | None]:
+    """A command that ends with the exit code it returns, 0 for None, or as its error says."""
+    @app.command()
+    @wraps(does)
+    def ended(**options: object) -> None:
+        guarded(lambda: does(**options) or CONVERGED)
+
+    return does
+
+
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file")]
 Overrides = Annotated[Optional[list[str]], typer.Option(
     "--set", metavar="KEY=VALUE", help="change an entry, such as method.tolerance.error=1e-8 (repeatable)")]
 RunPrograms = Annotated[bool, typer.Option("--run-programs", help="run the programs, interpreters and forms that CONFIG names, as run does")]
 
 
-@app.command()
+@command
 def run(config: ConfigFile, overrides: Overrides = None,
         output: Annotated[Optional[Path], typer.Option(help="results folder, instead of the one in CONFIG")] = None,
         resume: Annotated[bool, typer.Option("--resume", help="go on from the checkpoint in the results folder")] = False,
         reference: Annotated[bool, typer.Option("--reference", help="also solve undecomposed; report the true error")] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> None:
+        quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
     """Solve a problem and write its results."""
-    def action() -> int:
-        from orchestrator.memory import check_addresses
-        from orchestrator.parallel.launcher import join
+    from orchestrator.memory import check_addresses
+    from orchestrator.parallel.launcher import join
 
-        check_addresses()
-        team = join()
-        try:
-            with team.together():
-                if team.rank:
-                    from orchestrator.run import follow
+    check_addresses()
+    team = join()
+    try:
+        with team.together():
+            if team.rank:
+                from orchestrator.run import follow
 
-                    return follow(team)
-                return lead(team)
-        except BaseException as error:
-            if team.lost():
-                from orchestrator import folders
+                return follow(team)
+            return _lead(team, config, overrides or [], output=output, resume=resume, reference=reference, quiet=quiet)
+    except BaseException as error:
+        if team.lost():
+            from orchestrator import folders
 
-                folders.sweep()  # what the lost ones left
-            if not team.speaks():
-                return CONVERGED
-            raise team.cause(error)
-
-    def lead(team) -> int:
-        from orchestrator.config.load import load_config, located
-        from orchestrator.parallel.team import Elsewhere
-
-        loaded = load_config(config, overrides or [])
-        from orchestrator.run import run as solve
-
-        try:
-            return solve(loaded, output=output, resume=resume, reference=reference, quiet=quiet, team=team)
-        except (InputError, Elsewhere) as error:
-            cause = team.cause(error)
-            raise located(cause, loaded) if isinstance(cause, InputError) else error
-
-    guarded(action)
+            folders.sweep()  # what the lost ones left
+        if not team.speaks():
+            return None
+        raise team.cause(error)
 
 
-@app.command()
+def _lead(team, config: Path, overrides: list[str], **options: object) -> int:
+    """What rank 0 does; errors of the configuration say where in the file they are."""
+    from orchestrator.config.load import load_config, located
+    from orchestrator.parallel.team import Elsewhere
+
+    loaded = load_config(config, overrides)
+    from orchestrator.run import run as solve
+
+    try:
+        return solve(loaded, team=team, **options)
+    except (InputError, Elsewhere) as error:
+        cause = team.cause(error)
+        raise located(cause, loaded) if isinstance(cause, InputError) else error
+
+
+@command
 def check(config: ConfigFile, overrides: Overrides = None,
           syntax_only: Annotated[bool, typer.Option("--syntax-only", help="stop before meshing")] = False,
-          run_programs: RunPrograms = False) -> None:
+          run_programs: RunPrograms = False) -> int | None:
     """Show everything wrong with a configuration and its mesh; solve nothing."""
-    def action() -> int:
-        from orchestrator.config.load import load_config, located
+    from orchestrator.config.load import load_config, located
 
-        loaded = load_config(config, overrides or [])
-        if syntax_only:
-            print("OK")
-            return CONVERGED
-        from orchestrator.check import checked
+    loaded = load_config(config, overrides or [])
+    if syntax_only:
+        print("OK")
+        return None
+    from orchestrator.check import checked
 
+    try:
+        print(visible("\n".join(checked(loaded.config, run_programs))))
+    except InputError as error:
+        raise located(error, loaded) from error
+
+
+@command
+def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
+            overrides: Overrides = None, h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
+            html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
+            run_programs: RunPrograms = False) -> int | None:
+    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
+    from orchestrator.config.load import load_config, located
+    from orchestrator.inspect import inspected, listed, model_html
+
+    if source.suffix.lower() not in (".yaml", ".yml"):
+        lines, mesh = inspected(source, h)
+    else:
+        loaded = load_config(source, overrides or [])
         try:
-            print(visible("\n".join(checked(loaded.config, run_programs))))
+            lines, mesh = listed(loaded.config, run_programs)
         except InputError as error:
             raise located(error, loaded) from error
-        return CONVERGED
+    print(visible("\n".join(lines)))
+    if html is not None:
+        from orchestrator.results.figures.interactive import write_sealed
 
-    guarded(action)
-
-
-@app.command()
-def inspect(source: Annotated[Path, typer.Argument(metavar="CONFIG|FILE", help="a YAML file, or a mesh, STEP or BREP file")],
-            overrides: Overrides = None,
-            h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None,
-            html: Annotated[Optional[Path], typer.Option(help="also write a page in which the model turns, its surfaces named")] = None,
-            run_programs: RunPrograms = False) -> None:
-    """List volumes, surfaces, and the pairs of parts that lie on each other, with area, distance and sides."""
-    def action() -> int:
-        from orchestrator.config.load import load_config, located
-        from orchestrator.inspect import inspected, listed, model_html
-
-        if source.suffix.lower() not in (".yaml", ".yml"):
-            lines, mesh = inspected(source, h)
-        else:
-            loaded = load_config(source, overrides or [])
-            try:
-                lines, mesh = listed(loaded.config, run_programs)
-            except InputError as error:
-                raise located(error, loaded) from error
-        print(visible("\n".join(lines)))
-        if html is not None:
-            from orchestrator.results.figures.interactive import write_sealed
-
-            write_sealed(html, model_html(mesh))
-        return CONVERGED
-
-    guarded(action)
+        write_sealed(html, model_html(mesh))
 
 
-@app.command()
+@command
 def init(target: Annotated[Path, typer.Argument(metavar="CONFIG", help="the YAML file to write")],
          source: Annotated[Optional[Path], typer.Argument(metavar="FILE", help="a mesh, STEP or BREP file; none: a beam")] = None,
-         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None) -> None:
+         h: Annotated[Optional[float], typer.Option(help="element size for STEP and BREP files")] = None) -> int | None:
     """Write a commented configuration to begin with, the file's names filled in."""
-    def action() -> int:
-        from orchestrator.begin import begin
+    from orchestrator.begin import begin
 
-        print(visible("\n".join(begin(target, source, h))))
-        return CONVERGED
-
-    guarded(action)
+    print(visible("\n".join(begin(target, source, h))))
 
 
-@app.command()
+@command
 def report(directory: Annotated[Path, typer.Argument(metavar="DIR", help="a results folder")],
            cut: Annotated[Optional[str], typer.Option(metavar="AXIS=PLACE", help="show the inside, cut at a plane: x=80")] = None,
            parts: Annotated[Optional[list[str]], typer.Option(help="draw this part alone, shell wildcards allowed (repeatable)")] = None,
            view: Annotated[Optional[str], typer.Option(metavar="AZIMUTH,ELEVATION", help="degrees to see it from: 30,20")] = None,
            interactive: Annotated[bool, typer.Option("--interactive", help="also result.html, which turns, needs no network")] = False,
-           ) -> None:
+           ) -> int | None:
     """Draw the figures and a readable report from a results folder."""
-    def action() -> int:
-        from orchestrator.results.report.report import report as write
+    from orchestrator.results.report.report import report as write
 
-        write(directory, _figures(cut, parts, view), interactive)
-        return CONVERGED
-
-    guarded(action)
+    write(directory, _figures(cut, parts, view), interactive)
 
 
-@app.command()
+@command
 def study(name: Annotated[Optional[str], typer.Argument(metavar="NAME", help="none: list them")] = None,
           overrides: Annotated[Optional[list[str]], typer.Option(
               "--set", metavar="KEY=VALUE", help="change a setting of the study, if it has any (repeatable)")] = None,
           output: Annotated[Optional[Path], typer.Option(help="its folder, instead of results/studies/NAME")] = None,
-          resume: Annotated[bool, typer.Option("--resume", help="repeat no run that the folder has")] = False) -> None:
+          resume: Annotated[bool, typer.Option("--resume", help="repeat no run that the folder has")] = False) -> int | None:
     """Run a study of the paper or a benchmark: a matrix of configurations, a table and a figure."""
-    def action() -> int:
-        _find_benchmarks()
-        from benchmarks.registry import STUDIES, run_study
+    _find_benchmarks()
+    from benchmarks.registry import STUDIES, run_study
 
-        if name in STUDIES:
-            run_study(name, output, overrides or [], resume)
-            return CONVERGED
-        listing = "\n".join(f"  {key:12} {line}" for key, line in STUDIES.items())
-        if name is None:
-            print(f"Studies:\n{listing}")
-            return CONVERGED
-        from orchestrator.config.explain import nearest
+    if name in STUDIES:
+        run_study(name, output, overrides or [], resume)
+        return None
+    listing = "\n".join(f"  {key:12} {line}" for key, line in STUDIES.items())
+    if name is None:
+        print(f"Studies:\n{listing}")
+        return None
+    from orchestrator.config.explain import nearest
 
-        raise InputError(Problem((), f"study '{name}'", "one of\n" + listing,
-                                 nearest(name, list(STUDIES), otherwise="take one of these")))
-
-    guarded(action)
+    raise InputError(Problem((), f"study '{name}'", "one of\n" + listing, nearest(name, list(STUDIES), otherwise="take one of these")))
 
 
 def _find_benchmarks() -> None:
@@ -204,45 +192,35 @@ def _find_benchmarks() -> None:
     sys.path.insert(0, str(clone))
 
 
-@app.command()
+@command
 def conformance(code: Annotated[str, typer.Argument(metavar="CODE", help=f"{', '.join(CODES)}, or your own: solver.py")],
                 transport: Annotated[Optional[str], typer.Option(help="pipe or file; default: all the code has")] = None,
-                timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> None:
+                timeout: Annotated[float, typer.Option(help="seconds one answer may take")] = 60.0) -> int | None:
     """Run a code against the black box protocol: is it fit to take part?"""
-    def action() -> int:
-        from orchestrator.blackbox.trial.trial import try_out
+    from orchestrator.blackbox.trial.trial import try_out
 
-        return try_out(code, transport, timeout)
-
-    guarded(action)
+    return try_out(code, transport, timeout)
 
 
-@app.command()
-def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its meaning, as Markdown, instead")] = False) -> None:
+@command
+def schema(keys: Annotated[bool, typer.Option("--keys", help="every key with its meaning, as Markdown, instead")] = False) -> int | None:
     """Print the JSON schema of configurations, for editors that complete and check as one types."""
-    def action() -> int:
-        if keys:
-            from orchestrator.config.reference import reference as write
-        else:
-            from orchestrator.config.reference import schema as write
+    if keys:
+        from orchestrator.config.reference import reference as write
+    else:
+        from orchestrator.config.reference import schema as write
 
-        print(write(), end="")
-        return CONVERGED
-
-    guarded(action)
+    print(write(), end="")
 
 
-@app.command()
-def doctor() -> None:
+@command
+def doctor() -> int | None:
     """Tell whether FreeFEM, its script, plugin and BLAS are in order (else exit code 2), and which other codes are there."""
-    def action() -> int:
-        from orchestrator.blackbox.start import doctor as examine
+    from orchestrator.blackbox.start import doctor as examine
 
-        lines = examine()
-        print("\n".join(lines))
-        return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
-
-    guarded(action)
+    lines = examine()
+    print("\n".join(lines))
+    return BAD_INPUT if any(line.startswith("missing") for line in lines) else CONVERGED
 
 
 def main() -> None:
@@ -257,8 +235,7 @@ def main() -> None:
     if code == 1 and heard():  # before a command has begun, typer takes interrupts for failures
         code = INTERRUPTED
     if error := lost_output():
-        print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.",
-              file=sys.stderr)
+        print(f"Standard output could not be written to: {error.strerror}. What was printed is lost, files are not.", file=sys.stderr)
     sys.exit(code)
 
 

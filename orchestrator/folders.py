@@ -45,10 +45,8 @@ def make(below: str | None = None) -> Path:
             path = Path(tempfile.mkdtemp(prefix="-".join([_PREFIX, *here(), str(os.getpid()), ""]), dir=below))
             lock = _locked(path)
     except OSError as error:
-        raise InputError(Problem(
-            (), f"no folder can be made in {below}: {error.strerror}",
-            "a writable temporary folder with room", "free some room, or set TMPDIR to another folder",
-        )) from error
+        raise InputError(Problem((), f"no folder can be made in {below}: {error.strerror}",
+            "a writable temporary folder with room", "free some room, or set TMPDIR to another folder")) from error
     _held[path] = lock
     return path
 

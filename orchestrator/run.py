@@ -20,8 +20,7 @@ from orchestrator.registry import LAWS
 from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.figures.artist import Artist
-from orchestrator.results.folder import ResultsFolder, of_parts
-from orchestrator.results.lock import locked
+from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record
 from orchestrator.results.solution import Solution
 from orchestrator.results.subscribers.progress import Progress

@@ -26,20 +26,18 @@ from orchestrator.method.part import Part
 from orchestrator.method.setup import prepare
 from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
-from orchestrator.refused import by_keys
+from orchestrator.refused import by_keys, check_codes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings, Stopwatch
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.solvable import check_codes
-from orchestrator.timing import Stopwatch
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from orchestrator.blackbox.start import make_blackbox, with_layers
 from orchestrator.blackbox.usage import STAGES, Usage
 from orchestrator.config.method import Skip
 from orchestrator.method.linear.answers import GuardedTraces
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 
 
 def faces(protocol: type) -> dict[str, object]:

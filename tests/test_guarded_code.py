@@ -22,7 +22,7 @@ from orchestrator.method.linear.own_matter import check_own_matter, own_stiffnes
 from orchestrator.method.stopping.semidefinite import is_semidefinite
 from orchestrator.registry import CODES
 from orchestrator.run import solve
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of

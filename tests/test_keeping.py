@@ -26,8 +26,7 @@ from orchestrator.guarded import guarded
 from orchestrator.method.events import Subscriber
 from orchestrator.results.checkpoint import CheckpointWriter, load_checkpoint, read_file
 from orchestrator.results.fingerprint import differences, fingerprint, problem_of
-from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.lock import locked
+from orchestrator.results.folder import ResultsFolder, locked
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene

@@ -16,10 +16,9 @@ from orchestrator.method.acceleration.relaxation import stable_relaxation
 from orchestrator.method.part import Part
 from orchestrator.method.setup import prepare
 from orchestrator.method.increments import iterate
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings, Stopwatch
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.timing import Stopwatch
 
 BAR = {
     "name": "bar", "mesh": {"box": {"size": [4, 1, 1], "cells": [8, 2, 2]}}, "subdomains": {"slices": {"axis": "x", "count": 4}},

@@ -15,7 +15,7 @@ from orchestrator.blackbox.shared import SharedModels
 from orchestrator.blackbox.models.assembly import representatives
 from orchestrator.blackbox.protocol import Traits
 from orchestrator.blackbox.start import make_blackbox
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene import congruence
 from orchestrator.scene.congruence import same_shapes
 

@@ -7,7 +7,7 @@ from method_case import box_of, prepared
 
 from orchestrator.method.coarse.sole_scale import FLAT, NEAR, NOTCH
 from orchestrator.method.interface.search_direction import assemble_search_direction
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
 from orchestrator.scene.soles.sole import stiffened

@@ -10,7 +10,7 @@ from orchestrator.blackbox.start import with_layers
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.interface.rows import placed
 from orchestrator.method.interface.rows import Segments
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 
 CUBES = {"mesh": {"box": {"size": [3, 2, 2], "cells": [6, 4, 4]}}, "subdomains": {"grid": [3, 2, 2]},

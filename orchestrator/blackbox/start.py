@@ -18,7 +18,7 @@ from orchestrator.blackbox.shared import SharedModels
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.errors import InputError, Problem
 from orchestrator.registry import CODES, FOREIGN
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
 
 # Each worker is a process with its threads, pipes and tens of MB; more than the cores only wait for each other.

@@ -35,12 +35,11 @@ from orchestrator.method.local.stage import LawStage
 from orchestrator.method.part import Part
 from orchestrator.method.refusal import Refusal
 from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings, Stopwatch
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.difficulty import difficulty
 from orchestrator.scene.soles.sole import Sole
-from orchestrator.timing import Stopwatch
 
 
 def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int, watch: Stopwatch,

@@ -1,11 +1,14 @@
-"""The results folder: created once, every file in it written whole or not at all."""
+"""The results folder: created once, for one run at a time, every file in it written whole or not at all."""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
+import platform
 import re
 import shutil
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
@@ -165,8 +168,7 @@ def _problem(directory: Path, what: str, error: OSError) -> Problem:
     if error.errno in _FULL or (error.errno is None and free is not None and free < 1 << 20):
         left = "" if free is None else f", {_readable(free)} free"
         over = "disk quota exceeded" if error.errno == errno.EDQUOT else "disk full"
-        return Problem(DIRECTORY_KEY, f"{over} while writing {what} in {directory}{left}",
-                       "room for the results",
+        return Problem(DIRECTORY_KEY, f"{over} while writing {what} in {directory}{left}", "room for the results",
                        "free some space (--resume computes nothing again that has been computed), choose another "
                        "folder with --output, or set output.fields: false")
     return Problem(DIRECTORY_KEY, f"cannot write {what} in {directory}: {error.strerror or error}",
@@ -188,3 +190,45 @@ def _readable(size: float) -> str:
             return f"{size:.3g} {unit}"
         size /= 1000
     return f"{size:.3g} GB"
+
+
+LOCK, HOLDER = f"{OWN}/lock", f"{OWN}/holder.json"
+
+
+@contextmanager
+def locked(folder: ResultsFolder) -> Iterator[None]:
+    """Holds the folder's lock: the system gives it back however the run ends, so that no lock is ever stale.
+
+    Raises InputError: another run holds it; the message names that run
+    """
+    from filelock import FileLock, Timeout
+
+    lock, about = FileLock(folder / LOCK, timeout=0), {"pid": os.getpid(), "host": platform.node(), "since": time.strftime("%F %T")}
+    with folder.guarded(LOCK):
+        (folder / LOCK).parent.mkdir(exist_ok=True)
+        try:
+            lock.acquire()
+        except Timeout:
+            raise InputError(Problem(
+                DIRECTORY_KEY, f"another run writes to {folder.path}: {_holder(folder)}", "a folder of its own for every run",
+                "wait for that run, end it, or choose another folder with --output")) from None
+    try:
+        with suppress(OSError), open(folder / HOLDER, "w", opener=_not_through_links) as file:  # a full disk still locks
+            json.dump(about, file)
+        yield
+    finally:
+        with suppress(OSError):
+            (folder / HOLDER).unlink()
+        lock.release()
+
+
+def _not_through_links(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NOFOLLOW, 0o644)
+
+
+def _holder(folder: ResultsFolder) -> str:
+    try:
+        about = json.loads((folder / HOLDER).read_bytes())
+        return f"process {about['pid']} on {about['host']}, since {about['since']}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "a process that has just begun"

@@ -66,7 +66,6 @@ class Record:
         fields : whether they are wanted
         artist : who draws the figures; None: nobody
         beside : fields of parts with a mesh of their own
-        Raises InputError: folder not writable, disk full
         """
         try:
             self._history.complete()
@@ -104,7 +103,6 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
     fields : whether they are wanted
     artist : who draws the figures; None: nobody
     beside : as for ``Record.finish``
-    Raises InputError: folder not writable, disk full
     """
     with watch("output"):
         if artist:
@@ -119,10 +117,7 @@ def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, f
 
 
 def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, artist: Artist) -> None:
-    """Waits for the figures that were begun, within reason; without pictures, charts are drawn here and the warnings say so.
-
-    Raises InputError: folder not writable, disk full
-    """
+    """Waits for the figures that were begun, within reason; without pictures, charts are drawn here and the warnings say so."""
     with watch("output"):
         try:
             artist.finish()

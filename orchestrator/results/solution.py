@@ -95,10 +95,7 @@ class Solution:
         return cls(summary, read_history(directory), read_npz(directory), Path(directory))
 
     def write(self, directory: str | os.PathLike[str]) -> Path:
-        """Writes summary.json, history.csv and fields.npz; ``read`` gives the same back.
-
-        Raises InputError: folder not writable, or disk full
-        """
+        """Writes summary.json, history.csv and fields.npz; ``read`` gives the same back."""
         folder = ResultsFolder(directory)
         write_history(folder, self.history)
         if self.fields is not None:

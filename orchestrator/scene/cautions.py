@@ -11,7 +11,7 @@ from orchestrator.scene.mesh.faces import pack
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Scene
 from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.wording import some
+from orchestrator.errors import some
 
 FLAT = 1e-9  # share of a force, along an axis, that is rounding
 

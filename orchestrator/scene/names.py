@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 
-from orchestrator.wording import some
+from orchestrator.errors import some
 
 # In names of what is in a part, between the part's and its own: base/rod, base/zmin.
 INSIDE = "/"

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.blackbox.protocol import BlackBox, Model, Origin, Traits
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.congruence import equal, first_congruent
 
 _COMPARED = ("name", "nodes", "region", "materials", "origin")  # by value or not at all; all else must be identical

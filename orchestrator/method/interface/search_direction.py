@@ -20,7 +20,7 @@ from orchestrator.method.interface.factor import Factor
 from orchestrator.method.interface.rows import placed, times
 from orchestrator.method.interface.ties import traced
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.model import Scene
 
 

@@ -18,7 +18,7 @@ from orchestrator.blackbox.protocol import BlackBox, Model
 from orchestrator.method.interface.rows import dots, placed
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.traces import TraceSpace
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.conditions.rigid import HELD, motions_about, size_of
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.model import Scene, Subdomain

@@ -22,7 +22,7 @@ from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.errors import BlackBoxError
 from orchestrator.method.linear.loading import RimStiffness
 from orchestrator.method.stopping.semidefinite import is_semidefinite
-from orchestrator.savings import Savings
+from orchestrator.timing import Savings
 from orchestrator.scene.conditions.rigid import motions
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Scene, Subdomain

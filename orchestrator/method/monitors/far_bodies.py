@@ -20,7 +20,7 @@ from orchestrator.method.local.state import LocalState
 from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.method.stopping.lengths import LengthScale
 from orchestrator.scene.conditions.rigid import DISPLACEMENT, ROTATION
-from orchestrator.wording import SHOWN, some
+from orchestrator.errors import SHOWN, some
 
 PATIENCE = 3  # iterations: one or two are often an overshoot of the acceleration
 

@@ -1,26 +1,32 @@
-"""All that is answered of a solved scene, beside its fields: for the summary and for files of their own."""
+"""All that is answered of a solved scene, beside its fields: for the summary and for files; what interfaces carry is told here."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.results.answers import extremes as largest
-from orchestrator.results.answers import interfaces as carried
 from orchestrator.results.answers import probes as asked
 from orchestrator.results.answers.extremes import Extremes, extremes, write_extremes
-from orchestrator.results.answers.interfaces import InterfaceTable
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.words import place_text
 from orchestrator.scene.model import Scene
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.resultants import Resultants
 
-FILES = (largest.NAME, carried.NAME, asked.NAME)
+INTERFACES = "interfaces.csv"
+COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",
+           "pressure_x", "pressure_y", "pressure_z", "pressure_max", "area", "work", "dissipation")
+FILES = (largest.NAME, INTERFACES, asked.NAME)
 
 
 @dataclass(frozen=True)
@@ -57,17 +63,12 @@ class Answers:
         """What summary.json says of it."""
         about = np.array(config.output.moments_about, dtype=float)
         forces, moments = np.split(delivered.reactions, 2, axis=2)
-        return {
-            "peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
+        return {"peak_stress": self.extremes.largest("von_mises"), "peak_displacement": self.extremes.largest("|u|"),
             "reaction_names": reaction_names(config), "reaction_moments": {"about": about, "moments": moments - np.cross(about, forces)},
-            "probes": self.probes,
-        }
+            "probes": self.probes}
 
     def write(self, folder: ResultsFolder) -> None:
-        """Writes extremes.csv, interfaces.csv and, where there are probes, probes.csv.
-
-        Raises InputError: disk full or folder not writable
-        """
+        """Writes extremes.csv, interfaces.csv and, where there are probes, probes.csv."""
         write_extremes(folder, self.extremes)
         if self.interfaces.names:
             self.interfaces.write(folder)
@@ -78,3 +79,66 @@ class Answers:
 def reaction_names(config: Config) -> list[str]:
     """What the entries of ``boundary`` are called: by their own name, else by their place."""
     return [place_text(entry.model_dump(exclude_none=True)["on"]) for entry in config.boundary]
+
+
+@dataclass(frozen=True)
+class InterfaceTable:
+    """Of all I interfaces, T load steps.
+
+    names, sides, laws : (I,) texts, pairs of texts, texts
+    resultants : forces and moments on side 1
+    pressure : (T, I) the largest at a node; nan of bonded interfaces, where stresses tell
+    work, dissipation : (T, I) since the unloaded state, nothing where sides cannot move; see ``work``
+    """
+
+    names: list[str]
+    sides: list[tuple[str, str]]
+    laws: list[str]
+    resultants: Resultants
+    pressure: np.ndarray
+    work: np.ndarray
+    dissipation: np.ndarray
+
+    @classmethod
+    def of(cls, scene: Scene, resultants: Resultants, fields: InterfaceFields | None) -> InterfaceTable:
+        """Of a solved scene."""
+        every = scene.interfaces
+        taken, lost = np.zeros((2, scene.steps, len(every)))
+        pressure = np.full((scene.steps, len(every)), np.nan)
+        moving = [i.index for i in every if not i.law.perfect]
+        if fields is not None:
+            pressure[:, moving] = np.maximum.reduceat(fields.pressure, fields.offsets[:-1], axis=1)
+            taken[:, moving], lost[:, moving] = work(fields, np.array([every[i].law.has_history for i in moving]))
+        return cls([i.name for i in every], [tuple(scene.subdomains[e].name for e in i.subdomains) for i in every],
+                   [i.law.name for i in every], resultants, pressure, taken, lost)
+
+    def write(self, folder: ResultsFolder) -> Path:
+        """Writes the file; places without a centre of pressure are empty."""
+        r, text = self.resultants, io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        steps = len(self.work)
+        numbers = np.concatenate([r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre, self.pressure[:, :, None],
+            np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]], axis=2)
+        for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)):
+            writer.writerows([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
+                             for step, row in enumerate(numbers[:, k].tolist()))
+        return folder.write(INTERFACES, text.getvalue())
+
+
+def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, I) W and D of the interfaces that are not perfect.
+
+    rubs : (I,) bool, whether what acts along the interface is friction
+    """
+    i = interfaces
+    push, opening = i.pressure * i.areas, i.gap - i.initial_gap
+    drag = i.friction_traction * i.areas[:, :, None]
+    before = [np.concatenate([np.zeros_like(x[:1]), x[:-1]]) for x in (push, opening, drag, i.slip)]
+    there = i.areas > 0
+    there[1:] &= there[:-1]
+    moved, slid = np.where(there, opening - before[1], 0.0), i.slip - before[3]
+    taken = -0.5 * (push + before[0]) * moved + 0.5 * np.einsum("tni,tni->tn", drag + before[2], slid)
+    lost = np.einsum("tni,tni->tn", drag, slid)
+    each = [np.add.reduceat(x, i.offsets[:-1], axis=1).cumsum(axis=0) for x in (taken, lost)]
+    return each[0], each[1] * rubs

@@ -53,8 +53,7 @@ class Extremes:
             for q, quantity in enumerate(self.quantities):
                 for k, extreme in enumerate(("min", "max")):
                     if np.isfinite(self.value[k, p, q]):
-                        yield (part, quantity, extreme, float(self.value[k, p, q]), *map(float, self.at[k, p, q]),
-                               int(self.step[k, p, q]))
+                        yield (part, quantity, extreme, float(self.value[k, p, q]), *map(float, self.at[k, p, q]), int(self.step[k, p, q]))
 
     def largest(self, quantity: str) -> dict[str, object] | None:
         """The largest of all parts: value, at, part, load_step; None where none is known."""
@@ -62,8 +61,7 @@ class Extremes:
         if not np.isfinite(values).any():
             return None
         p, q = int(np.nanargmax(values)), self.quantities.index(quantity)
-        return {"value": float(values[p]), "at": self.at[1, p, q].tolist(), "part": self.parts[p],
-                "load_step": int(self.step[1, p, q])}
+        return {"value": float(values[p]), "at": self.at[1, p, q].tolist(), "part": self.parts[p], "load_step": int(self.step[1, p, q])}
 
 
 def components_of_stress(sigma: np.ndarray, ordered: np.ndarray | None = None) -> np.ndarray:
@@ -118,10 +116,7 @@ def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray,
 
 
 def write_extremes(folder: ResultsFolder, found: Extremes) -> Path:
-    """Writes extremes.csv.
-
-    Raises InputError: disk full or folder not writable
-    """
+    """Writes extremes.csv."""
     import csv
 
     text = io.StringIO()

@@ -20,12 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.results.answers.extremes import (
-    DISPLACEMENT,
-    STRESS,
-    components_of_displacement,
-    components_of_stress,
-)
+from orchestrator.results.answers.extremes import (DISPLACEMENT, STRESS, components_of_displacement, components_of_stress)
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
@@ -159,10 +154,7 @@ def columns(probes: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, list[
 
 
 def write_probes(folder: ResultsFolder, probes: Sequence[Mapping[str, object]], steps: int) -> Path:
-    """Writes probes.csv: a line per load step, a column per component; empty where there is no number.
-
-    Raises InputError: disk full or folder not writable
-    """
+    """Writes probes.csv: a line per load step, a column per component; empty where there is no number."""
     found = list(columns(probes))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -123,15 +123,13 @@ class Fields:
         return Fields(self.nodes[nodes], cells.reshape(len(chosen), self.cells.shape[1]), self.subdomain[chosen], self.lame[chosen],
                       self.displacement[:, nodes], discretisation_error=None if error is None else error[:, chosen],
                       part=None if part is None else part[chosen], parts=self.parts,
-                      joined=None if self.joined is None else self.joined[nodes],
-                      believed=None if believed is None else believed[chosen],
+                      joined=None if self.joined is None else self.joined[nodes], believed=None if believed is None else believed[chosen],
                       thermal=None if self.thermal is None else self.thermal[:, chosen])
 
     def interface_displacement(self, side: int) -> np.ndarray:
         """(steps, N, 3) displacement of side 0 (the first) or 1 at the nodes of ``interfaces``."""
         i = self.interfaces
-        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side],
-                                                                  (i.nodes, i.others)[side])]
+        return self.opened.displacement[:, self.numbering.find(i.subdomains[i.interface_of_node, side], (i.nodes, i.others)[side])]
 
     @cached_property
     def _geometry(self) -> tuple[np.ndarray, np.ndarray]:
@@ -169,8 +167,7 @@ class Fields:
         """(m, 4, 6) stress in the cells' corners, each cell by itself: what is largest in a ten-node tet is there."""
         if self.cells.shape[1] == 4:
             return np.broadcast_to(self.stress(step)[:, None], (len(self.cells), 4, 6))
-        strains = (self._elastic(recovery.strain(self._geometry[0], self.cells, self.displacement[step], at), step, at)
-                   for at in np.eye(4))
+        strains = (self._elastic(recovery.strain(self._geometry[0], self.cells, self.displacement[step], at), step, at) for at in np.eye(4))
         return np.stack([recovery.stress(epsilon, self.lame) for epsilon in strains], axis=1)
 
     def nodal_von_mises(self, step: int) -> np.ndarray:
@@ -185,6 +182,5 @@ def _joined(scene: Scene) -> np.ndarray:
     """(N,) int, as ``Fields.joined``."""
     ends = np.cumsum([0] + [len(s.nodes) for s in scene.subdomains])
     bonds = [i for i in scene.interfaces if i.law.perfect and i.mortar is None]
-    one, two = (np.concatenate([np.empty(0, int), *(i.nodes[side] + ends[i.subdomains[side]] for i in bonds)])
-                for side in (0, 1))
+    one, two = (np.concatenate([np.empty(0, int), *(i.nodes[side] + ends[i.subdomains[side]] for i in bonds)]) for side in (0, 1))
     return components(one, two, int(ends[-1]))[1]

@@ -33,7 +33,6 @@ def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = No
 
     piece : rank 0's, where there are several ranks
     beside : of parts with a mesh of their own, which have files of theirs in the same collection
-    Raises InputError: disk full or folder not writable
     """
     write_npz(folder, fields)
     folder.remove("fields/*.vtu", "fields/*.pvtu", "fields/*.pvd")  # of an earlier run with more steps
@@ -45,8 +44,7 @@ def write_fields(folder: ResultsFolder, fields: Fields, piece: Piece | None = No
         _write_steps(folder, names, fields, hidden)
     write_pvd(folder, PVD, names, [_write_beside(folder, part) for part in beside])
     if fields.interfaces is not None:
-        write_interfaces(folder, fields.nodes, fields.interfaces,
-                         [fields.interface_displacement(side) for side in (0, 1)])
+        write_interfaces(folder, fields.nodes, fields.interfaces, [fields.interface_displacement(side) for side in (0, 1)])
 
 
 def _write_beside(folder: ResultsFolder, part: OwnFields) -> list[str]:
@@ -120,13 +118,11 @@ def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
         cells["discretisation_error"] = drawn.discretisation_error[step]
     return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": ordered[at]}, cells
 
-def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields,
-                     displacement: Sequence[np.ndarray]) -> None:
+def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
     """Writes the triangles of all interfaces with gap, slip, pressure, friction traction and status.
 
     nodes : (n, 3) of the mesh
     displacement : of side 1 and side 2, (steps, N, 3) each
-    Raises InputError: disk full or folder not writable
     """
     names = [f"interface_{step + 1:04d}.vtu" for step in range(interfaces.steps)]
     for step, name in enumerate(names):

@@ -38,10 +38,7 @@ _OWN = "own_"
 
 
 def write_npz(folder: ResultsFolder, written: Fields) -> Path:
-    """Writes fields.npz, uncompressed (compression would take longer than the solution).
-
-    Raises InputError: disk full or folder not writable
-    """
+    """Writes fields.npz, uncompressed (compression would take longer than the solution)."""
     arrays = {name: getattr(written, name) for name in _ALWAYS}
     arrays |= {f"{_SIDES}{e}": u for e, u in enumerate(written.sides or ())}
     if written.interfaces is not None:
@@ -71,8 +68,7 @@ def read_npz(directory: str | os.PathLike[str]) -> Fields | None:
                           _interfaces(data), **{name: data[name] for name in _IF_THERE if name in data},
                           parts=tuple(data["parts"].tolist()))
     except (OSError, ValueError, KeyError, EOFError, MemoryError, zlib.error, zipfile.BadZipFile) as error:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}",
-                                 f"arrays {', '.join(_ALWAYS)}, as a run writes them",
+        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read: {error}", f"arrays {', '.join(_ALWAYS)}, as a run writes them",
                                  "run the configuration again")) from error
 
 

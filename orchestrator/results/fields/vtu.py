@@ -26,7 +26,6 @@ def write_vtu(folder: ResultsFolder, name: str, points: np.ndarray, cells: np.nd
     points : (n, 3) float
     cells : (m, 3, 4 or 10) int: triangles, tets or ten-node tets
     point_data, cell_data : name → (n,) or (n, components), (m,) or (m, components)
-    Raises InputError: disk full or folder not writable
     """
     appended, at = [], 0
 
@@ -64,7 +63,6 @@ def write_pvtu(folder: ResultsFolder, name: str, pieces: Sequence[str], point_da
     """Writes what puts the pieces of one grid together, files beside it.
 
     point_data, cell_data : as for ``write_vtu``, of any one cell
-    Raises InputError: disk full or folder not writable
     """
     def array(name: str, values: np.ndarray) -> str:
         return f"      <PDataArray {_kind(name, values)}/>"
@@ -81,7 +79,6 @@ def write_pvd(folder: ResultsFolder, name: str, steps: Sequence[str], parts: Seq
     """Writes a ParaView collection of one file per load step beside it, time = step from 1.
 
     parts : of further parts, one file per load step each
-    Raises InputError: disk full or folder not writable
     """
     rows = [f'    <DataSet timestep="{step}" group="" part="{part}" file="{file}"/>'
             for part, files in enumerate([steps, *parts]) for step, file in enumerate(files, 1)]

@@ -52,8 +52,7 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
                           markersize=5 if main else 4, linewidth=1.8 if main else 1.1, zorder=4 if main else 3)
     true = summary.get("true_error")
     if true and math.isfinite(true) and not np.isfinite(history.get("true_error", np.nan)).any():
-        axes.semilogy(x[-1], true, color=RED, marker="*", markersize=13, linestyle="none", zorder=5,
-                      label=f"true error {true:.1e}")
+        axes.semilogy(x[-1], true, color=RED, marker="*", markersize=13, linestyle="none", zorder=5, label=f"true error {true:.1e}")
     target = tolerance(summary)
     if target is not None:
         name, value = target

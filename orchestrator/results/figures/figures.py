@@ -27,7 +27,6 @@ def write_figures(folder: ResultsFolder, summary: Mapping[str, object], history:
     fields : for deformed.png, interfaces.png, jumps.png and codes.png; None: charts alone
     look : of the structure; None: as the configuration says
     Returns paths of the figures written
-    Raises InputError: disk full or folder not writable
     """
     made = {"convergence": convergence(summary, history) if len(history.get("iteration", ())) else None,
             "time": time_per_stage(summary) if (summary.get("timing") or {}).get("total") else None, "probes": probes_over_steps(summary)}

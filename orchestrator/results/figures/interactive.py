@@ -47,8 +47,7 @@ def result_page(fields: Fields, title: str, look: Look) -> bytes:
     for p in np.unique(part):
         used, corners = np.unique(seen.triangles[part == p], return_inverse=True)
         told = np.column_stack([seen.points[used], u[used], stress[used]])
-        figure.add_trace(graph.Mesh3d(
-            **_mesh(moved[used], corners.reshape(-1, 3)), intensity=stress[used], cmin=limits[0], cmax=limits[1],
+        figure.add_trace(graph.Mesh3d(**_mesh(moved[used], corners.reshape(-1, 3)), intensity=stress[used], cmin=limits[0], cmax=limits[1],
             colorscale="Viridis", showscale=shown_bar,
             colorbar={"title": {"text": "von Mises" + (unit and "," + unit)}, "x": 0.0, "xanchor": "right"},
             name=fields.parts[p] if fields.parts else "structure", showlegend=True, customdata=told,
@@ -92,8 +91,7 @@ def _figure(title: str) -> tuple[object, Figure]:
         raise InputError(Problem((), "no Plotly, which makes pages that turn", "the package plotly",
                                  "pip install 'latin-orchestrator[interactive]', or leave the option out")) from error
     axis = {"showbackground": False, "gridcolor": "#dddddd", "zeroline": False}
-    figure = graph.Figure(layout={
-        "title": {"text": title}, "scene": {"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis,
+    figure = graph.Figure(layout={"title": {"text": title}, "scene": {"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis,
                                             "camera": {"projection": {"type": "orthographic"}}},
         "margin": {"l": 0, "r": 0, "t": 40, "b": 0}, "legend": {"itemsizing": "constant"}})
     return graph, figure

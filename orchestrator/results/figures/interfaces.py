@@ -49,8 +49,7 @@ def interfaces(fields: Fields, look: Look = Look(), imposed: bool = False) -> Sh
     views += [View(corners, triangles, np.repeat(values, 3), camera, limits, beyond, palette=viridis(), **shared) for values in pressure]
     unit, count = look.units["stress"], len(i.names)
     told = [f"{count} interface{'s' * (count != 1)}" + " whose jump is imposed" * imposed,
-            *["moved apart, seen from outside"] * (count > 1),
-            f"largest pressure {i.pressure[steps].max():.3g}{unit}",
+            *["moved apart, seen from outside"] * (count > 1), f"largest pressure {i.pressure[steps].max():.3g}{unit}",
             f"largest tangential traction {np.linalg.norm(i.friction_traction[steps], axis=2).max(initial=0.0):.3g}{unit}",
             *["grey: open"] * bool(np.isnan(pressure).any())]
     return Sheet(views, 2 * headings(fields, steps), max(len(steps), 2), [

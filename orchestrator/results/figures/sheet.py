@@ -131,8 +131,7 @@ def _point_at(figure: Figure, view: View, left: float, bottom: float, width: flo
     inches: Transform = figure.dpi_scale_trans
     figure.add_artist(Line2D([at[0]], [at[1]], transform=inches, marker="o", markersize=9, markerfacecolor="none", markeredgecolor=_MARK,
                              markeredgewidth=1.6, linestyle="none", alpha=1.0 if visible else 0.6))
-    figure.add_artist(Annotation(
-        f"peak {value:.3g}" + ("" if visible else " (behind or inside)"), at, xycoords=inches,
+    figure.add_artist(Annotation(f"peak {value:.3g}" + ("" if visible else " (behind or inside)"), at, xycoords=inches,
         xytext=(-12 if x > 0 else 12, -14 if y > 0 else 14), textcoords="offset points",
         ha="right" if x > 0 else "left", va="top" if y > 0 else "bottom", fontsize=8.5,
         color=_MARK_TEXT, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.5}))

@@ -51,8 +51,7 @@ def edges(nodes: np.ndarray, triangles: np.ndarray, part: np.ndarray | None = No
     normal = area_vectors(nodes, triangles)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     inner = key[1:] == key[:-1]  # a triangle and the next one share the edge
-    smooth = inner & (label[1:] == label[:-1]) & (
-        np.einsum("ij,ij->i", normal[owner[1:]], normal[owner[:-1]]) >= np.cos(np.radians(sharp)))
+    smooth = inner & (label[1:] == label[:-1]) & (np.einsum("ij,ij->i", normal[owner[1:]], normal[owner[:-1]]) >= np.cos(np.radians(sharp)))
     shared = np.r_[False, smooth] | np.r_[smooth, False]
     return np.unique(pairs[~shared], axis=0)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATION
 from orchestrator.registry import LAWS
 from orchestrator.results.answers.extremes import NAME as EXTREMES
-from orchestrator.results.answers.interfaces import NAME as INTERFACES
+from orchestrator.results.answers.answers import INTERFACES
 from orchestrator.results.report.document import Marked, heading, number, plain, table
 from orchestrator.results.summary.words import units_of
 from orchestrator.results.summary.short_form import (answer_rows, hold_sentences, place_sentences,
@@ -53,8 +53,7 @@ def reactions(summary: Mapping[str, object]) -> list[str]:
     moments = jsonable(summary.get("reaction_moments")) or {}
     about = moments.get("about")
     per_entry = moments.get("moments") or [[()] * len(steps or ()) for steps in forces]
-    rows = [(name, str(step), *map(number, force), *map(number, moment))
-            for name, steps, turned in zip(names, forces, per_entry)
+    rows = [(name, str(step), *map(number, force), *map(number, moment)) for name, steps, turned in zip(names, forces, per_entry)
             for step, (force, moment) in enumerate(zip(steps or (), turned), 1)]
     head = ["on", "load step", *(f"F{axis}{units['force']}" for axis in "xyz")]
     head += [f"M{axis}{units['moment']}" for axis in "xyz"] if about else []
@@ -93,14 +92,12 @@ def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
             largest[row["part"]] = float(row["value"])
     kept = sorted(largest, key=largest.__getitem__, reverse=True)[:MOST] or list(dict.fromkeys(row["part"] for row in rows))[:MOST]
     lines = [(row["part"], row["quantity"], row["extreme"], number(float(row["value"])),
-              *(number(float(row[axis])) for axis in "xyz"), row["load_step"])
-             for part in kept for row in rows if row["part"] == part]
+              *(number(float(row[axis])) for axis in "xyz"), row["load_step"]) for part in kept for row in rows if row["part"] == part]
     text = "The largest displacement and von Mises stress of every part, its largest tension (s1) and compression (s3)."
     if len(kept) < len(largest):
         text += f" The {MOST} parts with the largest stress of {len(largest)}; {EXTREMES} has all."
     unit = f" Displacements in{units['length']}, stresses in{units['stress']}." if units["length"] else ""
-    return [heading("Extremes"), text + unit,
-            table(("part", "quantity", "", "value", "x", "y", "z", "load step"), lines, numeric=True)]
+    return [heading("Extremes"), text + unit, table(("part", "quantity", "", "value", "x", "y", "z", "load step"), lines, numeric=True)]
 
 
 def carried(folder: Path, summary: Mapping[str, object]) -> list[str]:
@@ -134,8 +131,7 @@ def _read(path: Path) -> list[dict[str, str]]:
 
 def law_quantities() -> list[tuple[str, str, str]]:
     """Quantity, its formula and what it tells, as in the report's table of residuals."""
-    return [
-        ("law_residual", "the largest of those below", "what the tolerance is compared with"),
+    return [("law_residual", "the largest of those below", "what the tolerance is compared with"),
         ("interface_residual", "‖f − f̂‖ / ‖f‖, weighted by the inverse search direction",
          "forces in equilibrium against forces that obey the laws"),
         (STABILISATION, "max |f̂ − law(F)| / A / max |f| / A", "what springs carry that hold loose bodies in place"),

@@ -16,22 +16,14 @@ from orchestrator.results.report.document import heading, number, page, picture,
 from orchestrator.results.report.question import question, settings
 from orchestrator.results.summary.words import CODE_HEAD, code_rows, units_of
 from orchestrator.results.figures.artist import CannotDraw, drawn
-from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import look_of, write_figures
+from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.view import Look
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, blackbox_seconds
-from orchestrator.results.summary.workload import (
-    PERIODS,
-    RANK_HEAD,
-    STAGE_HEAD,
-    WORKER_HEAD,
-    rank_rows,
-    stage_rows,
-    worker_rows,
-)
+from orchestrator.results.summary.workload import (PERIODS, RANK_HEAD, STAGE_HEAD, WORKER_HEAD, rank_rows, stage_rows, worker_rows)
 from orchestrator.scene.conditions.assigned import check_figures
 
 # quantity, its formula, what it tells
@@ -150,8 +142,7 @@ def _stopping(solution: Solution) -> str:
             rows.append((name.replace("_", " "), f"{value:.2e}", formula, meaning))
     described = {name for name, _, _ in quantities}
     rows += [(str(name).replace("_", " "), f"{value:.2e}", "", "") for name, value in
-             (residuals.items() if isinstance(residuals, Mapping) else ())
-             if name not in described and isinstance(value, (int, float))]
+             (residuals.items() if isinstance(residuals, Mapping) else ()) if name not in described and isinstance(value, (int, float))]
     return table(("quantity", "last value", "formula", "meaning"), rows)
 
 
@@ -187,8 +178,7 @@ def _workload(summary: Mapping[str, object]) -> list[str]:
         if rows := rank_rows(record[period]):
             parts.append(table(RANK_HEAD, rows, numeric=True))
     if parts:
-        parts.append(
-            "Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
+        parts.append("Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
             "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed.")
     return parts
 

@@ -69,10 +69,7 @@ class HistoryWriter(Subscriber):
             self._whole = False
 
     def complete(self) -> None:
-        """Writes the whole file again, if lines found no room or somebody has removed it.
-
-        Raises InputError: it cannot be written now either
-        """
+        """Writes the whole file again, if lines found no room or somebody has removed it."""
         if not self._whole or self._file.closed or not (self._folder / NAME).exists():
             self._folder.write(NAME, b"".join(self._lines))
             self._whole = True
@@ -124,8 +121,7 @@ def read_history(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         texts = [line.split(",") for line in lines[:-1]]
         table = np.array([[float(x) for x in row] for row in texts]).reshape(-1, len(names))
     except (OSError, ValueError) as error:
-        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}",
-                                 "a history.csv written by a run",
+        raise InputError(Problem(DIRECTORY_KEY, f"{path} cannot be read as a history: {error}", "a history.csv written by a run",
                                  f"name the results folder of an earlier run; {_WITHOUT}")) from error
     whole = _COUNTS | {name for name, *column in zip(names, *texts) if column and all(map(str.isdigit, column))}
     return {name: column.astype(int) if name in whole else column for name, column in zip(names, table.T)}

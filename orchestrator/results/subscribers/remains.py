@@ -38,13 +38,10 @@ class Remains(Subscriber):
 
     def _write(self, reason: str) -> None:
         last = self._last
-        content = {
-            "name": self._config.name, "converged": False, "stop_reason": reason,
+        content = {"name": self._config.name, "converged": False, "stop_reason": reason,
             "iterations": last.iteration if last else 0, "indicator": last.indicator if last else None,
             "error_bound": last.error_bound if last else None, **problem_size(self._scene),
-            "timing": {"total": self._watch.total, **self._watch.seconds}, "versions": versions(),
-            "config": self._config.complete(),
-        }
+            "timing": {"total": self._watch.total, **self._watch.seconds}, "versions": versions(), "config": self._config.complete()}
         with suppress(InputError):  # a full disk; the error itself is told
             write_summary(self._folder, content)
 

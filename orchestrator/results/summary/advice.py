@@ -17,7 +17,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
 from orchestrator.scene.soles.difficulty import SLENDER, slenderness
-from orchestrator.wording import some
+from orchestrator.errors import some
 from orchestrator.scene.model import Scene
 
 PACE = 10  # iterations over which the latest pace is taken
@@ -177,5 +177,4 @@ def advice(run: Stopped) -> list[str]:
     if run.iterated.converged:
         return []
     reason = run.iterated.stop_reason
-    return [sentence for name, causes in CAUSES.items() if reason.startswith(name)
-            for cause in causes for sentence in cause(run)]
+    return [sentence for name, causes in CAUSES.items() if reason.startswith(name) for cause in causes for sentence in cause(run)]

@@ -18,7 +18,7 @@ from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Scene
-from orchestrator.wording import some
+from orchestrator.errors import some
 
 COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square
 
@@ -61,8 +61,7 @@ def _of_mesh(scene: Scene, error: float | None) -> list[str]:
     locks = any(scene.materials[m].poisson > LOCKING for m in np.unique(scene.cell_material))
     finer = "halve the element size where fields/ show large discretisation_error"
     cure = finer if not linear else "take blackbox: {element: P2}" + ("" if locks else f", or {finer}")
-    return [f"the mesh's own error is about {error:.0%} (estimated, relative, energy norm), far above that of the "
-            f"iterations: {cure}"]
+    return [f"the mesh's own error is about {error:.0%} (estimated, relative, energy norm), far above that of the iterations: {cure}"]
 
 
 def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
@@ -78,8 +77,7 @@ def _of_interfaces(scene: Scene, interfaces: InterfaceFields) -> list[str]:
         result.append(f"{some(slid)} slid by more than an element: node pairs do not follow, "
                       "large sliding is outside small perturbations; a law may have it, as contact has pairing: follow")
     volume = scene.mesh.volume
-    cut = [i for i in scene.interfaces
-           if not i.law.joins and (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
+    cut = [i for i in scene.interfaces if not i.law.joins and (volume[i.cells[:, 0]] == volume[i.cells[:, 1]]).any()]
     if cut:
         parts = sorted({scene.mesh.volumes[v] for i in cut for v in volume[i.cells[:, 0]]})
         laws = " and ".join(sorted({i.law.name for i in cut}))

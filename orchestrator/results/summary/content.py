@@ -39,23 +39,17 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         estimated = None
     loose = sorted({name for key in ("detached", "weakly_held") for names in contact.get(key, ()) for name in names})
     nonlinear = nonlinear_parts(scene, iterated.iterations)
-    summary = {
-        "name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
-        "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes],
-                                 met and met.stabilised)),
-        "iterations": iterated.iterations,
-        "acceleration": algorithm(config.method.acceleration,
+    summary = {"name": config.name, "converged": iterated.converged, "stop_reason": iterated.stop_reason,
+        "advice": advice(Stopped(scene, config.method, iterated, loose, [code.code for code in config.codes], met and met.stabilised)),
+        "iterations": iterated.iterations, "acceleration": algorithm(config.method.acceleration,
                                   all(i.law.perfect for i in scene.interfaces) and not nonlinear).title,
         "sweeps": {"setup": setup_sweeps, "iterations": iterated.sweeps, "total": setup_sweeps + iterated.sweeps},
-        "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None,
-        "sole_scale": met and met.sole_scale,
+        "newton_steps": last.newton_steps, "coarse_ends": last.coarse_ends or None, "sole_scale": met and met.sole_scale,
         "indicator": last.indicator, "error_bound": iterated.bound.relative,
         "true_error": exact.relative_error(delivered.displacement) if exact else None,
         "discretisation_error": estimated and estimated.relative, "tolerance": last.tolerance,
-        "residuals": {name: getattr(last, name) for name in
-                      ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
-        | (met.laws.named if met else {}),
-        "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
+        "residuals": {name: getattr(last, name) for name in ("displacement_jump", "force_imbalance", "residual", "macro_imbalance")}
+        | (met.laws.named if met else {}), "stabilised": asdict(met.stabilised) if met and met.stabilised else None,
         "places": asdict(met.places) if met and met.places else None,
         **nonlinear, "element": scene.element and str(scene.element), **problem_size(scene),
         # pseudo-loads work on the elastic stiffness: no energy of what flows
@@ -64,20 +58,16 @@ def summarise(config: Config, scene: Scene, delivered: Delivered, setup_sweeps: 
         "far_bodies": [asdict(body) | {"sentence": str(body)} for body in iterated.found.get("far_bodies", [])],
         "warnings": stabilisation_cautions(config.method) + foreign + sentences(iterated.found.get("far_bodies", []))
         + cautions(scene, delivered.sides or delivered.parts, delivered.interfaces, contact.get("detached", ()),
-                   estimated and estimated.relative),
-        **spent, "config": config.complete(),
-    }
+                   estimated and estimated.relative), **spent, "config": config.complete()}
     note_time(summary, watch)
     return summary
 
 
 def problem_size(scene: Scene) -> dict[str, int]:
     """The part of the summary that says how large the problem is."""
-    return {
-        "dofs": 3 * len(scene.mesh.nodes), "dofs_decomposed": 3 * sum(len(s.nodes) for s in scene.subdomains),
+    return {"dofs": 3 * len(scene.mesh.nodes), "dofs_decomposed": 3 * sum(len(s.nodes) for s in scene.subdomains),
         "subdomains": len(scene.subdomains), "interfaces": len(scene.interfaces),
-        "interface_nodes": sum(len(i.global_nodes) for i in scene.interfaces), "load_steps": scene.steps,
-    }
+        "interface_nodes": sum(len(i.global_nodes) for i in scene.interfaces), "load_steps": scene.steps}
 
 
 def note_time(summary: dict[str, object], watch: Stopwatch) -> None:
@@ -95,12 +85,8 @@ def _contact(scene: Scene, delivered: Delivered) -> dict[str, object]:
     if interfaces is None:
         return {}
     detached, weakly_held = held_bodies(scene, interfaces)
-    return {
-        "status_counts": interfaces.counts,
-        "interface_resultants": [
-            {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law),
-             "resultant": force}
+    return {"status_counts": interfaces.counts, "interface_resultants": [
+            {"name": str(name), "subdomains": [scene.subdomains[e].name for e in pair], "law": str(law), "resultant": force}
             for name, law, pair, force in zip(interfaces.names, interfaces.laws, interfaces.subdomains,
                                               interfaces.resultant.swapaxes(0, 1).tolist())],
-        "detached": detached, "weakly_held": weakly_held, **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {}),
-    }
+        "detached": detached, "weakly_held": weakly_held, **({"bolts": bolt_forces(scene, interfaces)} if scene.bolts else {})}

@@ -10,15 +10,14 @@ from orchestrator.method.events import COUNTED
 from orchestrator.results.summary.words import codes_text, nonlinear_text, units_of
 from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
 from orchestrator.results.summary.workload import idle_text, ranks_text
-from orchestrator.wording import some
+from orchestrator.errors import some
 
 LARGEST = 6  # stages named
 SHOWN = 8  # reactions on screen
 ROUNDED = 1e-10  # of the largest component of them: shown as zero
 
 
-def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None,
-                  console: object | None = None) -> None:
+def print_summary(summary: Mapping[str, object], directory: str | os.PathLike[str] | None = None, console: object | None = None) -> None:
     """Prints what matters of a summary as a compact table.
 
     summary : as for ``write_summary``
@@ -54,33 +53,21 @@ def summary_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     reason = str(summary.get("stop_reason") or "")
     sweeps = summary.get("sweeps") or {}
     total = sweeps.get("total") if isinstance(sweeps, Mapping) else sweeps
-    rows = [("run", shown("name", "{}")),
-            ("result", state if reason in ("", "converged") else f"{state} ({reason})"),
-            *answer_rows(summary),
-            ("what to do", "\n".join(summary.get("advice") or ())),
+    rows = [("run", shown("name", "{}")), ("result", state if reason in ("", "converged") else f"{state} ({reason})"),
+            *answer_rows(summary), ("what to do", "\n".join(summary.get("advice") or ())),
             ("iterations", shown("iterations") and f"{shown('iterations')}"
              + (f", {total:.4g} sweeps (back-substitutions per subdomain and load step)" if total is not None else "")),
             ("error bound", shown("error_bound", "{:.2e}  (guaranteed, relative, energy norm)")),
-            ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")),
-            ("law residual", _law_text(summary)),
-            ("mesh's error", _mesh_text(summary)),
-            ("interfaces", _status_text(summary)),
-            ("nonlinear", nonlinear_text(summary)),
-            ("bolts", "\n".join(bolt_sentences(summary))),
-            ("stabilised", "\n".join(stabilised_sentences(summary))),
-            ("places", "\n".join(place_sentences(summary))),
-            ("not held", "\n".join(hold_sentences(summary))),
+            ("true error", shown("true_error", "{:.2e}  (against the undecomposed solution)")), ("law residual", _law_text(summary)),
+            ("mesh's error", _mesh_text(summary)), ("interfaces", _status_text(summary)), ("nonlinear", nonlinear_text(summary)),
+            ("bolts", "\n".join(bolt_sentences(summary))), ("stabilised", "\n".join(stabilised_sentences(summary))),
+            ("places", "\n".join(place_sentences(summary))), ("not held", "\n".join(hold_sentences(summary))),
             ("warning", "\n".join(summary.get("warnings") or ())),
             ("size", ", ".join(f"{shown(key)} {word if summary[key] == 1 else word + 's'}"
                                for key, word in (("dofs", "dof"), ("subdomains", "subdomain"),
-                                                 ("interfaces", "interface"), ("load_steps", "load step"))
-                               if shown(key))),
-            ("element", shown("element", "{}")),
-            ("time", _time_text(summary)),
-            ("codes", codes_text(summary)),
-            ("workers", idle_text(summary.get("workload"))),
-            ("ranks", ranks_text(summary)),
-            ("skipped", _skipped_text(summary)),
+                                                 ("interfaces", "interface"), ("load_steps", "load step")) if shown(key))),
+            ("element", shown("element", "{}")), ("time", _time_text(summary)), ("codes", codes_text(summary)),
+            ("workers", idle_text(summary.get("workload"))), ("ranks", ranks_text(summary)), ("skipped", _skipped_text(summary)),
             ("memory", shown("memory_peak_mb", "{:,.0f} MB at the peak"))]
     return [(label, text) for label, text in rows if text]
 
@@ -89,8 +76,7 @@ def answer_rows(summary: Mapping[str, object]) -> list[tuple[str, str]]:
     """The numbers that are asked for first: peak stress and displacement with their places, reactions, probes."""
     units = units_of(summary)
     rows = [(label, _peak_text(summary, key, what, unit)) for label, key, what, unit in (
-        ("peak stress", "peak_stress", "von Mises", units["stress"]),
-        ("peak displ.", "peak_displacement", "", units["length"]))]
+        ("peak stress", "peak_stress", "von Mises", units["stress"]), ("peak displ.", "peak_displacement", "", units["length"]))]
     names, reactions = summary.get("reaction_names") or [], jsonable(summary.get("reactions")) or []
     largest = max((abs(x) for steps in reactions if steps for x in steps[-1] if x is not None), default=0.0)
     texts = [f"{name}: {_vector(steps[-1], ROUNDED * largest)}{units['force']}" for name, steps in zip(names, reactions) if steps]

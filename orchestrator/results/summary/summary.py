@@ -39,7 +39,6 @@ def write_summary(folder: ResultsFolder, summary: Mapping[str, object]) -> Path:
 
     Numpy numbers and arrays become plain ones; nan and infinities become null, which JSON can hold.
 
-    Raises InputError: disk full or folder not writable
     """
     complete = {key: summary.get(key) for key in KEYS} | dict(summary)
     return folder.write(NAME, json.dumps(jsonable(complete), indent=1, allow_nan=False) + "\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from orchestrator.wording import some
+from orchestrator.errors import some
 
 if TYPE_CHECKING:  # who draws has no scene, and need not load what makes one
     from orchestrator.scene.model import Scene
@@ -48,8 +48,7 @@ def codes_text(summary: Mapping[str, object]) -> str | None:
     rows = []
     for entry in codes:
         count, asked = len(entry["subdomains"]), entry["compliances"]
-        row = (f"{code_label(entry)}: {entry['seconds']['total']:.2f} s of CPU for {count} "
-               f"subdomain{'s' if count != 1 else ''}")
+        row = (f"{code_label(entry)}: {entry['seconds']['total']:.2f} s of CPU for {count} subdomain{'s' if count != 1 else ''}")
         if asked:
             loads, seconds = sum(note["unit_loads"] for note in asked), sum(note["seconds"] for note in asked)
             row += (f"; asked once for the interface compliance of {len(asked)} of them ({loads:,} unit loads, "

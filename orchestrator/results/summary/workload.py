@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 from orchestrator.blackbox.usage import Activity, Usage
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.results.summary.summary import memory_peak_mb, versions
-from orchestrator.savings import Savings
-from orchestrator.timing import Stopwatch
+from orchestrator.timing import Savings, Stopwatch
 
 if TYPE_CHECKING:  # who reads a report has no scene, and need not load what makes one
     from orchestrator.scene.model import Scene
@@ -66,8 +65,7 @@ class Workload:
     def _note(self) -> None:
         self._begin, self._cpu = time.perf_counter(), time.process_time()
         self._seconds, self._calls, self._waiting = (dict(x) for x in (self.watch.seconds, self.watch.calls, self.watch.waiting))
-        self._activity, self._others = self.usage.activity(), (
-            self.team.waited, self.team.messages, self.team.bytes, self.team.reductions)
+        self._activity, self._others = self.usage.activity(), (self.team.waited, self.team.messages, self.team.bytes, self.team.reductions)
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
@@ -78,8 +76,7 @@ def _row(rank: int, spent: Activity) -> dict[str, object]:
 def joined(records: Sequence[Record]) -> Record:
     """The records of all ranks as one; a period lasts as long as on the slowest rank."""
     return {period: {"seconds": max(r[period]["seconds"] for r in records),
-                     **{table: [row for r in records for row in r[period][table]] for table in _TABLES}}
-            for period in records[0]}
+                     **{table: [row for r in records for row in r[period][table]] for table in _TABLES}} for period in records[0]}
 
 
 def codes_of_all(ranks: Sequence[Mapping[int, dict]]) -> dict[int, dict]:
@@ -109,8 +106,7 @@ def idle_text(record: Mapping[str, object] | None) -> str | None:
     workers, total = period["workers"], sum(row["seconds"] for row in period["workers"])
     share = {name: 100 * sum(row[name] for row in workers) / total for name in ("waiting", "idle", "messages")}
     return (f"idle for {100 * idle_share(period):.0f} % of the {period['seconds']:.2f} s of iterations (for the "
-            f"orchestrator {share['idle']:.0f} %, for each other {share['waiting']:.0f} %); "
-            f"messages {share['messages']:.0f} %")
+            f"orchestrator {share['idle']:.0f} %, for each other {share['waiting']:.0f} %); messages {share['messages']:.0f} %")
 
 
 def ranks_text(summary: Mapping[str, object]) -> str | None:
@@ -191,11 +187,9 @@ def total(ranks: Sequence[Spent], scene: Scene) -> dict[str, object]:
     codes = codes_of_all([rank.codes for rank in ranks])
     for number, entry in codes.items():
         entry["subdomains"] = [s.index for s in scene.subdomains if s.code == number]
-    return {
-        "timing": {"blackbox": {work: sum(rank.clock[work] for rank in ranks) for work in ranks[0].clock}},
+    return {"timing": {"blackbox": {work: sum(rank.clock[work] for rank in ranks) for work in ranks[0].clock}},
         "asking_seconds": max(rank.asked for rank in ranks), "codes": list(codes.values()),
         "versions": versions({entry["code"]: entry["version"] for entry in codes.values()}),
         "workload": joined([rank.workload for rank in ranks]), "workers": sum(rank.workers for rank in ranks),
         "memory_peak_mb": sum(rank.memory_mb for rank in ranks), "rank_memory_peak_mb": [rank.own_memory_mb for rank in ranks],
-        "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks),
-    }
+        "skipped": sum((rank.savings for rank in ranks), Savings()).table(), "ranks": len(ranks)}

@@ -9,11 +9,10 @@ import numpy as np
 
 from orchestrator.config.blackbox import CodeSettings, entry_path
 from orchestrator.config.output import Figures
-from orchestrator.errors import KeyPath, Problems
+from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Material, Subdomain
 from orchestrator.scene.names import matching, patterns_of, suggestion
-from orchestrator.wording import some
 
 
 def assign_materials(mesh: Mesh, entries: list[Any], problems: Problems) -> tuple[list[Material], np.ndarray]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.config.output import PointProbe
-from orchestrator.errors import KeyPath, Problems
+from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
 from orchestrator.scene.mesh.geometry import area_vectors
@@ -17,7 +17,6 @@ from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
-from orchestrator.wording import some
 
 # A point counts as in a tet that it is outside of by rounding, in barycentric coordinates.
 INSIDE = 1e-9

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.errors import Problems
+from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.faces import Faces, components, pieces
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.wording import some
 
 # Motions that move the prescribed components by less than this share of the body's size count as free.
 HELD = 1e-8

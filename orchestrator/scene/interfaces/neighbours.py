@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.errors import KeyPath
+from orchestrator.errors import KeyPath, some
 from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.overlap import Solid, overlap
 from orchestrator.scene.interfaces.pairing import close_bodies, match, nearest, outer_bodies
@@ -25,7 +25,6 @@ from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import components, pack
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Interface
-from orchestrator.wording import some
 
 
 def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int, int]]:

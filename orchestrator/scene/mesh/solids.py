@@ -10,12 +10,11 @@ from typing import Any
 import gmsh
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, Problems
+from orchestrator.errors import InputError, Problem, Problems, some
 from orchestrator.scene.mesh.cad import check_h, leave_out, locate, read_model
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion
-from orchestrator.wording import some
 
 DELAUNAY = 1
 # 3D algorithm, elements per full circle. HXT is three times faster and leaves far fewer slivers, but gives up

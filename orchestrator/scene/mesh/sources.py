@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from orchestrator.config.base import Rotate, unit
-from orchestrator.errors import InputError, KeyPath, Problem, Problems
+from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible
 from orchestrator.scene.foreign.read import check_asked, read_joints
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quality import checked
 from orchestrator.scene.names import INSIDE
-from orchestrator.wording import visible
 
 if TYPE_CHECKING:
     from orchestrator.config.parts import Move, OnePart
