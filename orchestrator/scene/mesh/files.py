@@ -14,11 +14,10 @@ from typing import Any
 import meshio
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.gmsh_files import not_saved, once, physical, read_by_gmsh
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.recognised import check_content
+from orchestrator.scene.mesh.recognised import bad_file, check_content
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
@@ -81,19 +80,19 @@ def _check_kinds(path: Path, kinds: set[str]) -> None:
                    "tetrahedra, hexahedra, prisms or pyramids, linear or quadratic", "mesh the volume with tetrahedra")
     else:
         return
-    raise InputError(Problem(("mesh", "file"), f"{path}: {problem[0]}", *problem[1:]))
+    raise bad_file(path, *problem)
 
 
 def _load(path: Path) -> meshio.Mesh:
     """What the reader of a file's ending makes of it."""
     ending = path.suffix.lower()
     if not path.is_file():
-        raise InputError(Problem(("mesh", "file"), f"{path}: no such file", "an existing mesh file", "check the path"))
+        raise bad_file(path, "no such file", "an existing mesh file", "check the path")
     check_memory(ROOM * path.stat().st_size, ("mesh", "file"), str(path), "use a coarser mesh, or save it in a binary format")
     if ending in (".vtm", ".vtmb", ".pvd"):
-        raise InputError(Problem(("mesh", "file"), f"{path}: a collection of grids", "one grid (.vtu)",
-                                 "put its blocks together (ParaView: Merge Blocks; pyvista: combine(merge_points=True)) with a cell array "
-                                 "'volume' that tells them apart, or name each one's file under parts:"))
+        raise bad_file(path, "a collection of grids", "one grid (.vtu)",
+                       "put its blocks together (ParaView: Merge Blocks; pyvista: combine(merge_points=True)) with a cell array "
+                       "'volume' that tells them apart, or name each one's file under parts:")
     if ending == ".inp":
         return read_inp(path)
     if ending in BY_GMSH:
@@ -112,9 +111,9 @@ def _load(path: Path) -> meshio.Mesh:
         if ending == ".msh":  # meshio knows no file with groups for some of its elements only
             return read_by_gmsh(path)
         # what meshio says may quote the file, which may be another's behind a link
-        raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
-                                 "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
-                                 "check that the ending fits the content, or convert it with gmsh")) from None
+        raise bad_file(path, f"cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
+                       "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
+                       "check that the ending fits the content, or convert it with gmsh") from None
 
 
 def _check_beside(path: Path) -> None:
@@ -122,8 +121,8 @@ def _check_beside(path: Path) -> None:
     for item in re.findall(rb"<DataItem\b[^>]*\bFormat\s*=\s*[\"'](?:HDF|Binary)[\"'][^>]*>([^<]*)", path.read_bytes()):
         named = path.parent / item.decode(errors="replace").strip().partition(":")[0]
         if not named.resolve().is_relative_to(path.resolve().parent) or not named.is_file():
-            raise InputError(Problem(("mesh", "file"), f"{path}: it takes numbers from a file that is not beside it", "files in its folder or below",
-                                     "put them beside it, and name them so"))
+            raise bad_file(path, "it takes numbers from a file that is not beside it", "files in its folder or below",
+                           "put them beside it, and name them so")
 
 
 def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.ndarray, dict, str]:

@@ -12,8 +12,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
-from orchestrator.scene.mesh.recognised import HEAD, check_content
+from orchestrator.scene.mesh.recognised import HEAD, bad_file, check_content
 
 CHILD = Path(__file__).with_name("gmsh_child.py")
 SHOWN = 200  # letters of a complaint of gmsh's
@@ -36,14 +35,14 @@ def read_by_gmsh(path: Path) -> meshio.Mesh:
         if done.returncode or not target.is_file():
             said = done.stdout.strip().splitlines()[-1:] if done.returncode == 1 else []
             reason = said[0].replace(source.name, path.name)[:SHOWN] if said else f"it ended with {done.returncode}"
-            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read by gmsh: {reason}", "a mesh file that gmsh reads",
-                                     "check that the ending fits the content, or save it as .msh"))
+            raise bad_file(path, f"cannot be read by gmsh: {reason}", "a mesh file that gmsh reads",
+                           "check that the ending fits the content, or save it as .msh")
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 return meshio.read(target)
         except (Exception, SystemExit):  # meshio prints its complaint and ends the program
-            raise InputError(Problem(("mesh", "file"), f"{path}: cannot be read: gmsh finds no mesh in it", "nodes and elements",
-                                     "save the mesh again, with its volume elements")) from None
+            raise bad_file(path, "cannot be read: gmsh finds no mesh in it", "nodes and elements",
+                           "save the mesh again, with its volume elements") from None
 
 
 def once(raw: meshio.Mesh) -> meshio.Mesh:

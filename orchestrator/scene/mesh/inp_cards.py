@@ -89,8 +89,7 @@ class Model:
     sets : kind → name → members, ascending; names as they are written first, capitals do not count
     """
 
-    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None],
-                 sets: Sequence[str] = ("NSET", "ELSET")):
+    def __init__(self, cards: list[Card], shape: Callable[[str, Row], tuple[str, int] | None], sets: Sequence[str] = ("NSET", "ELSET")):
         nodes, blocks, self._parts = [np.empty((0, 4))], {}, {kind: {} for kind in sets}
         for card, options, rows in cards:
             if card == "NODE":

@@ -36,10 +36,8 @@ class Mended:
 
     def told(self, h: float) -> str:
         """In words, for elements of size h."""
-        def counted(count: int, what: str) -> str:
-            return f"{count} {what}" + ("s" if count != 1 else "")
         bent = f"; {self.bent} of these bend faces between bodies, by {self.by / h:.2g} of h at most" if self.bent else ""
-        return f"{counted(self.moved, 'node')} moved, {counted(self.merged, 'short edge')} merged{bent}"
+        return f"{self.moved} node{'s' * (self.moved != 1)} moved, {self.merged} short edge{'s' * (self.merged != 1)} merged{bent}"
 
 
 def mend(mesh: Mesh, fitness: Fitness) -> tuple[Mesh, Mended]:
@@ -118,12 +116,11 @@ def _moved(nodes: np.ndarray, cells: np.ndarray, node: int, free: np.ndarray, wa
     if not free.shape[1]:
         return best, place
     used, local = np.unique(cells, return_inverse=True)
-    corners, local = nodes[used], local.reshape(-1, 4)
     at = int(np.searchsorted(used, node))
-    step = np.linalg.norm(np.delete(corners, at, axis=0) - place, axis=1).min() / 2
+    step = np.linalg.norm(np.delete(nodes[used], at, axis=0) - place, axis=1).min() / 2
     # All trials in one call: as many copies of the nodes, side by side.
-    trials = np.repeat(corners[None], DIRECTIONS, axis=0)
-    tets = (local + len(used) * np.arange(DIRECTIONS)[:, None, None]).reshape(-1, 4)
+    trials = np.repeat(nodes[used][None], DIRECTIONS, axis=0)
+    tets = (local.reshape(-1, 4) + len(used) * np.arange(DIRECTIONS)[:, None, None]).reshape(-1, 4)
     random = np.random.default_rng(0)
     for _ in range(TRIALS):
         ways = random.standard_normal((DIRECTIONS, free.shape[1]))

@@ -1,7 +1,4 @@
-"""A mesh: nodes, tetrahedra, named volumes and surfaces.
-
-Indices are zero-based. Lengths are in the user's units.
-"""
+"""A mesh: nodes, tetrahedra, named volumes and surfaces. Indices are zero-based, lengths in the user's units."""
 
 from __future__ import annotations
 
@@ -15,8 +12,7 @@ class StandIn:
     """What a volume is that stands for a part whose mesh is not ours, see ``foreign.standin``.
 
     volume : index of the volume
-    first : its first node; its nodes follow each other, those of its joints first
-    joints : how many of them are the joints'
+    first : its first node; its nodes follow each other, those of its joints first; joints : how many of them are the joints'
     held : (m, 3) bool, of its nodes, components that the part's own supports hold
     triangles : (k, 3) int, nodes of the joints' faces, outward
     size : a length, the extent of its joints
@@ -78,8 +74,7 @@ class Mesh:
     @property
     def one_body(self) -> list[np.ndarray]:
         """(k, 2) int each, cells that belong together though they share no face: of a part whose mesh is not ours."""
-        found = [np.flatnonzero(self.volume == stand.volume) for stand in self.foreign]
-        return [np.column_stack([np.full(len(cells), cells[0]), cells]) for cells in found]
+        return [np.column_stack([np.full_like(own, own[0]), own]) for stand in self.foreign for own in [np.flatnonzero(self.volume == stand.volume)]]
 
     def __repr__(self) -> str:
         return (f"Mesh({self.source}: {len(self.nodes)} nodes, {len(self.cells)} tets, "

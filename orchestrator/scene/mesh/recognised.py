@@ -48,3 +48,8 @@ def check_content(path: Path, key: KeyPath, source: str = "") -> None:
         raise InputError(Problem(key, f"{source or path}: its content is not what {path.suffix} stands for",
                                  f"a file that begins with {start[1]}",
                                  "check that the ending fits the content, and save it again from the program that made it"))
+
+
+def bad_file(path: Path | str, found: str, expected: str, cure: str) -> InputError:
+    """What to raise of a mesh file."""
+    return InputError(Problem(("mesh", "file"), f"{path}: {found}", expected, cure))

@@ -14,11 +14,11 @@ from __future__ import annotations
 import meshio
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import LOCAL_FACES, pack
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.recognised import bad_file
 from orchestrator.scene.partition.numbering import position_rank
 
 # Cells with nodes amid their edges: the linear ones that they are read as, and their corners.
@@ -136,10 +136,9 @@ def _turned(points: np.ndarray, tets: np.ndarray, parent: np.ndarray, cells: np.
     if len(volumes) and volumes.max() < 0:
         return tets[:, [0, 2, 1, 3]], parent
     if len(bad := np.unique(parent[volumes <= 0])):
-        raise InputError(Problem(
-            ("mesh", "file"), f"{source}: {len(bad)} of {len(cells)} {WORDS[kind]} are too distorted to be split into tetrahedra; the "
-            f"first is around {format_point(points[cells[bad[0]]].mean(axis=0))}", "convex cells, all oriented the same way",
-            "mesh the volume with tetrahedra, or make these cells rounder (gmsh: Mesh.RecombineAll = 0)"))
+        raise bad_file(source, f"{len(bad)} of {len(cells)} {WORDS[kind]} are too distorted to be split into tetrahedra; the "
+                       f"first is around {format_point(points[cells[bad[0]]].mean(axis=0))}", "convex cells, all oriented the same way",
+                       "mesh the volume with tetrahedra, or make these cells rounder (gmsh: Mesh.RecombineAll = 0)")
     return tets, parent
 
 
@@ -152,7 +151,6 @@ def _check_diagonals(raw: meshio.Mesh, quads: np.ndarray, order: np.ndarray, sou
     faces, other = (np.searchsorted(used, t) for t in (tets[:, LOCAL_FACES].reshape(-1, 3), rolled[:, [0, 1, 3]]))
     wrong = np.flatnonzero(np.isin(pack(other, len(used)), pack(faces, len(used))))
     if len(wrong):
-        raise InputError(Problem(
-            ("mesh", "file"), f"{source}: {len(wrong)} quads of hexahedra, prisms or pyramids have tetrahedra on their other side that cut "
-            f"them along the other diagonal; the first is around {format_point(raw.points[rolled[wrong[0]]].mean(axis=0))}",
-            "pyramids between hexahedra and tetrahedra", "mesh the volume with tetrahedra alone, or let the program put pyramids between them"))
+        raise bad_file(source, f"{len(wrong)} quads of hexahedra, prisms or pyramids have tetrahedra on their other side that cut "
+                       f"them along the other diagonal; the first is around {format_point(raw.points[rolled[wrong[0]]].mean(axis=0))}",
+                       "pyramids between hexahedra and tetrahedra", "mesh the volume with tetrahedra alone, or let the program put pyramids between them")

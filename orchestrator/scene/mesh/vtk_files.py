@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import meshio
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
-from orchestrator.scene.mesh.recognised import check_content
+from orchestrator.scene.mesh.recognised import bad_file, check_content
 from orchestrator.scene.mesh.size import check_memory
 
 if TYPE_CHECKING:  # it takes a second to import
@@ -28,6 +27,7 @@ if TYPE_CHECKING:  # it takes a second to import
 TYPES = {1: "vertex", 3: "line", 4: "line", 5: "triangle", 9: "quad", 10: "tetra", 12: "hexahedron", 13: "wedge", 14: "pyramid",
          21: "line3", 22: "triangle6", 23: "quad8", 24: "tetra10", 25: "hexahedron20", 26: "wedge15", 27: "pyramid13",
          28: "quad9", 29: "hexahedron27", 71: "tetra of any order"}
+CURE = "check that the ending fits the content, or save it again as an unstructured grid (.vtu)"
 FLAT = {"vertex", "line", "line3", "triangle", "triangle6", "quad", "quad8", "quad9"}
 # Those whose nodes are numbered along the axes.
 ALONG_AXES = {8: ("quad", [0, 1, 3, 2]), 11: ("hexahedron", [0, 1, 3, 2, 4, 5, 7, 6])}
@@ -46,11 +46,11 @@ def read_vtk(path: Path) -> meshio.Mesh:
         _check_room(piece)
     grid = _grid(path)
     if not grid.n_cells:
-        raise _problem(path, "no cells", "a grid with tetrahedra")
+        raise bad_file(path, "no cells", "a grid with tetrahedra", CURE)
     points, nodes, types = np.asarray(grid.points, dtype=float), grid.cell_connectivity.astype(np.int64), grid.celltypes.astype(np.int64)
     ends, widths = grid.cell_offsets.astype(np.int64), np.diff(grid.cell_offsets)
     if len(nodes) and not 0 <= nodes.min() <= nodes.max() < len(points):
-        raise _problem(path, f"cells with nodes up to {nodes.max()} of {len(points)}", "the nodes of every cell")
+        raise bad_file(path, f"cells with nodes up to {nodes.max()} of {len(points)}", "the nodes of every cell", CURE)
     named, numbers = _groups(path, grid)
     # gmsh's physical names as pyvista keeps them: fields with tag and dimension
     fields = {name: np.ravel(pair) for name, pair in grid.field_data.items()}
@@ -80,9 +80,9 @@ def _pieces(path: Path) -> list[Path]:
     for i, name in enumerate(names, 1):
         piece = path.parent / name
         if not piece.resolve().is_relative_to(folder) or piece.suffix.lower() != ".vtu":
-            raise _problem(path, f"piece {i} is not beside it", "pieces (.vtu) in its folder or below", "put the pieces beside it, and name them so")
+            raise bad_file(path, f"piece {i} is not beside it", "pieces (.vtu) in its folder or below", "put the pieces beside it, and name them so")
         if not piece.is_file():
-            raise _problem(path, f"piece {i} is not there", "all pieces that it names", "save it again, with its pieces")
+            raise bad_file(path, f"piece {i} is not there", "all pieces that it names", "save it again, with its pieces")
         check_content(piece, ("mesh", "file"))
     return [path.parent / name for name in names]
 
@@ -110,7 +110,7 @@ def _grid(path: Path) -> pyvista.UnstructuredGrid:
     if complaints := heard.GetOutput().strip():  # of a grid half read too
         # "ERROR: In file, line\nvtkReader (0x…): what is wrong"
         first = re.search(r"\(0x\w+\): (.+)", complaints)
-        raise _problem(path, f"cannot be read: {first[1] if first else complaints.splitlines()[-1]}", "an unstructured grid as VTK writes it")
+        raise bad_file(path, f"cannot be read: {first[1] if first else complaints.splitlines()[-1]}", "an unstructured grid as VTK writes it", CURE)
     return pyvista.wrap(reader.GetOutput())
 
 
@@ -120,7 +120,7 @@ def _groups(path: Path, grid: pyvista.UnstructuredGrid) -> tuple[dict[str, np.nd
     texts = [name for name, values in arrays.items() if values.dtype.kind == "U"]
     if texts:
         if len(texts) > 1 and _rank(texts[0]) == len(GROUPS):
-            raise _problem(path, "text on the cells in the arrays " + ", ".join(f"'{name}'" for name in texts), "one of them that names each "
+            raise bad_file(path, "text on the cells in the arrays " + ", ".join(f"'{name}'" for name in texts), "one of them that names each "
                            "cell's volume", f"call that one 'volume' (pyvista: grid.rename_array('{texts[0]}', 'volume'))")
         return _by_name(arrays[texts[0]]), None
     # numbers saved as floats by a program that has no others
@@ -172,11 +172,6 @@ def _joined(arrays: dict[str, np.ndarray]) -> np.ndarray | None:
     return None
 
 
-def _problem(path: Path, found: str, expected: str, cure: str = "check that the ending fits the content, or save it again as an "
-             "unstructured grid (.vtu)") -> InputError:
-    return InputError(Problem(("mesh", "file"), f"{path}: {found}", expected, cure))
-
-
 # Sizes that files declare are asked before VTK takes memory for them: it would end this program where there is none. A compressed array
 # begins with words of 4 or 8 bytes: the number of blocks, their size, that of the last one, what each takes in the file. One that is
 # not compressed begins with its size, which cannot be more than the file has.
@@ -201,8 +196,8 @@ def _check_room(path: Path) -> None:
                 words = _words(text, start, coded, width, 3 if compressed else 1, order)
                 blocks, size, last = words if len(words) == 3 else (0, 0, 0)
                 if (blocks * width if compressed else sum(words)) > len(text):
-                    raise InputError(Problem(("mesh", "file"), f"{path}: the array at byte {start} declares more than the file has",
-                                             "an unstructured grid as VTK writes it", "check the file: is it whole? save it again"))
+                    raise bad_file(path, f"the array at byte {start} declares more than the file has",
+                                   "an unstructured grid as VTK writes it", "check the file: is it whole? save it again")
                 wanted += blocks * size + last
     check_memory(wanted, ("mesh", "file"), f"{path}, by the sizes that it declares", "check the file: are these its true sizes?")
 
