@@ -14,7 +14,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.gmsh_files import not_saved, once, physical, read_by_gmsh
+from orchestrator.scene.mesh.gmsh_files import not_saved, physical, read_by_gmsh
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.recognised import bad_file, check_content
@@ -105,8 +105,7 @@ def _load(path: Path) -> meshio.Mesh:
         _check_beside(path)
     try:
         with redirect_stderr(heard := io.StringIO()), redirect_stdout(heard):  # meshio prints its complaint and ends the program
-            raw = meshio.read(path)
-        return once(raw) if ending == ".msh" else raw
+            return meshio.read(path)
     except (Exception, SystemExit):
         if ending == ".msh":  # meshio knows no file with groups for some of its elements only
             return read_by_gmsh(path)
@@ -147,6 +146,12 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
             groups.setdefault(name, []).append(np.flatnonzero(tags == tag))
         if tags.any():
             break
+    if {"gmsh:geometrical", "gmsh:physical"} <= raw.cell_data.keys():
+        pairs = np.unique(np.column_stack([np.concatenate([np.ravel(raw.cell_data[key][i]) for i in blocks])
+                                           for key in ("gmsh:geometrical", "gmsh:physical")]), axis=0)
+        if len(pairs) > len(np.unique(pairs[:, 0])):  # gmsh's older files (2.2) have an element in two groups twice, once for each
+            _, first, back = np.unique(np.sort(cells, axis=1), axis=0, return_index=True, return_inverse=True)
+            cells, groups = cells[first], {name: [back.ravel()[i] for i in index] for name, index in groups.items()}
     return cells, {name: np.unique(np.concatenate(index)) for name, index in groups.items()}, f"{word}_0" if groups else f"{word}_1"
 
 

@@ -45,32 +45,6 @@ def read_by_gmsh(path: Path) -> meshio.Mesh:
                            "save the mesh again, with its volume elements") from None
 
 
-def once(raw: meshio.Mesh) -> meshio.Mesh:
-    """Every element once: gmsh's older files (2.2) have an element in two physical groups twice, once for each."""
-    if not {"gmsh:physical", "gmsh:geometrical"} <= raw.cell_data.keys():
-        return raw
-    cells, names, twice = [], [], False
-    known = {numbers: name for name, numbers in physical(raw)}
-    for kind in dict.fromkeys(block.type for block in raw.cells):
-        blocks = [i for i, block in enumerate(raw.cells) if block.type == kind]
-        data = np.concatenate([raw.cells[i].data for i in blocks])
-        group, entity = (np.concatenate([np.ravel(raw.cell_data[key][i]) for i in blocks]).astype(np.int64)
-                         for key in ("gmsh:physical", "gmsh:geometrical"))
-        pairs = np.unique(np.column_stack([entity, group]), axis=0)
-        back = np.arange(len(data))
-        if len(pairs) > len(np.unique(entity)):  # of an entity: else there is nothing to look for
-            _, first, back = np.unique(np.sort(data, axis=1), axis=0, return_index=True, return_inverse=True)
-            twice, data, back = twice or len(first) < len(data), data[first], back.ravel()
-        flat = raw.cells[blocks[0]].dim < 3
-        cells.append(meshio.CellBlock(kind, data))
-        names.append({known.get((int(tag), raw.cells[blocks[0]].dim), f"{'surface' if flat else 'volume'}_{tag}"): np.unique(back[group == tag])
-                      for tag in np.unique(group[group != 0])})
-    if not twice:
-        return raw
-    sets = {name: [own.get(name, np.empty(0, dtype=np.int64)) for own in names] for name in dict.fromkeys(n for own in names for n in own)}
-    return meshio.Mesh(raw.points, cells, cell_sets=sets, field_data=raw.field_data)
-
-
 def not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
     """What to say of volumes that gmsh (4.1) knew and did not save."""
     if path.suffix.lower() != ".msh" or "gmsh:geometrical" not in raw.cell_data or not raw.field_data:
