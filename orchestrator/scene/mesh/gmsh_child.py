@@ -12,6 +12,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import platform
+import struct
 import sys
 
 import gmsh
@@ -24,14 +25,6 @@ THREAD = 0x00010000  # clone's flag: no process of its own
 # machine → its number; calls that start programs, fork, trace others or open connections; clone; clone3
 MACHINES = {"x86_64": (0xC000003E, (59, 322, 57, 58, 101, 310, 311, 41), 56, 435),
             "aarch64": (0xC00000B7, (221, 281, 117, 270, 271, 198), 220, 435)}
-
-
-class _Instruction(ctypes.Structure):
-    _fields_ = [("code", ctypes.c_ushort), ("true", ctypes.c_ubyte), ("false", ctypes.c_ubyte), ("value", ctypes.c_uint)]
-
-
-class _Program(ctypes.Structure):
-    _fields_ = [("length", ctypes.c_ushort), ("start", ctypes.POINTER(_Instruction))]
 
 
 def locked() -> bool:
@@ -47,9 +40,10 @@ def locked() -> bool:
     # clone3 hides its flags behind a pointer: the C library then takes clone
     steps += [(EQUAL, 0, 1, clone3), (RETURN, 0, 0, unknown), (EQUAL, 0, 3, clone),
               (LOAD, 0, 0, ARGUMENT), (ANY_BIT, 1, 0, THREAD), (RETURN, 0, 0, refuse), (RETURN, 0, 0, ALLOW)]
-    program = _Program(len(steps), (_Instruction * len(steps))(*(_Instruction(*step) for step in steps)))
+    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))  # each: code, jumps if true and if false, value
+    program = struct.pack("HP", len(steps), ctypes.addressof(code))
     prctl = ctypes.CDLL(None, use_errno=True).prctl
-    return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) and not prctl(PR_SET_SECCOMP, FILTER, ctypes.byref(program), 0, 0)
+    return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) and not prctl(PR_SET_SECCOMP, FILTER, program, 0, 0)
 
 
 def convert(source: str, target: str) -> None:
