@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from orchestrator.blackbox.start import find_codes
-from orchestrator.config.model import Config
 from orchestrator.config.method import Method
+from orchestrator.config.model import Config
 from orchestrator.method.interface.stabilisation import cautions as stabilisation_cautions
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene

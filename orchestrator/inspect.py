@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.config.model import Config
 from orchestrator.config.mesh import Mesh as Section
+from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.foreign.read import not_asked
@@ -16,8 +16,8 @@ from orchestrator.scene.inspection.content import surfaces_of, units_remark, vol
 from orchestrator.scene.inspection.pairs import pairs_of_mesh, pairs_of_scene
 from orchestrator.scene.inspection.tables import pair_table, surface_table, volume_table
 from orchestrator.scene.mesh.faces import Faces, faces_of
-from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.sources import make_mesh, make_parts
 
 CAD = {".stp", ".step", ".brep"}
 

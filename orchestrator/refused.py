@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from orchestrator.errors import InputError, Problem
 from orchestrator.blackbox.protocol import BlackBox
 from orchestrator.config.blackbox import entry_path
 from orchestrator.config.method import Method
+from orchestrator.errors import InputError, Problem
 from orchestrator.parallel.team import Team
 
 # cause → keys, what was found, what is expected, the cure

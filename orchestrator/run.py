@@ -24,8 +24,8 @@ from orchestrator.results.folder import ResultsFolder, locked, of_parts
 from orchestrator.results.record import Record
 from orchestrator.results.solution import Solution
 from orchestrator.results.subscribers.progress import Progress
-from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.subscribers.remains import unexpected
+from orchestrator.results.summary.short_form import print_summary
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve
 from orchestrator.timing import Stopwatch

@@ -33,11 +33,11 @@ from orchestrator.results.solution import Solution, fields_of
 from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
-from orchestrator.timing import Savings, Stopwatch
-from orchestrator.scene.part import set_aside
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
+from orchestrator.scene.part import set_aside
 from orchestrator.scene.soles.make import make_soles
+from orchestrator.timing import Savings, Stopwatch
 
 
 @dataclass(frozen=True)

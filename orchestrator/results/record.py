@@ -16,9 +16,9 @@ from orchestrator.results.checkpoint import PROBLEM, CheckpointWriter, begun, lo
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, CannotDraw
 from orchestrator.results.figures.figures import write_figures
+from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.subscribers.history import HistoryWriter, read_history
 from orchestrator.results.subscribers.remains import Remains
 from orchestrator.results.summary.content import note_time
@@ -67,16 +67,36 @@ class Record:
         artist : who draws the figures; None: nobody
         beside : fields of parts with a mesh of their own
         """
+        summary = solution.summary
         try:
             self._history.complete()
-            write_results(self._folder, solution, self.watch, fields, artist, beside)
+            with self.watch("output"):
+                if artist:
+                    note_time(summary, self.watch)
+                    artist.begin(write_figures, self._folder, summary, read_history(self._folder.path), solution.fields)
+                if fields:
+                    write_fields(self._folder, solution.fields, solution.piece, beside)
+                if solution.answers is not None:
+                    solution.answers.write(self._folder)
+            self._summarise(summary)
         except BaseException as error:
             self._remains.unwritten(error, solution)
             raise
         if solution.converged:
             self._checkpoint.remove()
         if artist:
-            await_figures(self._folder, solution, self.watch, artist)
+            with self.watch("output"):
+                try:
+                    artist.finish()
+                except CannotDraw as error:  # charts can be drawn here
+                    write_figures(self._folder, summary, read_history(self._folder.path))
+                    summary["warnings"] = [*(summary.get("warnings") or ()), f"no pictures of the structure: {error}; "
+                                           f"orchestrator report {self._folder.path} draws them"]
+            self._summarise(summary)
+
+    def _summarise(self, summary: dict[str, object]) -> None:
+        note_time(summary, self.watch)
+        write_summary(self._folder, summary)
 
     def latest(self) -> Start | None:
         """Where the run stands, to go on from: all that it has told is in the checkpoint."""
@@ -93,37 +113,3 @@ class Record:
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._history.close()
-
-
-def write_results(folder: ResultsFolder, solution: Solution, watch: Stopwatch, fields: bool,
-                  artist: Artist | None, beside: Sequence[OwnFields] = ()) -> None:
-    """Fields and summary of a finished run; figures are begun.
-
-    solution : in its summary, the time that all this takes is noted
-    fields : whether they are wanted
-    artist : who draws the figures; None: nobody
-    beside : as for ``Record.finish``
-    """
-    with watch("output"):
-        if artist:
-            note_time(solution.summary, watch)
-            artist.begin(write_figures, folder, solution.summary, read_history(folder / "history.csv"), solution.fields)
-        if fields:
-            write_fields(folder, solution.fields, solution.piece, beside)
-        if solution.answers is not None:
-            solution.answers.write(folder)
-    note_time(solution.summary, watch)
-    write_summary(folder, solution.summary)
-
-
-def await_figures(folder: ResultsFolder, solution: Solution, watch: Stopwatch, artist: Artist) -> None:
-    """Waits for the figures that were begun, within reason; without pictures, charts are drawn here and the warnings say so."""
-    with watch("output"):
-        try:
-            artist.finish()
-        except CannotDraw as error:
-            write_figures(folder, solution.summary, read_history(folder / "history.csv"))
-            solution.summary["warnings"] = [*(solution.summary.get("warnings") or ()),
-                                            f"no pictures of the structure: {error}; orchestrator report {folder.path} draws them"]
-    note_time(solution.summary, watch)
-    write_summary(folder, solution.summary)

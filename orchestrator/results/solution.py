@@ -21,8 +21,8 @@ from orchestrator.results.fields.npz import read_npz, write_npz
 from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.subscribers.history import columns, read_history, write_history
-from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.results.summary.summary import read_summary, write_summary
+from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.model import Scene
 
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from orchestrator.config.model import Config
 from orchestrator.method.delivery.deliver import Delivered
+from orchestrator.method.delivery.interface_fields import InterfaceFields
+from orchestrator.method.delivery.resultants import Resultants
 from orchestrator.results.answers import extremes as largest
 from orchestrator.results.answers import probes as asked
 from orchestrator.results.answers.extremes import Extremes, extremes, write_extremes
@@ -20,8 +22,6 @@ from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.words import place_text
 from orchestrator.scene.model import Scene
-from orchestrator.method.delivery.interface_fields import InterfaceFields
-from orchestrator.method.delivery.resultants import Resultants
 
 INTERFACES = "interfaces.csv"
 COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from orchestrator.scene.stress import principal, von_mises
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.scene.stress import principal, von_mises
 
 NAME = "extremes.csv"
 DISPLACEMENT = ("ux", "uy", "uz", "|u|")
@@ -64,9 +64,9 @@ class Extremes:
         return {"value": float(values[p]), "at": self.at[1, p, q].tolist(), "part": self.parts[p], "load_step": int(self.step[1, p, q])}
 
 
-def components_of_stress(sigma: np.ndarray, ordered: np.ndarray | None = None) -> np.ndarray:
-    """(..., 10) as ``STRESS``, of stresses (..., 6) in VTK's order, and their principal stresses (..., 3) if these are known."""
-    return np.concatenate([sigma, von_mises(sigma)[..., None], principal(sigma) if ordered is None else ordered], axis=-1)
+def components_of_stress(sigma: np.ndarray) -> np.ndarray:
+    """(..., 10) as ``STRESS``, of stresses (..., 6) in VTK's order."""
+    return np.concatenate([sigma, von_mises(sigma)[..., None], principal(sigma)], axis=-1)
 
 
 def components_of_displacement(u: np.ndarray) -> np.ndarray:
@@ -91,7 +91,7 @@ def extremes(nodal: Nodal, lost: np.ndarray | None = None) -> Extremes:
         if lost is not None and lost[step].any():
             u[np.unique(cells[lost[step][fields.subdomain]])] = np.nan
         moved = _ends(u, part, len(names))
-        inside = _ends(components_of_stress(nodal.stress(step), nodal.principal(step)), nodal.part, len(names))
+        inside = _ends(components_of_stress(nodal.stress(step)), nodal.part, len(names))
         found, which = (np.concatenate(both, axis=2) for both in zip(moved, inside))
         better = np.stack([~(found[0] >= value[0]), ~(found[1] <= value[1])]) & np.isfinite(found)
         value[better], step_of[better] = found[better], step + 1

@@ -110,13 +110,13 @@ def _data(nodal: Nodal, drawn: Fields, step: int, at: np.ndarray | slice,
           shown: np.ndarray | slice) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """What a step's file says of the nodes and cells drawn: places ``at`` of those that have a stress, cells ``shown`` of all."""
     sigma, stress = nodal.fields.stress(step)[shown], nodal.everywhere(nodal.stress(step))
-    ordered = np.concatenate([nodal.principal(step), principal(stress[len(nodal):])])
     cells = {"stress": sigma, "von_mises": von_mises(sigma), "subdomain": drawn.subdomain.astype(np.int32)}
     if drawn.cells.shape[1] == 10:
         cells["von_mises_max"] = nodal.fields.nodal_von_mises(step)[shown].max(axis=1)
     if drawn.discretisation_error is not None:
         cells["discretisation_error"] = drawn.discretisation_error[step]
-    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": ordered[at]}, cells
+    return {"displacement": drawn.displacement[step], "nodal_stress": stress[at], "principal_stress": principal(stress[at])}, cells
+
 
 def write_interfaces(folder: ResultsFolder, nodes: np.ndarray, interfaces: InterfaceFields, displacement: Sequence[np.ndarray]) -> None:
     """Writes the triangles of all interfaces with gap, slip, pressure, friction traction and status.

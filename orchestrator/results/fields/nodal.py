@@ -7,18 +7,16 @@ inside a part leave no trace. In between, and in the middle of edges, it is line
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from orchestrator.scene.stress import principal, von_mises
 from orchestrator.parallel.team import Borders, Meeting
 from orchestrator.scene.partition.numbering import split_numbering
+from orchestrator.scene.stress import von_mises
 
 NOWHERE = np.empty((0, 1)), np.empty(0, dtype=int)
-KEPT = 4  # load steps whose stresses are kept once formed, from extremes to files: three times a step's displacements each
 
 
 class Nodal:
@@ -50,8 +48,7 @@ class Nodal:
             self.part[self.corner] = fields.part[:, None]
         self._borders = Borders(*NOWHERE) if self.fields.meeting is None else self._at_others(self.fields.meeting)
         self._weight: np.ndarray | None = None
-        self._known: dict[int, np.ndarray] = {}
-        self._principal: dict[int, np.ndarray] = {}
+        self._latest = -1, np.empty((0, 6))  # load step and its stress
 
     def _around(self) -> np.ndarray:
         """(K,) volume around each; formed at the first stress: who only numbers nodes needs none."""
@@ -74,11 +71,9 @@ class Nodal:
 
     def stress(self, step: int) -> np.ndarray:
         """(K, 6) stress at one load step, in VTK's order; nan where it is not to be believed."""
-        return _kept(self._known, step, self._averaged)
-
-    def principal(self, step: int) -> np.ndarray:
-        """(K, 3) principal stresses at one load step, the largest first."""
-        return _kept(self._principal, step, lambda step: principal(self.stress(step)))
+        if self._latest[0] != step:  # by all ranks alike: who forms it speaks to the others
+            self._latest = step, self._averaged(step)
+        return self._latest[1]
 
     def von_mises(self, step: int) -> np.ndarray:
         """(K + e,) von Mises stress at the places of ``split``."""
@@ -99,12 +94,8 @@ class Nodal:
         return result.T
 
     @cached_property
-    def ends(self) -> np.ndarray:
-        """(e, 2) int, for the nodes in the middle of edges of ten-node tets, which of the K are the edges' ends."""
-        return self._edges[0]
-
-    @cached_property
     def _edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """(e, 2) int, of the nodes in the middle of edges of ten-node tets, which of the K are the ends; (m, 6) int, edges of each tet."""
         from orchestrator.scene.mesh.quadratic import TET_EDGES, edges_of
 
         return edges_of(self.corner, TET_EDGES)
@@ -114,21 +105,11 @@ class Nodal:
         """Nodes of ``fields`` (K + e,) at each place that has a stress, edges' middles last, and the tets (m, 4 or 10) on them."""
         if self.fields.cells.shape[1] == 4:
             return self.node, self.corner
-        edge = self._edges[1]
-        middle = np.zeros(len(self.ends), dtype=int)
+        ends, edge = self._edges
+        middle = np.zeros(len(ends), dtype=int)
         middle[edge] = self.fields.cells[:, 4:]
         return np.concatenate([self.node, middle]), np.hstack([self.corner, len(self) + edge])
 
     def everywhere(self, values: np.ndarray) -> np.ndarray:
         """(K + e, …) values (K, …) of the nodes, and in the middle of edges the mean of their ends."""
-        return values if self.fields.cells.shape[1] == 4 else np.concatenate([values, values[self.ends].mean(axis=1)])
-
-
-def _kept(known: dict[int, np.ndarray], step: int, form: Callable[[int], np.ndarray]) -> np.ndarray:
-    """What has been formed of a load step, or is now; the first ones and the latest
-    are kept, by all ranks alike: who forms them speaks to the others."""
-    if step not in known:
-        while len(known) >= KEPT:
-            del known[next(reversed(known))]
-        known[step] = form(step)
-    return known[step]
+        return values if self.fields.cells.shape[1] == 4 else np.concatenate([values, values[self._edges[0]].mean(axis=1)])

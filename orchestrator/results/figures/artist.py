@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import pickle
 import resource
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import suppress
-from multiprocessing import get_context
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, Pipe
 from threading import Thread
 
 from orchestrator.errors import InputError
+from orchestrator.parallel.launcher import without_launcher
 
 PATIENCE = 300.0  # seconds after which the process is given up
 
@@ -24,11 +26,13 @@ class Artist:
     """The process; as a context manager it is ended on leaving."""
 
     def __init__(self) -> None:
-        fresh = get_context("spawn")  # a fork of a process that has threads may never wake up
-        self._connection, theirs = fresh.Pipe()
-        self._process = fresh.Process(target=_serve, args=(theirs,), daemon=True)
-        with suppress(OSError):  # no more processes are allowed: it never answers
-            self._process.start()
+        self._connection, theirs = Pipe()
+        self._process = None
+        with suppress(OSError):  # no more processes are allowed: nobody ever answers
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", __name__, str(theirs.fileno())], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=without_launcher(os.environ),
+                process_group=0)  # Ctrl-C is for the run, which then ends it
         theirs.close()
 
     def begin(self, draw: Callable[..., object], *job: object) -> None:
@@ -58,9 +62,9 @@ class Artist:
 
     def close(self) -> None:
         """End the process if it still runs."""
-        if self._process.pid is not None:
+        if self._process is not None:
             self._process.kill()
-            self._process.join()
+            self._process.wait()
 
     def __enter__(self) -> Artist:
         return self
@@ -76,13 +80,9 @@ def drawn(draw: Callable[..., object], *job: object) -> object:
         return artist.finish()
 
 
-def _serve(connection: Connection) -> None:
+def main(connection: Connection) -> None:
     """Get ready, do the job, end; the end of who asks ends it too."""
-    os.setpgid(0, 0)  # Ctrl-C is for the run, which then ends this process
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # where VTK can draw nowhere it crashes: no core dump
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.dup2(nowhere, 2)
     from orchestrator.results.figures.figures import warm_up
 
     warm_up()
@@ -93,3 +93,7 @@ def _serve(connection: Connection) -> None:
         except InputError as error:
             answer = error
         connection.send(answer)
+
+
+if __name__ == "__main__":
+    main(Connection(int(sys.argv[1])))

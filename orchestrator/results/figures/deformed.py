@@ -8,9 +8,9 @@ import numpy as np
 
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.view import Camera, Look, View, colour_limits, toward_eye
 from orchestrator.results.figures.sheet import Scale, Sheet
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
+from orchestrator.results.figures.view import Camera, Look, View, colour_limits, toward_eye
 from orchestrator.results.summary.words import code_label
 from orchestrator.scene.mesh.geometry import area_vectors
 

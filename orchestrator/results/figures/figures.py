@@ -11,10 +11,10 @@ from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.charts import convergence, probes_over_steps, time_per_stage
 from orchestrator.results.figures.deformed import codes, deformed
 from orchestrator.results.figures.interfaces import interfaces
-from orchestrator.results.figures.view import Camera, Look, View
 from orchestrator.results.figures.plotting import new_figure, png
 from orchestrator.results.figures.sheet import compose, draw
 from orchestrator.results.figures.surface import edges, outer_faces
+from orchestrator.results.figures.view import Camera, Look, View
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.words import units_of
 

@@ -16,9 +16,9 @@ import numpy as np
 from orchestrator.errors import InputError, Problem
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.deformed import exaggeration, most_deformed, stress_limits
-from orchestrator.results.figures.view import Look, toward_eye
 from orchestrator.results.figures.plotting import COLOURS
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
+from orchestrator.results.figures.view import Look, toward_eye
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -11,9 +11,9 @@ from orchestrator.registry import LAWS
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.deformed import headings, spread
-from orchestrator.results.figures.view import Camera, Look, NO_LINES, View, colour_limits
 from orchestrator.results.figures.plotting import viridis
 from orchestrator.results.figures.sheet import Scale, Sheet
+from orchestrator.results.figures.view import Camera, Look, NO_LINES, View, colour_limits
 from orchestrator.scene.mesh.geometry import area_vectors
 
 if TYPE_CHECKING:

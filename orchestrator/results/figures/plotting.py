@@ -18,7 +18,6 @@ GREY = "0.35"
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 BROWN, OLIVE = "#7A4B2A", "#8A8A2A"
 COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BROWN, OLIVE)
-_SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -46,20 +45,6 @@ def viridis() -> Colormap:
     from matplotlib import colormaps
 
     return colormaps["viridis"]
-
-
-def powers_of_ten(axis: object) -> None:
-    """Labels a logarithmic axis with powers as plain text: 10⁻⁶ for matplotlib's 10^{-6}, which takes long to set."""
-    from matplotlib.ticker import LogFormatterSciNotation
-
-    class Plain(LogFormatterSciNotation):
-        def __call__(self, x: float, pos: int | None = None) -> str:
-            text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$").replace(r"\times", "×")
-            base, _, power = text.partition("^")
-            return base + power.strip("{}").translate(_SUPERSCRIPTS)
-
-    axis.set_major_formatter(Plain())
-    axis.set_minor_formatter(Plain(labelOnlyBase=False))
 
 
 def tidy(axes: object) -> None:

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orchestrator.config.method import Method
+from orchestrator.errors import some
 from orchestrator.method.delivery.loose import Stabilised
 from orchestrator.method.iterated import Iterated
 from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
-from orchestrator.scene.soles.difficulty import SLENDER, slenderness
-from orchestrator.errors import some
 from orchestrator.scene.model import Scene
+from orchestrator.scene.soles.difficulty import SLENDER, slenderness
 
 PACE = 10  # iterations over which the latest pace is taken
 MOVING = 0.97  # factor per iteration above which nothing moves any more

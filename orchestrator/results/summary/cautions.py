@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from orchestrator.errors import some
 from orchestrator.laws.status import table
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.scene.cautions import LOCKING, scene_cautions
@@ -18,7 +19,6 @@ from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import Faces, faces_of
 from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.model import Scene
-from orchestrator.errors import some
 
 COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square
 

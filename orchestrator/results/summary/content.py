@@ -17,9 +17,9 @@ from orchestrator.method.interface.stabilisation import cautions as stabilisatio
 from orchestrator.method.monitors.far_bodies import sentences
 from orchestrator.results.summary.advice import Stopped, advice
 from orchestrator.results.summary.cautions import cautions
+from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.results.summary.words import foreign_matter, nonlinear_parts
 from orchestrator.results.summary.workload import Spent, total
-from orchestrator.results.summary.summary import memory_peak_mb
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 

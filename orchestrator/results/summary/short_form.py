@@ -6,11 +6,11 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from orchestrator.method.events import COUNTED
-from orchestrator.results.summary.words import codes_text, nonlinear_text, units_of
-from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
-from orchestrator.results.summary.workload import idle_text, ranks_text
 from orchestrator.errors import some
+from orchestrator.method.events import COUNTED
+from orchestrator.results.summary.summary import STAGES, blackbox_seconds, jsonable
+from orchestrator.results.summary.words import codes_text, nonlinear_text, units_of
+from orchestrator.results.summary.workload import idle_text, ranks_text
 
 LARGEST = 6  # stages named
 SHOWN = 8  # reactions on screen
