@@ -9,7 +9,7 @@ from orchestrator.method.interface.stabilisation import cautions as stabilisatio
 from orchestrator.registry import FOREIGN
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.cautions import scene_cautions
-from orchestrator.scene.foreign.read import not_asked
+from orchestrator.scene.foreign.joints import not_asked
 from orchestrator.scene.mesh.sources import make_parts
 from orchestrator.scene.model import Scene
 

@@ -11,7 +11,7 @@ from orchestrator.config.mesh import Mesh as Section
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.foreign.read import not_asked
+from orchestrator.scene.foreign.joints import not_asked
 from orchestrator.scene.inspection.content import surfaces_of, units_remark, volumes_of
 from orchestrator.scene.inspection.pairs import pairs_of_mesh, pairs_of_scene
 from orchestrator.scene.inspection.tables import pair_table, surface_table, volume_table

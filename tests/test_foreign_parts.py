@@ -23,7 +23,7 @@ from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.foreign.deck_cards import period
 from orchestrator.scene.foreign.flat import of_plane
-from orchestrator.scene.foreign.read import read_joints
+from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.mesh.geometry import area_vectors
 
 CALCULIX = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX here")

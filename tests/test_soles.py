@@ -11,9 +11,8 @@ from orchestrator.blackbox.models.extended import extended_model, rim_model, sid
 from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
-from orchestrator.scene.soles.facets import Facets, between, facets_of
+from orchestrator.scene.soles.facets import WALL, Facets, between, facets_of, stiffer
 from orchestrator.scene.soles.make import make_soles, soles_of
-from orchestrator.scene.soles.nodal import WALL, stiffer
 from orchestrator.scene.soles.prisms import prisms
 from orchestrator.scene.soles.sole import merge
 

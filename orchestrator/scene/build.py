@@ -177,7 +177,7 @@ def _joined(config: Config, body: Body, cut: Cut, boundary: list[BoundaryEntry],
         mesh, body.faces, cut.partition, cut.numbering, laws, problems, "interfaces" in config.model_fields_set, matter))
     bolts = join_bolts(cut.bolts, interfaces, config.bolts, _times(config, config.bolts), problems)
     if mesh.foreign and not cut.failed:
-        from orchestrator.scene.foreign.met import report_joints, report_units
+        from orchestrator.scene.foreign.standin import report_joints, report_units
 
         report_joints(mesh, interfaces, cut.numbering, problems)
         report_units(mesh, interfaces, cut.partition.subdomain, matter.young, problems)

@@ -20,7 +20,7 @@ from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.interface.transfer import Transfer
 from orchestrator.scene.mesh.geometry import area_vectors, node_areas, node_normals
 from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.soles.nodal import stiffer
+from orchestrator.scene.soles.facets import stiffer
 
 
 # Prescribed components are taken out of a normal that keeps this much of its length.

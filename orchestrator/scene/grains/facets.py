@@ -14,8 +14,6 @@ from orchestrator.scene.mesh.geometry import area_vectors, cross
 # for how long to look for the point.
 SEEN, LOOKS = 0.02, 50
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
-
-
 Triangles = list[tuple[int, int, int]]
 
 
@@ -26,7 +24,7 @@ def cut(points: np.ndarray, loops: list[list[int]]) -> list[Triangles | None]:
     loops : per polygon the indices of its corners, in order
     Returns per polygon triangles turning like the loop, or None when it is so bent that there are none
     """
-    chosen = [_triples(len(loop)) for loop in loops]
+    chosen = [_triples(len(loop))[0] for loop in loops]
     corners = np.concatenate([np.array(loop)[triples] for loop, triples in zip(loops, chosen)])
     # Negative where a triangle turns the other way.
     turns = np.repeat([area_vector(points[loop]) for loop in loops], [len(triples) for triples in chosen], axis=0)
@@ -37,19 +35,15 @@ def cut(points: np.ndarray, loops: list[list[int]]) -> list[Triangles | None]:
 
 
 @cache
-def _triples(k: int) -> np.ndarray:
-    """(t, 3) all i < m < j below k."""
-    return np.array(list(combinations(range(k), 3)))
-
-
-@cache
-def _places(k: int) -> dict[tuple[int, ...], int]:
-    return {triple: place for place, triple in enumerate(combinations(range(k), 3))}
+def _triples(k: int) -> tuple[np.ndarray, dict[tuple[int, ...], int]]:
+    """(t, 3) all i < m < j below k, and the place of each."""
+    found = list(combinations(range(k), 3))
+    return np.array(found), {triple: place for place, triple in enumerate(found)}
 
 
 def _best(loop: list[int], angle: list[float]) -> Triangles | None:
     """The triangles of a polygon, given the smallest angle of each that there may be (``_triples``)."""
-    k, place = len(loop), _places(len(loop))
+    k, place = len(loop), _triples(len(loop))[1]
     # best[i, j]: the largest smallest angle over all ways to cut the corners i … j; split: their third corner.
     best, split = {(i, i + 1): np.inf for i in range(k - 1)}, {}
     for span in range(2, k):

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.config.base import Rotate, unit
 from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible
-from orchestrator.scene.foreign.read import check_asked, read_joints
+from orchestrator.scene.foreign.joints import check_asked, read_joints
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import cross
 from orchestrator.scene.mesh.mesh import Mesh

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
 from orchestrator.scene.partition.partition import Partition
 
+ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
 # Faces of a shank look across its axis: a larger cosine than that belongs to a cone.
 ACROSS = 0.05
 # Facets of one cylinder are all alike far from its axis, but for the axis' own error on coarse meshes: that share of the
@@ -54,36 +55,15 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
     """
     ahead, planes = np.zeros(len(mesh.cells), dtype=bool), []
     for i, bolt in enumerate(bolts):
-        names = matching(bolt.on, mesh.volumes)
-        if len(names) != 1:
-            problems.add(("bolts", i, "on"), f"no volume is called {bolt.on!r}" if not names else
-                         f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}", "the name of one volume: every bolt "
-                         "has a force of its own", suggestion(bolt.on, mesh.volumes, "volume") if not names else
-                         "write an entry for each of them")
-            continue
-        if names[0] in (name for _, name, *_ in planes):
-            problems.add(("bolts", i, "on"), f"a second entry for {names[0]}", "one entry for each bolt", "leave one out")
-            continue
-        own = np.flatnonzero(mesh.volume == mesh.volumes.index(names[0]))
-        plane = (np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float)) if bolt.cut != "auto" else \
-            across_shank(mesh, faces, own)
-        if plane is None:
-            problems.add(("bolts", i, "cut"), f"cut: auto, and no cylinder on {names[0]} that is longer than half its radius",
-                         "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
-            continue
-        height = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - plane[1]) @ plane[0]
-        if not ((height > 0).any() and (height <= 0).any()):
-            along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ plane[0]
-            problems.add(("bolts", i, "cut"), f"a plane beside {names[0]}, at {plane[1] @ plane[0]:g} along its normal",
-                         f"a plane through it: it reaches from {along.min():g} to {along.max():g}", "move the plane")
-            continue
-        if np.isin(np.delete(partition.subdomain, own), partition.subdomain[own]).any():
-            problems.add(("bolts", i, "on"), f"subdomains that hold {names[0]} and other matter together",
-                         "subdomains of the bolt alone", "write subdomains: groups, one per volume, in a scene of several volumes")
-            continue
-        heights = (mesh.nodes[mesh.cells[own, :4]] - plane[1]) @ plane[0]
-        ahead[own] = _in_one_piece(faces, own, height > 0, (heights.min(axis=1) < 0) & (heights.max(axis=1) > 0))
-        planes.append((i, names[0], *plane, own))
+        def wrong(key: str, *said: str, i: int = i) -> None:
+            problems.add(("bolts", i, key), *said)
+
+        if found := _plane(mesh, faces, partition, bolt, [name for _, name, *_ in planes], wrong):
+            name, own, axis, point = found
+            corners = mesh.nodes[mesh.cells[own, :4]]
+            height = (corners - point) @ axis
+            ahead[own] = _in_one_piece(faces, own, (corners.mean(axis=1) - point) @ axis > 0, (height.min(axis=1) < 0) & (height.max(axis=1) > 0))
+            planes.append((i, name, axis, point, own))
     if not planes:
         return partition, []
     keys, subdomain = np.unique(2 * partition.subdomain + ahead, return_inverse=True)
@@ -102,6 +82,37 @@ def cut_bolts(mesh: Mesh, faces: Faces, partition: Partition, bolts: Sequence[An
                              "a plane across the shank that meets nothing else of the bolt, and subdomains in one piece on either "
                              "side of it", "move the plane, or write subdomains: groups, which leaves bolts whole")
     return made, cuts
+
+
+def _plane(mesh: Mesh, faces: Faces, partition: Partition, bolt: Any, known: list[str],
+           wrong: Callable[..., None]) -> tuple[str, np.ndarray, np.ndarray, np.ndarray] | None:
+    """Volume, cells, axis and point of the plane of an entry of ``bolts``; None where something is wrong with it, which is told.
+
+    known : names of the volumes that other entries cut
+    """
+    names = matching(bolt.on, mesh.volumes)
+    if not names:
+        return wrong("on", f"no volume is called {bolt.on!r}", ONE_VOLUME, suggestion(bolt.on, mesh.volumes, "volume"))
+    if len(names) > 1:
+        return wrong("on", f"{len(names)} volumes match {bolt.on!r}: {', '.join(names[:4])}", ONE_VOLUME, "write an entry for each of them")
+    name = names[0]
+    if name in known:
+        return wrong("on", f"a second entry for {name}", "one entry for each bolt", "leave one out")
+    own = np.flatnonzero(mesh.volume == mesh.volumes.index(name))
+    plane = across_shank(mesh, faces, own) if bolt.cut == "auto" else (np.array(unit(bolt.cut.plane)), np.array(bolt.cut.point, dtype=float))
+    if plane is None:
+        return wrong("cut", f"cut: auto, and no cylinder on {name} that is longer than half its radius",
+                     "a bolt with a round shank along one axis", "say where: cut: {plane: z, at: 12}")
+    axis, point = plane
+    ahead = (mesh.nodes[mesh.cells[own, :4]].mean(axis=1) - point) @ axis > 0
+    if ahead.all() or not ahead.any():
+        along = mesh.nodes[mesh.cells[own]].reshape(-1, 3) @ axis
+        return wrong("cut", f"a plane beside {name}, at {point @ axis:g} along its normal",
+                     f"a plane through it: it reaches from {along.min():g} to {along.max():g}", "move the plane")
+    if np.isin(np.delete(partition.subdomain, own), partition.subdomain[own]).any():
+        return wrong("on", f"subdomains that hold {name} and other matter together",
+                     "subdomains of the bolt alone", "write subdomains: groups, one per volume, in a scene of several volumes")
+    return name, own, axis, point
 
 
 def _in_one_piece(faces: Faces, cells: np.ndarray, ahead: np.ndarray, crossed: np.ndarray) -> np.ndarray:

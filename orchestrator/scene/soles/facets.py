@@ -17,9 +17,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from orchestrator.scene.congruence import equal
-from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_normals
+from orchestrator.scene.mesh.geometry import area_vectors, local_size, node_areas, node_normals
 from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.soles.nodal import stiffer
 
 # Thickness of a sole of springs over the local mesh size: neighbours couple by about this fraction.
 THIN = 0.01
@@ -28,6 +27,7 @@ CONTRAST = 10.0
 # Thickness and modulus of a layer of ten-node tets over those of the linear layer that it stands for.
 STRETCH = np.sqrt(35 / 6)
 STIFFEN = 3 / 7 * STRETCH
+WALL = 2.0  # beside a prescribed node
 
 
 @dataclass
@@ -112,6 +112,27 @@ def size_at(scene: Scene, interface: Interface, side: int) -> np.ndarray:
     triangles = interface.triangles_on(side)
     half = triangles.shape[1] == 6 and not interface.tied
     return local_size(scene.side_points(interface, side), triangles) / (2 if half else 1)
+
+
+def stiffer(scene: Scene, interface: Interface, side: int) -> np.ndarray:
+    """(n,) factor on the stiffness of a sole of springs at the nodes of side 0 (the first) or 1, where nodes do not couple.
+
+    Such a spring serves all waves that move its node. The longest, of the body's size L, meet E A/L, A being the node's area
+    on the interface. The shortest, the node alone, meet E A'/h, A' being its area on all interfaces of the body together: at
+    an edge between grains each of them has but a part of what moves as one. The geometric mean is √(A'/A) times E A/√(h L).
+    A node of one interface is left as it is, and with it uniform pressure between two blocks, which springs in proportion to
+    their areas pass on without an error. Beside a prescribed node all the yielding is the other side's: twice the spring.
+    1 where a node has no area, and where nodes do not match: there a point has many nodes behind it.
+    """
+    if not interface.matching:
+        return np.ones(len(interface.nodes[side]))
+    area = node_areas(scene.side_points(interface, side), interface.triangles)
+    ends = [(scene.subdomains[e], nodes) for e, nodes in zip(interface.subdomains, interface.nodes)]
+    total = 0.5 * sum(s.contact_area[nodes] for s, nodes in ends)
+    factor = np.sqrt(np.divide(total, area, out=np.ones(len(area)), where=area > 0))
+    one, two = (s.fixed[nodes] for s, nodes in ends)
+    factor[(one != two).any(axis=1)] *= WALL
+    return factor
 
 
 def thickness_between(h: np.ndarray, opposite: np.ndarray, young: np.ndarray) -> np.ndarray:

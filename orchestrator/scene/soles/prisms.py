@@ -30,35 +30,26 @@ def prisms(facets: Facets, direction: int) -> Sole:
     n = len(facets.points)
     triangles, odd = split(facets.triangles[:, :3], position_rank(facets.points))
     turn = direction * odd
-
-    normals = direction * facets.normals
-    vectors = facets.area_vectors
-    area = np.linalg.norm(vectors, axis=1)
+    area = np.linalg.norm(facets.area_vectors, axis=1)
     thickness = facets.thickness.copy()
     for attempt in range(HALVINGS + 1):
-        outer = facets.points + thickness[:, None] * normals
-        bad = ~sound(facets.points, outer, triangles, turn, area * thickness[triangles].mean(1) / 3)
+        points = facets.points + direction * thickness[:, None] * facets.normals
+        bad = ~_sound(facets.points, points, triangles, turn, area * thickness[triangles].mean(1) / 3)
         if not bad.any() or attempt == HALVINGS:
             break
         thickness[np.unique(triangles[bad])] *= 0.5
-
     outer_of = triangles + n  # outer vertex behind each corner
-    wanted = facets.thickness[triangles].mean(axis=1)
-    achieved = thickness[triangles].mean(axis=1)
-    points = outer
+    wanted, achieved = facets.thickness[triangles].mean(axis=1), thickness[triangles].mean(axis=1)
     if bad.any():  # own outer nodes along the facet's normal
         lone = np.flatnonzero(bad)
-        step = direction * wanted[lone, None] * vectors[lone] / area[lone, None]
+        step = direction * wanted[lone, None] * facets.area_vectors[lone] / area[lone, None]
         own = facets.points[triangles[lone]] + step[:, None, :]
         outer_of[lone] = 2 * n + np.arange(3 * len(lone)).reshape(-1, 3)
-        points = np.vstack([outer, own.reshape(-1, 3)])
+        points = np.vstack([points, own.reshape(-1, 3)])
         achieved[lone] = wanted[lone]
-
-    tets = three_tets(triangles, outer_of)
-    flipped = turn < 0
-    tets[flipped] = tets[flipped][:, :, [1, 0, 2, 3]]
+    tets = _three_tets(triangles, outer_of)
+    tets[turn < 0] = tets[turn < 0][:, :, [1, 0, 2, 3]]
     cells = tets.reshape(-1, 4)
-
     used, inverse = np.unique(cells[cells >= n], return_inverse=True)
     cells[cells >= n] = n + inverse
     points = points[used - n]
@@ -75,18 +66,18 @@ def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.take_along_axis(corners, order, axis=1), np.where(odd == 1, -1.0, 1.0)
 
 
-def three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+def _three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """(k, 3, 4) tets of prisms between triangles (k, 3) and those behind them, in the order of the corners."""
     (a, b, c), (a1, b1, c1) = inner.T, outer.T
     return np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1), np.stack([a, a1, b1, c1], 1)], 1)
 
 
-def sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray, share: np.ndarray) -> np.ndarray:
+def _sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray, share: np.ndarray) -> np.ndarray:
     """(k,) bool, whether no tet of a prism is flat, or turned over.
 
     points, outer : (n, 3) nodes of the facets (k, 3), and those behind them
     turn : (k,) ±1, orientation; share : (k,) regular volume of a tet
     """
-    tets = three_tets(triangles, triangles + len(points))
+    tets = _three_tets(triangles, triangles + len(points))
     volume = tet_volumes(np.vstack([points, outer]), tets.reshape(-1, 4)).reshape(-1, 3)
     return ~(turn * np.where(turn > 0, volume.min(axis=1), volume.max(axis=1)) < FLATNESS * share)

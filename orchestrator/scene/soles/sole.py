@@ -13,8 +13,7 @@ class Sole:
     """The matter added to one side of one interface.
 
     points : (p, 3) float, the nodes that are not on the interface, all clamped
-    cells : (q, 4 or 10) int, positively oriented; values below n are nodes of the interface, the
-        others are n + index of one of ``points``
+    cells : (q, 4 or 10) int, positively oriented; values below n are nodes of the interface, others n + index of ``points``
     young, poisson : (q,) float
     """
 
@@ -27,17 +26,14 @@ class Sole:
 def merge(first: Sole, second: Sole, n: int) -> Sole:
     """Both soles on the same interface of n nodes, each with its own other nodes."""
     shifted = np.where(second.cells >= n, second.cells + len(first.points), second.cells)
-    return Sole(np.vstack([first.points, second.points]), np.vstack([first.cells, shifted]), np.concatenate([first.young, second.young]),
-        np.concatenate([first.poisson, second.poisson]))
+    return Sole(np.vstack([first.points, second.points]), np.vstack([first.cells, shifted]),
+                np.r_[first.young, second.young], np.r_[first.poisson, second.poisson])
 
 
 def stiffened(soles: Sequence[tuple[Sole, Sole] | None], factors: np.ndarray) -> list[tuple[Sole, Sole] | None]:
     """Soles per interface with their moduli multiplied by factors (interfaces,)."""
-    result: list[tuple[Sole, Sole] | None] = []
-    for pair, factor in zip(soles, factors):
-        if pair is None or factor == 1:
-            result.append(pair)
-            continue
+    def of(pair: tuple[Sole, Sole], factor: float) -> tuple[Sole, Sole]:
         one = replace(pair[0], young=factor * pair[0].young)
-        result.append((one, one if pair[1] is pair[0] else replace(pair[1], young=factor * pair[1].young)))
-    return result
+        return one, one if pair[1] is pair[0] else replace(pair[1], young=factor * pair[1].young)
+
+    return [pair if pair is None or factor == 1 else of(pair, factor) for pair, factor in zip(soles, factors)]

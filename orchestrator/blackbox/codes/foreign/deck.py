@@ -17,7 +17,7 @@ from orchestrator.blackbox.codes.foreign.condensed import Condensed, condense, j
 from orchestrator.blackbox.codes.foreign.deck_runs import DeckRuns, Loads, Refused
 from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.errors import BlackBoxError
-from orchestrator.scene.foreign.read import read_joints
+from orchestrator.scene.foreign.joints import read_joints
 
 # Relative: input and stored matrix have 14 digits, condensing costs some of them.
 LINEAR = 1e-6

@@ -14,7 +14,7 @@ from orchestrator.blackbox.codes.foreign.condensed import SYMMETRIC, Condensed, 
 from orchestrator.config.parts import MatrixPart
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import motions_about, size_of
-from orchestrator.scene.foreign.read import read_joints
+from orchestrator.scene.foreign.joints import read_joints
 from orchestrator.scene.foreign.tables import forces_of, nodes
 from orchestrator.scene.mesh.size import check_memory
 

@@ -19,9 +19,8 @@ import numpy as np
 
 from orchestrator.blackbox.codes.foreign.part import ForeignCode
 from orchestrator.blackbox.codes.foreign.condensed import Condensed, judged
-from orchestrator.scene.foreign.joints import Joints
+from orchestrator.scene.foreign.joints import Joints, read_joints
 from orchestrator.scene.foreign.program import ProgramRuns
-from orchestrator.scene.foreign.read import read_joints
 
 # Relative. A factorisation repeats itself to rounding, and superposes to it; text of 9 digits leaves 1e-9.
 REPEATED, LINEAR, RECIPROCAL = 1e-12, 1e-7, 1e-6
