@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from itertools import count
@@ -105,34 +105,6 @@ def in_parts(function: Compiled, size: int, *arguments, part: int = PART) -> lis
         for helper in helpers:
             helper.result()
     return results
-
-
-def together(function: Callable[[Any], Any], arguments: Sequence[Any]) -> list:
-    """What ``function`` returns for each of some arguments, in their order; each by a thread of its own.
-
-    function : spends its time where other threads may run
-    """
-    helpers = [_helpers().submit(function, argument) for argument in arguments[1:]]
-    try:
-        first = [function(argument) for argument in arguments[:1]]
-    finally:
-        wait(helpers)
-    return first + [helper.result() for helper in helpers]
-
-
-def in_slices(work: Callable[[slice], None], size: int, part: int = PART) -> None:
-    """Have ``range(size)`` worked on slice by slice, each core on some: what is written in between stays in its own cache.
-
-    work : writes to places of its own slice alone, and spends its time where other threads may run
-    """
-    parts = [slice(first, min(first + part, size)) for first in range(0, size, part)]
-    shares = min(cores(), len(parts))
-
-    def own(number: int) -> None:
-        for some in parts[number::shares]:
-            work(some)
-
-    together(own, range(shares))
 
 
 def cores() -> int:
