@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import io
 import re
+import subprocess
+import sys
+import tempfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -14,10 +17,9 @@ from typing import Any
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.gmsh_files import not_saved, physical, read_by_gmsh
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.recognised import bad_file, check_content
+from orchestrator.scene.mesh.recognised import HEAD, bad_file, check_content
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
@@ -28,6 +30,8 @@ TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "fl
 ROOM = 2.0  # bytes that reading takes per byte of the file, at least
 BY_VTK = {".vtu", ".pvtu", ".vtk"}  # meshio knows no text and no fields of theirs
 BY_GMSH = {".unv", ".med", ".bdf", ".nas"}  # gmsh reads more of these than meshio does
+CHILD = Path(__file__).with_name("gmsh_child.py")
+SHOWN = 200  # letters of a complaint of gmsh's
 FLAT_CELLS = {"vertex", "line", "line3", "triangle", "quad"}
 
 
@@ -49,7 +53,7 @@ def read(path: Path) -> Mesh:
     _check_kinds(path, {block.type for block in raw.cells})
     cells, groups, rest = _cells(raw, "tetra", 3, "volume")
     volumes, volume, unclear = _volumes(groups, len(cells), rest)
-    if lost := [name for name, (_, dimension) in physical(raw) if dimension == 3 and name not in groups]:
+    if lost := [name for name, (_, dimension) in _physical(raw) if dimension == 3 and name not in groups]:
         unclear.append("named in the file, with no elements: " + ", ".join(f"'{name}'" for name in lost[:5])
                        + (", …" if len(lost) > 5 else "") + "; gmsh's version 2.2 with Mesh.SaveAll = 1 forgets the groups, 4.1 keeps them")
     triangles, surfaces, _ = _cells(raw, "triangle", 2, "surface")
@@ -59,11 +63,11 @@ def read(path: Path) -> Mesh:
     named = {name: renumber[triangles[index]] for name, index in surfaces.items()}
     # Triangles away from the tets (shells, helper geometry) are no faces of theirs.
     named = {name: rows[(rows >= 0).all(axis=1)] for name, rows in named.items()}
-    for name, (_, dimension) in physical(raw):
+    for name, (_, dimension) in _physical(raw):
         if dimension == 2:
             named.setdefault(name, np.empty((0, 3), dtype=np.int64))
     return Mesh(np.asarray(raw.points, dtype=float)[used], inverse.reshape(-1, 4), volume, volumes, named, str(path), remarks=[
-        *(loaded.info or {}).get("remarks", []), *remarks, *split, *unclear, *not_saved(raw, path)])
+        *(loaded.info or {}).get("remarks", []), *remarks, *split, *unclear, *_not_saved(raw, path)])
 
 
 def _check_kinds(path: Path, kinds: set[str]) -> None:
@@ -96,7 +100,7 @@ def _load(path: Path) -> meshio.Mesh:
     if ending == ".inp":
         return read_inp(path)
     if ending in BY_GMSH:
-        return read_by_gmsh(path)
+        return _read_by_gmsh(path)
     if ending != ".msh":  # that of ANSYS begins otherwise, and meshio knows it
         check_content(path, ("mesh", "file"))
     if ending in BY_VTK:
@@ -108,7 +112,7 @@ def _load(path: Path) -> meshio.Mesh:
             return meshio.read(path)
     except (Exception, SystemExit):
         if ending == ".msh":  # meshio knows no file with groups for some of its elements only
-            return read_by_gmsh(path)
+            return _read_by_gmsh(path)
         # what meshio says may quote the file, which may be another's behind a link
         raise bad_file(path, f"cannot be read: damaged, or of no format that meshio knows by {path.suffix or 'no ending'}",
                        "a mesh file in a format meshio knows (.msh, .mesh, .vtu, .inp, …)",
@@ -136,7 +140,7 @@ def _cells(raw: meshio.Mesh, kind: str, dimension: int, word: str) -> tuple[np.n
         index = [start + np.asarray(sets[i], dtype=np.int64) for i, start in zip(blocks, starts) if sets[i] is not None and len(sets[i])]
         if index and not name.startswith("gmsh:"):
             groups.setdefault(name, []).extend(index)
-    known = {numbers: name for name, numbers in physical(raw)}
+    known = {numbers: name for name, numbers in _physical(raw)}
     for key in TAGS:
         if key not in raw.cell_data:
             continue
@@ -179,3 +183,57 @@ def _volumes(groups: dict[str, np.ndarray], size: int, rest: str) -> tuple[list[
         names.append(rest)
     used, volume = np.unique(volume, return_inverse=True)
     return [names[i] for i in used], volume, said
+
+
+def _read_by_gmsh(path: Path) -> meshio.Mesh:
+    """What gmsh reads: its groups become physical names, as in its own files.
+
+    gmsh takes what it does not know for a script, and runs the options that it finds beside a file: the content is looked at
+    first, and gmsh sees the file in a folder where nothing else is, in a process that can start no other.
+
+    Raises InputError: the content is not what the ending says, or gmsh cannot read it
+    """
+    check_content(path, ("mesh", "file"))
+    with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
+        source, target = Path(folder) / f"source{path.suffix.lower()}", Path(folder) / "mesh.msh"
+        source.symlink_to(path.resolve())
+        done = subprocess.run([sys.executable, "-P", str(CHILD), source.name, target.name], cwd=folder, stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace", process_group=0)
+        if done.returncode or not target.is_file():
+            said = done.stdout.strip().splitlines()[-1:] if done.returncode == 1 else []
+            reason = said[0].replace(source.name, path.name)[:SHOWN] if said else f"it ended with {done.returncode}"
+            raise bad_file(path, f"cannot be read by gmsh: {reason}", "a mesh file that gmsh reads",
+                           "check that the ending fits the content, or save it as .msh")
+        try:
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+                return meshio.read(target)
+        except (Exception, SystemExit):  # meshio prints its complaint and ends the program
+            raise bad_file(path, "cannot be read: gmsh finds no mesh in it", "nodes and elements",
+                           "save the mesh again, with its volume elements") from None
+
+
+def _not_saved(raw: meshio.Mesh, path: Path) -> list[str]:
+    """What to say of volumes that gmsh (4.1) knew and did not save."""
+    if path.suffix.lower() != ".msh" or "gmsh:geometrical" not in raw.cell_data or not raw.field_data:
+        return []
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    version, _, rest = head.partition(b"$MeshFormat\n")[2].partition(b"\n")
+    found = rest.partition(b"$Entities\n")[2]
+    if not version.startswith(b"4.1") or not found:
+        return []
+    try:
+        counts = np.frombuffer(found[:32], dtype=np.uint64) if version.split()[1] == b"1" else found.partition(b"\n")[0].split()
+        known = int(counts[3])
+    except (ValueError, IndexError):
+        return []
+    tags = [np.ravel(values) for block, values in zip(raw.cells, raw.cell_data["gmsh:geometrical"]) if block.type == "tetra"]
+    missing = known - len(np.unique(np.concatenate(tags)))
+    return [] if missing <= 0 else [
+        f"{missing} of the {known} volumes of gmsh's model have no elements in the file: gmsh saves only what is in a physical group. If they "
+        "belong to the model, give each a physical group, or write the file with Mesh.SaveAll = 1"]
+
+
+def _physical(raw: meshio.Mesh) -> list[tuple[str, tuple[int, int]]]:
+    """gmsh's physical names, each with its tag and dimension."""
+    return [(name, tuple(map(int, np.ravel(value)[:2]))) for name, value in raw.field_data.items() if np.size(value) >= 2]
