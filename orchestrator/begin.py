@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import re
+import textwrap
 from pathlib import Path
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem
+from orchestrator.errors import InputError, Problem, some
 from orchestrator.inspect import section_of
 from orchestrator.scene.inspection.content import SurfaceRow, surfaces_of
 from orchestrator.scene.inspection.pairs import pairs_of_mesh
@@ -116,10 +117,4 @@ def _lowest_and_highest(rows: list[SurfaceRow]) -> tuple[SurfaceRow, SurfaceRow]
 
 def _names(names: list[str]) -> str:
     """In lines of a comment."""
-    lines, shown = [""], list(names[:SHOWN])
-    for name in shown:
-        if len(lines[-1]) + len(name) > WIDTH:
-            lines.append("")
-        lines[-1] += (", " if lines[-1] else "") + name
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ",\n#           ".join(lines) + more
+    return "\n#           ".join(textwrap.wrap(some(names, SHOWN), WIDTH, break_long_words=False))

@@ -158,7 +158,8 @@ def of_parts(names: Sequence[str]) -> str:
 def _in_the_way(directory: Path, names: Sequence[str]) -> Problem:
     what = f"{len(names)} files" if len(names) > 1 else "a file"
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return Problem(DIRECTORY_KEY, f"{what} in {directory} not written by this program, or changed since: {', '.join(sorted(names)[:SHOWN])}{more}",
+    shown = ", ".join(sorted(names)[:SHOWN])
+    return Problem(DIRECTORY_KEY, f"{what} in {directory} not written by this program, or changed since: {shown}{more}",
                    "a folder in which the names of results are free", "rename or remove what is yours, or choose another folder with --output")
 
 

@@ -10,7 +10,7 @@ from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATIO
 from orchestrator.registry import LAWS
 from orchestrator.results.answers.extremes import NAME as EXTREMES
 from orchestrator.results.answers.answers import INTERFACES
-from orchestrator.results.report.document import Marked, heading, number, plain, table
+from orchestrator.results.report.document import Marked, by_step, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.words import units_of
 from orchestrator.results.summary.short_form import (answer_rows, hold_sentences, place_sentences,
     shown_statuses, stabilised_sentences, summary_rows)
@@ -75,9 +75,8 @@ def probes(summary: Mapping[str, object]) -> list[str]:
             parts.append(Marked.of(f"{probe['why']}."))
             continue
         columns = probe["values"]
-        rows = [(str(step), *map(number, row)) for step, row in enumerate(zip(*columns.values()), 1)]
-        parts.append(table(("load step", *columns), rows, numeric=True))
-    return [heading("Probes"), *parts] if parts else []
+        parts.append(table(("load step", *columns), by_step(*columns.values()), numeric=True))
+    return section("Probes", *parts)
 
 
 def extremes(folder: Path, summary: Mapping[str, object]) -> list[str]:
@@ -143,32 +142,20 @@ def law_quantities() -> list[tuple[str, str, str]]:
 def interface_section(summary: Mapping[str, object]) -> list[str]:
     """Laws, status, bodies that nothing holds, resultants; what is not known is left out."""
     summary = {key: jsonable(value) for key, value in summary.items() if key != "config"}
-    parts: list[str] = []
-    warnings = summary.get("warnings") or ()
-    if warnings:
-        parts += [heading("Warnings"), *(plain(f"{text}.") for text in warnings)]
-    resultants = summary.get("interface_resultants") or []
-    found = sorted({entry["law"] for entry in resultants})
-    if found:
-        parts += [heading("Interface laws"), table(("law", "interfaces", "formula", "meaning"), [
-            (law, str(sum(entry["law"] == law for entry in resultants)), *_told(law)) for law in found]),
-            "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on "
-            "side 1; A: a node's share of the area; p: pressure; μ: friction; g₀: initial gap."]
-    if bolts := summary.get("bolts"):
-        parts += [heading("Bolts"), *_bolts(bolts)]
-    status = _status(summary.get("status_counts"))
-    if status:
-        parts += [heading("Interface status"), status]
-    springs = stabilised_sentences(summary)
-    if springs:
-        parts += [heading("Stabilisation"), *(plain(f"{text}.") for text in springs)]
-    places = place_sentences(summary)
-    if places:
-        parts += [heading("Places of loose bodies"), *(plain(f"{text}.") for text in places)]
-    held = hold_sentences(summary)
-    if held:
-        parts += [heading("Bodies that are not held"), *(plain(f"{text}.") for text in held)]
-    return parts
+    resultants, counts = summary.get("interface_resultants") or [], summary.get("status_counts")
+    laws = [(law, str(sum(entry["law"] == law for entry in resultants)), *_told(law)) for law in sorted({r["law"] for r in resultants})]
+    names = shown_statuses(counts)
+    return [
+        *section("Warnings", *sentences(summary.get("warnings") or ())),
+        *section("Interface laws", table(("law", "interfaces", "formula", "meaning"), laws),
+                 "d: displacement of side 2 relative to side 1; n: normal from side 1 to side 2; f: force on side 1; A: a node's share "
+                 "of the area; p: pressure; μ: friction; g₀: initial gap." * bool(laws)),
+        *section("Bolts", *_bolts(summary.get("bolts") or [])),
+        *section("Interface status", table(("load step", *names), [
+            (str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)], numeric=True)),
+        *section("Stabilisation", *sentences(stabilised_sentences(summary))),
+        *section("Places of loose bodies", *sentences(place_sentences(summary))),
+        *section("Bodies that are not held", *sentences(hold_sentences(summary)))]
 
 
 def _told(law: str) -> tuple[str, str]:
@@ -176,16 +163,8 @@ def _told(law: str) -> tuple[str, str]:
     return (LAWS[law].formula, LAWS[law].meaning) if law in LAWS else ("", "")
 
 
-def _status(counts: object) -> str:
-    names = shown_statuses(counts)
-    if not names:
-        return ""
-    rows = [(str(step), *map(str, row)) for step, row in enumerate(zip(*(counts[name] for name in names)), 1)]
-    return table(("load step", *names), rows, numeric=True)
-
-
 def _bolts(bolts: list[dict]) -> list[str]:
     rows = [(bolt["name"], str(step), number(force), number(shorter), state) for bolt in bolts
             for step, (force, shorter, state) in enumerate(zip(bolt["force"], bolt["shortening"], bolt["state"]), 1)]
-    return ["Force along the bolt, positive where it is pulled; what tightening has taken off its length.",
+    return ["Force along the bolt, positive where it is pulled; what tightening has taken off its length." * bool(rows),
             table(("bolt", "load step", "force", "shortening", "state"), rows, numeric=True)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 _STYLE = """body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 60rem; margin: 2rem auto; padding: 0 1rem }
@@ -55,11 +55,27 @@ def heading(text: str, level: int = 2) -> str:
     return f"{'#' * level} {plain(text)}"
 
 
+def section(title: str, *parts: str, level: int = 2) -> list[str]:
+    """Parts below a heading; nothing where all of them are empty."""
+    return [heading(title, level), *filter(None, parts)] if any(parts) else []
+
+
+def sentences(texts: Iterable[str]) -> list[str]:
+    return [plain(f"{text}.") for text in texts]
+
+
+def by_step(*columns: Iterable[float | None]) -> list[tuple[str, ...]]:
+    """Rows for a table: the load step, from 1, and the number of each column."""
+    return [(str(step), *map(number, row)) for step, row in enumerate(zip(*columns), 1)]
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], numeric: bool = False) -> str:
-    """Rows of texts below a ``head``; a text of several lines takes several rows.
+    """Rows of texts below a ``head``, nothing without rows; a text of several lines takes several rows.
 
     numeric : columns after the first are aligned right
     """
+    if not rows:
+        return ""
     rule = ["---"] + ["---:" if numeric else "---"] * (len(head) - 1)
     lines = [[plain(cell) for cell in head], rule]
     for row in rows:

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from orchestrator.config.output import Figures
 from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.results.report.answer import answer, carried, extremes, interface_section, law_quantities, probes, reactions
-from orchestrator.results.report.document import heading, number, page, picture, plain, table
+from orchestrator.results.report.document import by_step, heading, page, picture, plain, section, table
 from orchestrator.results.report.question import question, settings
 from orchestrator.results.summary.words import CODE_HEAD, code_rows, units_of
 from orchestrator.results.figures.artist import CannotDraw, drawn
@@ -74,7 +74,7 @@ def report(directory: str | os.PathLike[str], figures: Mapping[str, object] | No
     pictures = [picture(f"figures/{name}", text) for name, text in _PICTURES if name in names]
     first = [name for name, _ in _PICTURES if name in names][:1] == [_PICTURES[0][0]]
     parts = _parts(solution, pictures[:first])  # the structure first, the rest where the text has come to it
-    parts += [heading("Figures"), *pictures[first:]] if pictures[first:] else []
+    parts += section("Figures", *pictures[first:])
     text = "\n\n".join(parts + _configuration(solution.summary)) + "\n"
     folder.write("report.html", page(text, folder.path, str(solution.summary.get("name"))))
     return folder.write("report.md", text)
@@ -110,10 +110,11 @@ def _parts(solution: Solution, pictures: list[str]) -> list[str]:
     parts = [heading(str(summary.get("name") or "Run"), 1), *question(summary), *answer(summary), *pictures]
     parts += [*probes(summary), *reactions(summary), *extremes(folder, summary)]
     parts += interface_section(summary) + carried(folder, summary)
-    if found := _energy(summary.get("energy")):
-        parts += [heading("Energy"), found]
+    parts += section("Energy", table(("load step", "energy"), by_step(summary.get("energy") or ()), numeric=True))
     parts += [heading("How it was solved"), plain(_in_words(solution)), table(("", ""), rest), _stopping(solution)]
-    return parts + [heading("Time"), _time(summary), *_codes(summary), *_workload(summary)]
+    return parts + [heading("Time"), _time(summary), *section(
+        "Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", table(CODE_HEAD, code_rows(summary), numeric=True),
+        level=3), *_workload(summary)]
 
 
 def _in_words(solution: Solution) -> str:
@@ -160,33 +161,18 @@ def _time(summary: Mapping[str, object]) -> str:
     return table(("stage", "seconds", "share"), lines, numeric=True)
 
 
-def _codes(summary: Mapping[str, object]) -> list[str]:
-    rows = code_rows(summary)
-    return [heading("Codes, seconds of CPU; the orchestrator's are of wall clock, between requests", 3),
-            table(CODE_HEAD, rows, numeric=True)] if rows else []
-
-
 def _workload(summary: Mapping[str, object]) -> list[str]:
     record, parts = summary.get("workload") or {}, []
     for period, name in PERIODS.items():
         if period not in record:
             continue
-        parts += [heading(f"Who did what: {name}, {record[period]['seconds']:.2f} s", 3),
-                  table(STAGE_HEAD, stage_rows(record[period], STAGES), numeric=True)]
-        if record[period]["workers"]:
-            parts.append(table(WORKER_HEAD, worker_rows(record[period]), numeric=True))
-        if rows := rank_rows(record[period]):
-            parts.append(table(RANK_HEAD, rows, numeric=True))
+        parts += section(f"Who did what: {name}, {record[period]['seconds']:.2f} s", *(
+            table(head, rows, numeric=True) for head, rows in ((STAGE_HEAD, stage_rows(record[period], STAGES)), (WORKER_HEAD, worker_rows(
+                record[period])), (RANK_HEAD, rank_rows(record[period])))), level=3)
     if parts:
         parts.append("Workers, in seconds: assemble, factorise and solve on the black box's own clock; messages: bytes to and from "
             "it, and its wait for a core; waiting: for other workers; idle: nobody was asked, the orchestrator computed.")
     return parts
-
-
-def _energy(energy: object) -> str:
-    if not isinstance(energy, list) or not energy:
-        return ""
-    return table(("load step", "energy"), [(str(step), number(e)) for step, e in enumerate(energy, 1)], numeric=True)
 
 
 def _configuration(summary: Mapping[str, object]) -> list[str]:

@@ -151,8 +151,8 @@ def springs(run: Stopped) -> Iterator[str]:
     if asked != "auto":
         yield (f"stabilisation {asked:g} carries {found.force:.1e} of the largest contact force: lower it in proportion, or "
                "method.contact.stabilisation=auto")
-    yield (f"{some(names or [found.most])}: more acts there than contact and friction can carry (limit load, or a body that is pushed away): springs hold "
-           f"{found.force:.1e} of the largest contact force; lower the load, raise friction, or hold these bodies")
+    yield (f"{some(names or [found.most])}: more acts there than contact and friction can carry (limit load, or a body that is pushed "
+           f"away): springs hold {found.force:.1e} of the largest contact force; lower the load, raise friction, or hold these bodies")
 
 
 def code(run: Stopped) -> Iterator[str]:
