@@ -21,11 +21,10 @@ OF_FILES = ("VIEWFACTOR", "SUBMODEL", "SUBSTRUCTURE", "CRACKPROPAGATION")
 OF_STEPS = {"STEP", "END STEP", "STATIC", "FREQUENCY", "DYNAMIC", "HEAT TRANSFER", "BUCKLE", "RESTART"}
 
 
-def headings(file: Path | Inclusion, path: KeyPath) -> Iterator[tuple[str, dict[str, str], str]]:
+def headings(file: Path, path: KeyPath) -> Iterator[tuple[str, dict[str, str], str]]:
     """Keyword, options and place of every card, those without lines too; of files that are included as well."""
     try:
-        deck = file if isinstance(file, Inclusion) else Inclusion(file)
-        for text, at, number in deck.spliced():
+        for text, at, number in Inclusion(file).spliced():
             if text.startswith("*"):
                 yield *heading(text), f"{at}:{number}"
     except InputError as error:

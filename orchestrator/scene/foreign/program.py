@@ -35,11 +35,7 @@ LINES = 400_000  # of forces in one call: more cases are more calls
 
 
 class ProgramRuns:
-    """Runs of one program.
-
-    part : the entry of ``parts``; path : where it stands in the YAML
-    name : of the part
-    """
+    """Runs of one program. part : the entry of ``parts``; path : where it stands in the YAML; name : of the part."""
 
     def __init__(self, part: ProgramPart, path: KeyPath, name: str):
         self.part, self.path, self.name = part, path, name
@@ -54,7 +50,7 @@ class ProgramRuns:
         with self._called(np.empty(0, int), np.empty((0, 3)), [], []) as folder:
             rows = self._rows(folder / JOINT)
         for line, words in enumerate(rows, 1):
-            if len(words) not in (4, 5) or not _numbers(words[:4]) or not _whole(words[0]):
+            if len(words) not in (4, 5) or not _numbers(words[:4]) or not float(words[0]).is_integer():
                 raise self.wrong(f"{JOINT}, line {line}: {' '.join(words)[:80]}", "id x y z, and the joint's name if there are several",
                                  "a line for each node of the joint, ids whole numbers")
         if not rows:
@@ -148,10 +144,8 @@ class ProgramRuns:
 def _interpreter(file: str) -> str:
     """The interpreter that a script's first line names, if it is not there; else empty."""
     with open(file, "rb") as script:
-        first = script.readline(256).split()
-    if not first or not first[0].startswith(b"#!"):
-        return ""
-    name = os.fsdecode(first[0][2:] or (first[1] if len(first) > 1 else b""))
+        first = script.readline(256)
+    name = os.fsdecode((first[2:].split() or [b""])[0]) if first.startswith(b"#!") else ""
     return "" if os.path.exists(name) else name
 
 
@@ -160,10 +154,6 @@ def _numbers(words: Sequence[str]) -> bool:
         return bool(np.isfinite([float(word) for word in words]).all())
     except ValueError:
         return False
-
-
-def _whole(word: str) -> bool:
-    return float(word) == int(float(word))
 
 
 def joints(part: ProgramPart, path: KeyPath, name: str) -> Joints:

@@ -31,7 +31,7 @@ class Grains:
     """
 
     def __init__(self, cells: Tessellation):
-        self.size, self.points, self.sides = cells.size, cells.vertices.copy(), cells.sides.copy()
+        self.points, self.sides = cells.vertices.copy(), cells.sides.copy()
         self.loops = dict(enumerate(cells.loops))
         self.cells = {face: (int(a), int(b)) for face, (a, b) in enumerate(cells.cells)}
         self.triangles = dict(zip(self.loops, cut(self.points, list(self.loops.values()))))

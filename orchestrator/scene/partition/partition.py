@@ -107,19 +107,14 @@ def _check_empty(partition: Partition) -> None:
 
 
 def _check_connected(mesh: Mesh, faces: Faces, partition: Partition, kind: str) -> None:
-    count, piece = pieces(faces, partition.subdomain)
-    if count == len(partition.names):
-        return
-    if mesh.foreign:  # the joints of a part whose mesh is not ours hang together through what is behind them
-        first = np.unique(piece, return_index=True)[1]
-        whole = partition.subdomain[first[mesh.is_foreign(first)]]
-        count -= len(whole) - len(np.unique(whole))
-        if count == len(partition.names):
-            return
-    first_cell = np.unique(piece, return_index=True)[1]
-    per_part = np.bincount(partition.subdomain[first_cell], minlength=len(partition.names))
+    _, piece = pieces(faces, partition.subdomain)
+    sizes, first_cell = np.bincount(piece), np.unique(piece, return_index=True)[1]
+    # the joints of a part whose mesh is not ours hang together through what is behind them
+    own_mesh = partition.subdomain[first_cell[~mesh.is_foreign(first_cell)]]
+    per_part = np.bincount(own_mesh, minlength=len(partition.names))
     broken = np.flatnonzero(per_part > 1)
-    sizes = np.bincount(piece)
+    if not len(broken):
+        return
     shown = []
     for i in broken[:5]:
         own = np.flatnonzero(partition.subdomain[first_cell] == i)
