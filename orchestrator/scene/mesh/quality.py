@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.errors import InputError, Problem, Problems
+from orchestrator.errors import Problems
 from orchestrator.scene.mesh.faces import LOCAL_FACES, MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import area_vectors, cross, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 
-# Two faces at each of the six edges.
+# Two corners, or the two faces, of each of the six edges.
 PAIRS = [(i, j) for i in range(4) for j in range(i)]
 
 
@@ -47,58 +47,55 @@ FLAT = 1e-10
 
 
 def checked(mesh: Mesh) -> tuple[Mesh, Faces]:
-    """The mesh with positive tets, and its faces.
-
-    A mesh whose tets are all inverted merely follows another convention and is turned round.
+    """The mesh with positive tets, and its faces; one whose tets are all inverted follows another convention and is turned round.
 
     Raises InputError: no tets, too many nodes, coordinates that are no numbers, inverted or flat tets,
         faces of three tets, overlapping tets
     """
     problems = Problems()
+
+    def complain(found: str, expected: str, cure: str) -> None:
+        problems.add(("mesh",), f"{mesh.source}: {found}", expected, cure)
+
+    bad = np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))
     if len(mesh.cells) == 0:
-        raise InputError(Problem(("mesh",), f"{mesh.source}: no tetrahedra", "a mesh of four-node tetrahedra",
-                                 "mesh the volume, not only its surface, and save the volume elements"))
-    if len(mesh.nodes) > MAX_NODES:
-        raise InputError(Problem(("mesh",), f"{mesh.source}: {len(mesh.nodes)} nodes", f"at most {MAX_NODES} nodes", "use a coarser mesh"))
-    if not np.isfinite(mesh.nodes).all():
-        bad = int(np.flatnonzero(~np.isfinite(mesh.nodes).all(axis=1))[0])
-        raise InputError(Problem(("mesh",), f"{mesh.source}: node {bad} at {mesh.nodes[bad]}",
-                                 "finite coordinates", "write the mesh file again"))
-    mesh = _oriented(mesh, problems)
+        complain("no tetrahedra", "a mesh of four-node tetrahedra", "mesh the volume, not only its surface, and save the volume elements")
+    elif len(mesh.nodes) > MAX_NODES:
+        complain(f"{len(mesh.nodes)} nodes", f"at most {MAX_NODES} nodes", "use a coarser mesh")
+    elif len(bad):
+        complain(f"node {bad[0]} at {mesh.nodes[bad[0]]}", "finite coordinates", "write the mesh file again")
+    problems.raise_if_any()
+    inverted, flat = _inverted(mesh)
+    if inverted.any() and (inverted | flat).all():
+        mesh, inverted = replace(mesh, cells=mesh.cells[:, [0, 2, 1, 3]]), np.zeros_like(inverted)
+    for what, bad, cure in (
+            ("inverted", inverted, "swap two nodes of these tets, or mesh again: elements overlap here"),
+            ("zero-volume", flat, "remove these tets, or optimise the mesh (gmsh: -optimize_netgen)")):
+        if bad.any():
+            first = int(np.flatnonzero(bad)[0])
+            complain(f"{bad.sum()} {what} of {len(bad)} tets; the first is cell {first} at "
+                     f"{format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}", "tets of positive volume, all oriented the same way", cure)
     problems.raise_if_any()  # bad tets have bad faces: a second complaint would only distract
     faces = faces_of(mesh.cells, len(mesh.nodes))
     for what, index, cure in (
             ("faces shared by three or more tets", faces.crowded, "remove duplicated tets"),
             ("faces with both tets on the same side", np.setdiff1d(faces.folded, faces.crowded), "remove duplicated or overlapping tets")):
         if len(index):
-            where = format_point(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))
-            problems.add(("mesh",), f"{mesh.source}: {len(index)} {what}, the first at {where}",
-                         "each face between at most two tets, one on either side", cure)
+            complain(f"{len(index)} {what}, the first at {format_point(mesh.nodes[faces.triangles[index[0]]].mean(axis=0))}",
+                     "each face between at most two tets, one on either side", cure)
     problems.raise_if_any()
     return mesh, faces
 
 
-def _oriented(mesh: Mesh, problems: Problems) -> Mesh:
+def _inverted(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) bool each, which tets are inverted, and which are flat."""
     volumes = tet_volumes(mesh.nodes, mesh.cells)
     flat = np.abs(volumes) <= FLAT * mesh.diagonal ** 3  # no edge is longer than that
     thin = np.flatnonzero(flat)
     corners = mesh.nodes[mesh.cells[thin]]
-    longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i in range(4) for j in range(i)], axis=0) ** 1.5
+    longest = np.max([np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i, j in PAIRS], axis=0) ** 1.5
     flat[thin] = np.abs(volumes[thin]) <= FLAT * longest
-    inverted = (volumes < 0) & ~flat
-    if inverted.any() and not (volumes[~flat] > 0).any():
-        cells = mesh.cells[:, [0, 2, 1, 3]]
-        mesh = replace(mesh, cells=cells)
-        inverted[:] = False
-    for what, bad, cure in (
-            ("inverted", inverted, "swap two nodes of these tets, or mesh again: elements overlap here"),
-            ("zero-volume", flat, "remove these tets, or optimise the mesh (gmsh: -optimize_netgen)")):
-        if bad.any():
-            first = int(np.flatnonzero(bad)[0])
-            problems.add(("mesh",), f"{mesh.source}: {bad.sum()} {what} of {len(bad)} tets; the first is cell {first} "
-                         f"at {format_point(mesh.nodes[mesh.cells[first]].mean(axis=0))}",
-                         "tets of positive volume, all oriented the same way", cure)
-    return mesh
+    return (volumes < 0) & ~flat, flat
 
 
 def format_point(point: np.ndarray) -> str:
