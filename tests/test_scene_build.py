@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import faces_of, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, StandIn
 from orchestrator.scene.partition.metis import _gather_strays
 from orchestrator.scene.partition.numbering import split_numbering
 from orchestrator.scene.partition.partition import Partition, make_partition
@@ -428,6 +428,24 @@ def test_disconnected_group(tmp_path):
     assert "disconnected subdomain: volume_1 is in 2 pieces (the smallest has 6 tets, at (" in wrong.found
     assert "group of its own" in wrong.cure
     assert len(scene(mesh=source, subdomains={"metis": 4}).subdomains) == 4
+
+
+def test_joints_of_another_programs_part_may_be_apart():
+    """Behind them the part hangs together; volumes of ours in pieces are named, and these alone."""
+    mesh = bricks(np.array([7.0, 1.0, 1.0]), np.array([7, 1, 1]), "box")
+    x = mesh.nodes[mesh.cells].mean(axis=1)[:, 0]
+    groups, nodes = SimpleNamespace(groups=True), len(mesh.nodes)
+    for ours, theirs in (([2], [0, 4]), ([0, 2], [4, 6])):
+        kept = np.isin(x.astype(int), ours + theirs)
+        own = np.isin(x[kept].astype(int), theirs).astype(int)
+        stand = StandIn(1, 0, nodes, np.zeros((nodes, 3), bool), np.zeros((0, 3), int), 1.0, False)
+        made = Mesh(mesh.nodes, mesh.cells[kept], own, ["ours", "theirs"], foreign=[stand])
+        if len(ours) == 1:
+            assert make_partition(made, faces_of(made.cells, nodes), groups).names == ["ours", "theirs"]
+            continue
+        with pytest.raises(InputError, match="ours is in 2 pieces") as caught:
+            make_partition(made, faces_of(made.cells, nodes), groups)
+        assert "theirs is" not in str(caught.value)
 
 
 def test_disconnected_slice(tmp_path):
