@@ -88,7 +88,7 @@ MONITORS = Registry({
     "error_bound": "orchestrator.method.monitors.error_bound:ErrorBoundCriterion",
     "law_residual": "orchestrator.method.monitors.law_residual:LawCriterion",
     "mesh_error": "orchestrator.method.monitors.mesh_error:MeshError",
-    "true_error": "orchestrator.method.monitors.true_error:TrueErrorMonitor",
+    "true_error": "orchestrator.method.monitors.error_bound:TrueErrorMonitor",
     "following": "orchestrator.method.monitors.following:FollowingMonitor",
     "weakening": "orchestrator.method.monitors.weakening:Weakening",
     "ending": "orchestrator.method.monitors.ending:Ending",

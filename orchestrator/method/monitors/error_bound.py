@@ -1,4 +1,5 @@
-"""Stopping criterion of perfect interfaces: the Prager–Synge bound of ``stopping.bound``, or the paper's η for its studies.
+"""The error where all is bonded: the Prager–Synge bound of ``stopping.bound``, or the paper's η for its studies, as criterion; and the
+true error, where the exact solution is known.
 
     error_bound ≤ tolerance.error     or     indicator η ≤ tolerance.indicator
 
@@ -57,6 +58,22 @@ class ErrorBoundCriterion(Monitor):
     def restore(self, state: Mapping[str, Any], problem: Decomposition) -> Decomposition:
         self.ratio = state["ratio"]
         return problem
+
+
+class TrueErrorMonitor(Monitor):
+    """Tells what ``given["true_error"]``, (fields, bound) → relative energy error, says."""
+
+    name = "true_error"
+
+    def __init__(self, case: Case):
+        self.case = case
+
+    @classmethod
+    def of(cls, case: Case) -> TrueErrorMonitor | None:
+        return cls(case) if case.given.get("true_error") else None
+
+    def judge(self, now: Evaluation) -> Verdict:
+        return Verdict(told={"true_error": self.case.given["true_error"](now.best, now.verdict.bound)})
 
 
 def _of_size(relative: float) -> float:
