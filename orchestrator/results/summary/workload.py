@@ -45,27 +45,31 @@ class Workload:
         self.usage, self.watch, self.team = usage, watch, team
         watch.waited = lambda: team.waited
         self.record: Record = {}
-        self._note()
+        self._then = self._now()
 
     def end(self, period: str) -> None:
         """Record what has happened since the last call under this name."""
-        begin, seconds, calls, waiting, before = self._begin, self._seconds, self._calls, self._waiting, self._activity
-        earlier, spent_before = self._others, self._cpu
-        self._note()
-        waited, messages, sent, reductions = (now - then for now, then in zip(self._others, earlier))
-        wall, cpu = self._begin - begin, self._cpu - spent_before
-        stages = [{"rank": self.team.rank, "stage": stage, "calls": self._calls[stage] - calls.get(stage, 0),
-                   "seconds": spent, "waiting": self._waiting[stage] - waiting.get(stage, 0.0), "share": spent / wall}
-                  for stage, total in self._seconds.items() if (spent := total - seconds.get(stage, 0.0)) > 0]
-        workers = [_row(self.team.rank, now.since(then)) for now, then in zip(self._activity, before)]
-        ranks = [{"rank": self.team.rank, "seconds": wall, "cpu": cpu, "waiting": waited, "share": waited / wall, "messages": messages,
-                  "reductions": reductions, "bytes": sent, "memory_peak_mb": memory_peak_mb()}]
-        self.record[period] = {"seconds": wall, "stages": stages, "workers": workers, "ranks": ranks}
+        then, self._then = self._then, self._now()
+        (begin, cpu, waited, messages, sent, reductions), stages, workers = then
+        now, rank = self._then[0], self.team.rank
+        wall, waited = now[0] - begin, now[2] - waited
+        spent = {name: [late - early for late, early in zip(measured, stages.get(name, (0.0, 0, 0.0)))]
+                 for name, measured in self._then[1].items()}
+        self.record[period] = {
+            "seconds": wall,
+            "stages": [{"rank": rank, "stage": name, "calls": calls, "seconds": seconds, "waiting": waiting, "share": seconds / wall}
+                       for name, (seconds, calls, waiting) in spent.items() if seconds > 0],
+            "workers": [_row(rank, late.since(early)) for late, early in zip(self._then[2], workers)],
+            "ranks": [{"rank": rank, "seconds": wall, "cpu": now[1] - cpu, "waiting": waited, "share": waited / wall,
+                       "messages": now[3] - messages, "reductions": now[5] - reductions, "bytes": now[4] - sent,
+                       "memory_peak_mb": memory_peak_mb()}]}
 
-    def _note(self) -> None:
-        self._begin, self._cpu = time.perf_counter(), time.process_time()
-        self._seconds, self._calls, self._waiting = (dict(x) for x in (self.watch.seconds, self.watch.calls, self.watch.waiting))
-        self._activity, self._others = self.usage.activity(), (self.team.waited, self.team.messages, self.team.bytes, self.team.reductions)
+    def _now(self) -> tuple[tuple, dict[str, tuple[float, int, float]], list[Activity]]:
+        """Clocks and what the ranks have exchanged; per stage seconds, calls and waiting; what workers have done."""
+        watch, team = self.watch, self.team
+        return ((time.perf_counter(), time.process_time(), team.waited, team.messages, team.bytes, team.reductions),
+                {name: (watch.seconds[name], watch.calls[name], watch.waiting[name]) for name in list(watch.seconds)},
+                self.usage.activity())
 
 
 def _row(rank: int, spent: Activity) -> dict[str, object]:
