@@ -59,8 +59,7 @@ def pairs_of_scene(scene: Scene) -> Iterator[PairRow]:
             normal = node_normals(scene.points(interface), interface.triangles)
             distance, area, slave = np.einsum("ni,ni->n", y - x, normal), areas[0], ""
             meshes = SHARED if np.array_equal(*(scene.side_nodes(interface, side) for side in (0, 1))) else COINCIDENT
-        yield PairRow(one.name, two.name, area, float(distance.min()), float(distance.max()), meshes, slave, sizes,
-                      interface.law.name)
+        yield PairRow(one.name, two.name, area, float(distance.min()), float(distance.max()), meshes, slave, sizes, interface.law.name)
 
 
 def _measures(scene: Scene, interface: Interface, side: int) -> tuple[float, float]:

@@ -26,8 +26,6 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
                factors: Sequence[Sequence[float]], problems: Problems) -> list[PlacedBolt]:
     """Give the interfaces at the cuts the law of their bolts.
 
-    Parameters
-    ----------
     entries : of ``bolts``; factors : per entry (steps,) what multiplies it
     """
     placed = []
@@ -51,9 +49,7 @@ def join_bolts(cuts: Sequence[BoltCut], interfaces: list[Interface], entries: Se
 def straighten(mesh: Mesh, interfaces: list[Interface], bolts: list[PlacedBolt], problems: Problems) -> list[PlacedBolt]:
     """Give interfaces of laws with an axis the same normal everywhere: the bolt's, or the mean of their own.
 
-    Returns
-    -------
-    the bolts, and interfaces of such laws between parts as bolts of the interface's name
+    Returns the bolts, and interfaces of such laws between parts as bolts of the interface's name
     """
     axes, others = {id(bolt.interface): bolt for bolt in bolts}, []
     for i in interfaces:

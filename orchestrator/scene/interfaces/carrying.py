@@ -34,8 +34,6 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
     """Makes the operators of all interfaces whose nodes do not match, once it is known what is prescribed; corners of pieces
     leave the list.
 
-    Parameters
-    ----------
     fixed : (N, 3) bool, prescribed components of split nodes
     bodies : name of the body of each subdomain
     """
@@ -78,8 +76,6 @@ def give_operators(interfaces: list[Interface], fixed: np.ndarray, numbering: Sp
 class _Held:
     """What the nodes of interfaces hold, interface after interface.
 
-    Parameters
-    ----------
     waiting : the interfaces
     group : the bodies that each is between, the slave's first
     leader : per pair of bodies (N,) the interface in which most is covered around each slave node

@@ -27,8 +27,6 @@ PLANE = 1e-9
 def paired_gap(search: Search, interface: Interface, key: tuple[int, str]) -> np.ndarray:
     """(n,) distance along the normal of the sides of an interface whose nodes are paired, negative inside each other.
 
-    Parameters
-    ----------
     key : the entry of the YAML and what in it asks for the distance
     """
     one, two = (search.mesh.nodes[nodes] for nodes in side_nodes(search.numbering, interface))
@@ -57,8 +55,6 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.n
     Sides that facets leave open or overlap by less than what is known of the surfaces (``UNSURE`` of the sagitta) touch, and
     where facets are in each other by less than their sagitta this counts as touching too; both are told.
 
-    Parameters
-    ----------
     name : of the interface
     bulge : (k₁, 3), (k₂, 3) of the facets' edges, see ``skins.bulges``
     key : the entry of the YAML and what in it asks for the distance
@@ -77,8 +73,7 @@ def surface_gap(search: Search, name: str, surfaces: Surfaces, bulge: tuple[np.n
     nothing = rounding(x1, ROUNDING * h)
     touching = (gap <= UNSURE * around + nothing) & (gap >= -around - nothing)
     if (touching & (around > COINCIDE * h)).any() and not deep.any():
-        search.problems.warnings.append(
-            f"{name}: facets are up to {max(0.0, -segments.distance.min()):.2g} inside each other and up to "
+        search.problems.warnings.append(f"{name}: facets are up to {max(0.0, -segments.distance.min()):.2g} inside each other and up to "
             f"{max(0.0, segments.distance.max()):.2g} apart, off the curved surfaces that they stand for by up to {around.max():.2g}: "
             f"what is within {UNSURE:g} of that counts as touching; smaller clearances and press fits need a number, gap: 0.01, "
             "or finer meshes")

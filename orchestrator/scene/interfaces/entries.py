@@ -16,12 +16,9 @@ from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion
 
 
-def govern(interface: Interface, entry: Any, factors: Sequence[float], direction: float = 1.0,
-           distance: np.ndarray | None = None) -> None:
+def govern(interface: Interface, entry: Any, factors: Sequence[float], direction: float = 1.0, distance: np.ndarray | None = None) -> None:
     """Give an interface the law of an entry, and where it differs between load steps that of each.
 
-    Parameters
-    ----------
     factors : (steps,) what multiplies the entry
     direction, distance : as for ``Law.of``
     """
@@ -34,8 +31,6 @@ def govern(interface: Interface, entry: Any, factors: Sequence[float], direction
 class Laws:
     """Finds the entry that governs a pair and remembers which entries were of use.
 
-    Parameters
-    ----------
     entries : of the YAML, each with a ``pair`` of patterns, pairs to ``exclude``, and ``law``; the last match wins
     names : everything an entry could name, subdomains and volumes
     factors : per entry (steps,) what multiplies it; none: one load step
@@ -49,8 +44,6 @@ class Laws:
     def between(self, first: Iterable[str], second: Iterable[str]) -> int:
         """Index of the governing entry, -1 for none.
 
-        Parameters
-        ----------
         first, second : the names each side goes by (its subdomain's, its volume's)
         """
         hits = self._matching(first, second)
@@ -66,8 +59,6 @@ class Laws:
     def apply(self, index: int, interface: Interface, first: Iterable[str], distance: np.ndarray | None = None) -> None:
         """Give an interface the law of an entry; it stays what it is when none matched.
 
-        Parameters
-        ----------
         first : the names its first side goes by: they tell which way the entry's parts are ordered
         distance : (n,) of the sides along the normal, where it has been read from the geometry
         """
@@ -124,8 +115,6 @@ class Laws:
     def refuse_within(self, cuts: Iterable[tuple[str, str]], problems: Problems) -> None:
         """Adds a problem for each entry whose law is meant for cuts through a body alone: these are perfect.
 
-        Parameters
-        ----------
         cuts : names of the two sides
         """
         cuts = list(dict.fromkeys(cuts))
@@ -135,8 +124,7 @@ class Laws:
                 continue
             self.used[i] = True
             if not LAWS[entry.law].perfect:
-                problems.add(("interfaces", i, "between"),
-                             f"{entry.law} between {hit[0]} and {hit[1]}, pieces of one body",
+                problems.add(("interfaces", i, "between"), f"{entry.law} between {hit[0]} and {hit[1]}, pieces of one body",
                              "names of different bodies: their pieces are joined by perfect interfaces",
                              "leave this entry out; a real joint needs two volumes in the mesh")
 
@@ -144,8 +132,6 @@ class Laws:
                       nearest: Callable[[Any], str] = lambda entry: "") -> None:
         """Adds a problem for each entry that matched no interface; one for all parts may, where there are no two.
 
-        Parameters
-        ----------
         pairs : names of the two sides of existing interfaces, for the cure
         pieces : number of pieces of the mesh that share no faces with each other
         nearest : what to say of how far apart the parts of an entry are
@@ -169,8 +155,7 @@ class Laws:
             else:
                 found = f"no interface between {entry.pair[0]!r} and {entry.pair[1]!r}: they share no face" \
                     + nearest(entry)
-                beside = [f"{a} | {b}" for a, b in pairs
-                          if any(self.means(p, (a, b)) for p in entry.pair if p != "*")] or \
+                beside = [f"{a} | {b}" for a, b in pairs if any(self.means(p, (a, b)) for p in entry.pair if p != "*")] or \
                          [f"{a} | {b}" for a, b in pairs]
                 cure = "interfaces exist between " + ", ".join(beside[:6]) + (", …" if len(beside) > 6 else "") \
                     if pairs else "there are no interfaces at all"
@@ -180,8 +165,7 @@ class Laws:
                             "gap: geometry); for parts that have nothing to do with each other leave interfaces out")
             where = "between" if unknown else entry.apart or "between"
             problems.add(("interfaces", i, where), found,
-                         "names of two parts that share faces, or have opposite faces with matching nodes; "
-                         "shell wildcards allowed", cure)
+                         "names of two parts that share faces, or have opposite faces with matching nodes; shell wildcards allowed", cure)
 
     def _matching(self, first: Iterable[str], second: Iterable[str]) -> list[int]:
         """Indices of all entries that match, ascending."""

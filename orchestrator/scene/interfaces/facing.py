@@ -27,8 +27,6 @@ COMMON = 0.1
 class Facing:
     """A connected patch of faces of two bodies that lie on each other.
 
-    Parameters
-    ----------
     segments : the overlaps, the first body being the slave, in the numbers of the bodies' facets
     area : that both have in common
     size : mean element size of either side
@@ -54,8 +52,6 @@ def facing(one: Skin, two: Skin, tolerance: float = TOUCHING, within: float | No
            opposite: float = OPPOSITE, wide: bool = False) -> list[Facing]:
     """The patches on which two bodies lie on each other, the one with the first facet first.
 
-    Parameters
-    ----------
     tolerance : how far apart surfaces may be, a share of the smaller element size there, or of the larger where ``wide``
     within : the same as a length, instead
     opposite : the cosine between facets' normals is below this

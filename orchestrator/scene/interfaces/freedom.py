@@ -23,8 +23,6 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
 
     Patches on which everything is prescribed on both sides are left out.
 
-    Parameters
-    ----------
     found : all interfaces
     fixed : (N, 3) bool, prescribed components of split nodes
     entries : of ``interfaces:`` in the YAML
@@ -55,8 +53,7 @@ def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numberi
         if entry >= 0 and not LAWS[entries[entry].law].perfect:
             problems.add(("interfaces", entry, "law"),
                          f"{entries[entry].law}, where boundary conditions prescribe every node on both sides",
-                         "interfaces with nodes that are free to open or slip",
-                         "hold the parts elsewhere, or leave the law out")
+                         "interfaces with nodes that are free to open or slip", "hold the parts elsewhere, or leave the law out")
     _number_patches(kept)
     bodies = [partition.body(i) for i in range(len(partition.names))]
     if len(set(bodies)) < len(bodies):
@@ -81,8 +78,6 @@ def _share_normals(mesh: Mesh, numbering: SplitNumbering, interfaces: list[Inter
     At a node where pieces of one surface meet, each piece alone has another normal, and what may slide along one is
     stopped by the other. So the normals come from the surface as it is between the whole bodies.
 
-    Parameters
-    ----------
     bodies : per subdomain, the name of its body; the pieces of a body follow one another
     """
     surfaces: dict[tuple[str, str], list[Interface]] = {}

@@ -23,8 +23,6 @@ from orchestrator.scene.partition.numbering import SplitNumbering
 def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:
     """Interfaces that join what no others do, ordered by pair of subdomains; with them, what moves as one does.
 
-    Parameters
-    ----------
     found : those of faces
     """
     partition, numbering, laws = search.partition, search.numbering, search.laws

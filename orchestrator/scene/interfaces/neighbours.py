@@ -30,8 +30,6 @@ from orchestrator.scene.model import Interface
 def report_neighbours(search: Search, found: list[Interface]) -> list[tuple[int, int]]:
     """Adds problems and warnings; returns the pairs of volumes that are near each other without an interface there.
 
-    Parameters
-    ----------
     found : all interfaces
     """
     mesh, laws = search.mesh, search.laws
@@ -160,8 +158,6 @@ def _overlaps(search: Search, governing: dict[tuple[int, int], int]) -> set[tupl
 def _report_alone(search: Search, links: list[np.ndarray], told: set[tuple[int, int]]) -> None:
     """Where pairs are found rather than named, adds a problem for each piece without any, with the nearest other part.
 
-    Parameters
-    ----------
     links : (k, 2) int each, cells on both sides of the interfaces
     told : pairs of volumes that have been complained of already
     """
@@ -188,8 +184,6 @@ def report_loose_pieces(search: Search, piece: np.ndarray) -> None:
     """Adds a problem where pieces of a volume are inside each other, and a warning where they touch: laws between volumes do
     not reach them.
 
-    Parameters
-    ----------
     piece : (m,) int, of each tet
     """
     mesh = search.mesh
@@ -209,5 +203,4 @@ def report_loose_pieces(search: Search, piece: np.ndarray) -> None:
         elif touching := match(one, two, False)[0]:
             search.problems.warnings.append(
                 f"two pieces of {name!r} touch, at {format_point(mesh.nodes[touching[0].triangles[0, :3]].mean(axis=0))}, with "
-                "nodes of their own: nothing joins them there; merge the nodes that coincide, or give each "
-                "piece a volume of its own")
+                "nodes of their own: nothing joins them there; merge the nodes that coincide, or give each piece a volume of its own")

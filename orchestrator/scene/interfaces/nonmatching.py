@@ -29,8 +29,6 @@ def nonmatching(search: Search, pair: tuple[Body, Body], skins: Skins, patches: 
     Where some match and others do not, all count as not matching: a corner that happens to fit is no reason for another
     interface. So they do where they are paired anew as they slide.
 
-    Parameters
-    ----------
     patches : of faces that match
     index : of the governing entry
     """

@@ -20,8 +20,6 @@ ROUNDING = 1e-9
 class Solid:
     """One part as a set of points in space.
 
-    Parameters
-    ----------
     name : of the part
     nodes : (n, 3); cells : (m, 4 or 10) int; outer : (k, 3 or 6) int, its outer faces
     low, high : (m, 3) boxes of the tets
@@ -67,8 +65,6 @@ class Overlap:
 def overlap(one: Solid, two: Solid, sagitta: tuple[np.ndarray, np.ndarray] | None = None, deep: float = DEEP) -> Overlap | None:
     """The deepest that a corner, a face's centre or the middle of a tet behind it is inside the other; None: not worth mentioning.
 
-    Parameters
-    ----------
     sagitta : (k,) how far the surfaces are off the outer faces of either part: chords of curved faces may be inside each
         other by as much; None: not at all
     deep : share of the local mesh size from which a depth counts

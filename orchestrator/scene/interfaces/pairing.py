@@ -33,8 +33,6 @@ TURNS = np.array([[0, 2, 1, 5, 4, 3], [2, 1, 0, 4, 3, 5], [1, 0, 2, 3, 5, 4]])
 class Body:
     """The outer faces of one volume in one subdomain.
 
-    Parameters
-    ----------
     subdomain, volume : indices
     triangles : (k, 3 or 6) int, global nodes, outward; cells : (k,) int, the tet behind each
     corners : (k, 3, 3); normal : (k, 3) unit; size : (k,) h of each facet
@@ -68,8 +66,6 @@ class Body:
 class Patch:
     """Matching faces connected through edges.
 
-    Parameters
-    ----------
     triangles : (k, 3 or 6) int, global nodes of the first side, outward; opposite : the same shape, their partners
     cells : (k, 2) int, the tets behind them
     """
@@ -104,15 +100,12 @@ def outer_bodies(mesh: Mesh, faces: Faces, subdomain: np.ndarray) -> list[Body]:
     area = np.linalg.norm(vectors, axis=1)
     corners = mesh.nodes[faces.triangles[outer, :3]]
     return [Body(*label[a].tolist(), faces.triangles[outer[a:b]], owner[a:b], corners[a:b],
-                 vectors[a:b] / area[a:b, None], np.sqrt(2 * area[a:b]))
-            for a, b in zip(starts, [*starts[1:], len(outer)])]
+                 vectors[a:b] / area[a:b, None], np.sqrt(2 * area[a:b])) for a, b in zip(starts, [*starts[1:], len(outer)])]
 
 
 def close_bodies(bodies: list[Body], within: float | None) -> Iterator[tuple[Body, Body]]:
     """Pairs of different volumes and subdomains whose boxes come within reach, the lower subdomain first.
 
-    Parameters
-    ----------
     within : largest search distance asked for, if any
     """
     if len(bodies) < 2:
@@ -145,14 +138,9 @@ def _boxes_within(low: np.ndarray, high: np.ndarray, room: np.ndarray) -> tuple[
 def match(one: Body, two: Body, apart: bool, within: float | None = None, share: float = REACH) -> tuple[list[Patch], Mismatch | None]:
     """Matching faces of two bodies.
 
-    Parameters
-    ----------
     apart : whether they may be at a distance; otherwise nodes must coincide
     within : search distance; none: ``share`` × h, of the larger facet of two
-
-    Returns
-    -------
-    patches, and the faces opposite each other that do not match, if there are any
+    Returns patches, and the faces opposite each other that do not match, if there are any
     """
     a = one.near(two.corners.min(axis=(0, 1)) - (within or 0), two.corners.max(axis=(0, 1)) + (within or 0))
     b = two.near(one.corners.min(axis=(0, 1)) - (within or 0), one.corners.max(axis=(0, 1)) + (within or 0))
@@ -216,8 +204,6 @@ def candidates(x: np.ndarray, y: np.ndarray, reach: np.ndarray) -> tuple[np.ndar
 def in_front(points: np.ndarray, corners: np.ndarray, normal: np.ndarray, least: np.ndarray | float = 0.0) -> np.ndarray:
     """(m,) bool, whether points (m, 3) project along normals (m, 3) into triangles (m, 3, 3) that turn about them.
 
-    Parameters
-    ----------
     least : twice the area that a point spans with each edge is more
     """
     a, b, c = np.moveaxis(corners, 1, 0)

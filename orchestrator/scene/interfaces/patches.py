@@ -29,9 +29,7 @@ def make_interfaces(search: Search) -> tuple[list[Interface], list[tuple[int, in
     Pairs that touch along an edge or in a node are one only where nothing else joins them there. All components count as
     free, see ``leave_free``.
 
-    Returns
-    -------
-    interfaces, and the pairs of volumes that are near each other without one
+    Returns interfaces, and the pairs of volumes that are near each other without one
     """
     laws, partition, problems = search.laws, search.partition, search.problems
     found, near = _shared(search), []
@@ -82,9 +80,7 @@ def _report_loose(search: Search, shared: list[Interface]) -> None:
 def patches(faces: Faces, subdomain: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Shared faces grouped in patches connected through edges.
 
-    Returns
-    -------
-    shared : (k,) int, indices of faces, patch after patch
+    Returns shared : (k,) int, indices of faces, patch after patch
     sides : (k, 2) int, the two subdomains, ascending
     bounds : (p + 1,) int, where each patch starts in ``shared``
     """
@@ -116,8 +112,7 @@ def _outward_of_first(faces: Faces, subdomain: np.ndarray, shared: np.ndarray) -
     turned = [0, 2, 1, 5, 4, 3][: triangles.shape[1]]
     cells = np.c_[faces.owner[shared], faces.neighbour[shared]]
     swapped = subdomain[cells[:, 0]] > subdomain[cells[:, 1]]
-    return (np.where(swapped[:, None], triangles[:, turned], triangles),
-            np.where(swapped[:, None], cells[:, ::-1], cells))
+    return (np.where(swapped[:, None], triangles[:, turned], triangles), np.where(swapped[:, None], cells[:, ::-1], cells))
 
 
 def _known_as(search: Search, shared: np.ndarray, names: tuple[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -25,8 +25,6 @@ _DIRECTIONS = (np.indices([2 * _STEPS + 1] * 3).reshape(3, -1).T - _STEPS) * COA
 class Near:
     """Faces of two bodies that lie opposite each other.
 
-    Parameters
-    ----------
     count : of the first body's faces; where one of them is
     distance : of the nearest along the normal; negative inside the other
     touching : how many of them touch

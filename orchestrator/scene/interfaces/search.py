@@ -23,8 +23,6 @@ from orchestrator.scene.partition.partition import Partition
 class Search:
     """A divided mesh, and what interfaces in it go by.
 
-    Parameters
-    ----------
     mesh, faces, partition, numbering : the mesh, its faces, its subdomains, and their own numbers of nodes
     laws : the entries of ``interfaces:`` in the YAML
     problems : where what is wrong is told

@@ -67,12 +67,7 @@ class Skin:
 class Skins:
     """The skins of bodies.
 
-    Parameters
-    ----------
     bodies : all of the mesh, pieces of bodies that are cut further among them
-
-    Attributes
-    ----------
     slaves : of pairs of bodies that are cut further, the names of those whose pieces are the slaves, once chosen
     """
 
@@ -104,8 +99,6 @@ def smooth_faces(mesh: Mesh, faces: Faces) -> np.ndarray:
 def smooth_patches(triangles: np.ndarray, normal: np.ndarray, face: np.ndarray) -> np.ndarray:
     """(k,) int, number of the patch of each facet; patches hang together through edges that are no creases.
 
-    Parameters
-    ----------
     triangles : (k, 3) int; normal : (k, 3) unit; face : (k,) as in ``bulges``
     """
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
@@ -127,8 +120,6 @@ def bulges(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray) -> np.nda
 
     Over the point of barycentric coordinates λ it is 4 (λ₀λ₁ s₀ + λ₁λ₂ s₁ + λ₂λ₀ s₂).
 
-    Parameters
-    ----------
     nodes : (n, 3); triangles : (k, 3 or 6) int, the whole surface around what is wanted, outward
     face : (k,) int, the CAD face that each is on, −1 where that is not known
     """
@@ -148,8 +139,6 @@ def bulges(nodes: np.ndarray, triangles: np.ndarray, face: np.ndarray) -> np.nda
 def _corner_normals(corners: np.ndarray, normal: np.ndarray, angle: np.ndarray, face: np.ndarray) -> np.ndarray:
     """(k, 3, 3) unit normals at the corners of each facet, as its own smooth face has them.
 
-    Parameters
-    ----------
     corners : (k, 3) int; normal : (k, 3) unit; angle : (k, 3) of the facets at their corners;
     face : (k,) as in ``bulges``
     """

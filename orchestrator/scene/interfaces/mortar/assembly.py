@@ -22,8 +22,6 @@ def make_mortar(surfaces: Surfaces, quadratic: bool, free: tuple[np.ndarray, np.
                 vectors: np.ndarray | None = None) -> Mortar:
     """Points and transfer operators.
 
-    Parameters
-    ----------
     surfaces : slave and master
     quadratic : whether ten-node faces keep their quadratic functions: under laws that nothing presses by
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes

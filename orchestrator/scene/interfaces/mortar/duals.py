@@ -35,8 +35,6 @@ DEGREE_4 = (np.repeat([0.223381589678011, 0.109951743655322], 3),
 class Weights:
     """Integrals of the multipliers, one row per slave node; none at nodes in the middle of edges.
 
-    Parameters
-    ----------
     own : (n₁, n₁) ∫ψᵢNⱼ with the slave's functions; diagonal for dual multipliers
     other : (n₁, n₂) with the master's
     facets : (n₁, k₂) ∫ψᵢ over each master facet
@@ -55,8 +53,6 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
                 dual: bool = True) -> Weights:
     """What the multipliers of a slave surface integrate to.
 
-    Parameters
-    ----------
     segments : of all its facets
     slave, master : (k₁, 3 or 6), (k₂, 3 or 6) int, nodes of the facets; functions are quadratic where they are six
     slave_area : (k₁,) of its facets
@@ -76,8 +72,7 @@ def multipliers(segments: Segments, slave: np.ndarray, master: np.ndarray, slave
 
     area, part, around = (np.bincount(nodes.ravel(), weights=values.ravel(), minlength=counts[0]) for nodes, values in (
         (corners[at], weights), (corners[at], np.repeat(covered, 3)), (corners, np.repeat(slave_area, 3))))
-    matrices = (assembled(own, slave[at], counts[0]), assembled(other, master[on], counts[1]),
-                assembled(weights, on[:, None], len(master)))
+    matrices = (assembled(own, slave[at], counts[0]), assembled(other, master[on], counts[1]), assembled(weights, on[:, None], len(master)))
     return Weights(*(cleaned(m, area) for m in matrices), area, part / np.where(around > 0, around, 1.0))
 
 
@@ -110,8 +105,6 @@ def moments(size: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
 def _integrals(size: np.ndarray, one: np.ndarray, two: np.ndarray, linear: np.ndarray | None) -> np.ndarray:
     """(m, 3, 3 or 6) ∫ N fᵀ over triangles, of the slave's linear functions and the linear or quadratic f of a facet.
 
-    Parameters
-    ----------
     size, one, two : as for ``moments``
     linear : what it is if f is linear
     """

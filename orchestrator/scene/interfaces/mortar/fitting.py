@@ -35,8 +35,6 @@ SLANTED = 0.1
 def fitted(mesh: Mesh, interfaces: Sequence[Interface], held: np.ndarray) -> Mesh:
     """The mesh with nodes of bonded curved faces moved; ``surfaces`` of these interfaces follow.
 
-    Parameters
-    ----------
     interfaces : all there are; nothing happens without perfect ones whose nodes do not match
     held : (n,) bool, nodes that stay because a component of them is prescribed
     """

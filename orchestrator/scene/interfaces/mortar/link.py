@@ -20,8 +20,6 @@ from orchestrator.scene.mesh.geometry import skew
 def rotations(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     """(3k, 3n) the rotation ω of each facet, of displacements of its corners.
 
-    Parameters
-    ----------
     points : (n, 3); triangles : (k, 3) int
     """
     arm = points[triangles] - points[triangles].mean(axis=1, keepdims=True)
@@ -30,12 +28,9 @@ def rotations(points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     return _blocks(blocks, np.arange(len(triangles)), triangles, (len(triangles), len(points)))
 
 
-def linked(weights: sp.csr_array, facets: sp.csr_array, offset: np.ndarray, points: np.ndarray,
-           triangles: np.ndarray) -> sp.csr_array:
+def linked(weights: sp.csr_array, facets: sp.csr_array, offset: np.ndarray, points: np.ndarray, triangles: np.ndarray) -> sp.csr_array:
     """(3p, 3n) P ⊗ I with the rigid link.
 
-    Parameters
-    ----------
     weights : (p, n) P; facets : (p, k) the weights with which facets give rotations; rows of both sum to 1
     offset : (p, 3) r; zero where there is no link
     points, triangles : the master's, (n, 3) and (k, 3)

@@ -25,8 +25,6 @@ from orchestrator.scene.mesh.geometry import local_size
 class Moving:
     """What an interface is paired anew from.
 
-    Parameters
-    ----------
     surfaces : as they are before loading, whole smooth faces
     free : (n₁, 3), (n₂, 3) bool, components that nothing prescribes
     crossed : (n₁,) bool, slave nodes that other interfaces share

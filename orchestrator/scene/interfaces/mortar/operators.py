@@ -30,8 +30,6 @@ class Mortar:
     (n₂,) of side 2, all of those that carry something and no others. Columns are numbered 3 × node + component, rows
     3 × point + component.
 
-    Parameters
-    ----------
     points : (p,) int, ascending, which of the slave nodes carry a point. The others are prescribed, lie on several
         such interfaces or are hardly covered; their share of the force goes to neighbours
     first, second : G₁ (3p, 3n₁) and G₂ (3p, 3n₂), sparse. Columns of prescribed components are there: times what is

@@ -20,15 +20,10 @@ COVERED = 0.2
 def merged(candidates: np.ndarray, wanted: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, sp.csr_array]:
     """The points, and how the multipliers of all nodes are added up to theirs.
 
-    Parameters
-    ----------
     candidates : (n,) bool, nodes that have a multiplier
     wanted : (n,) bool, those that may carry a point
     triangles : (k, 3) int, the corners of the facets
-
-    Returns
-    -------
-    points : (p,) int, ascending; none where no node may carry one
+    Returns points : (p,) int, ascending; none where no node may carry one
     sums : (p, n) each column sums to 1 where there is a multiplier; the identity where nothing is merged
     """
     count = len(candidates)

@@ -37,8 +37,6 @@ CLASS = 4.0
 class Segments:
     """Overlaps of facets, m of them.
 
-    Parameters
-    ----------
     slave, master : (m,) int, the facets; ordered by slave, then by master
     on_slave, on_master : (m, 6, 3) barycentric coordinates of the polygon's corners in either facet; what a polygon lacks of
         six corners repeats its last
@@ -67,8 +65,6 @@ class Segments:
     def nearest(self, area: np.ndarray) -> Segments:
         """Those that a slave facet meets first, where masters lie behind each other; all where none is covered twice.
 
-        Parameters
-        ----------
         area : of the slave's facets
         """
         full = np.bincount(self.slave, self.area, minlength=len(area)) > (1 + TWICE) * area
@@ -92,12 +88,9 @@ class Segments:
         return np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]), one, two
 
 
-def find_segments(slave: np.ndarray, master: np.ndarray, reach: np.ndarray, depth: np.ndarray,
-                  facing: float = FACING) -> Segments:
+def find_segments(slave: np.ndarray, master: np.ndarray, reach: np.ndarray, depth: np.ndarray, facing: float = FACING) -> Segments:
     """All overlaps of facets that face each other.
 
-    Parameters
-    ----------
     slave, master : (a, 3, 3), (b, 3, 3) corners of the facets, outward of their own body
     reach, depth : (a,) how far in front of each slave facet, and how far behind it, masters are sought
     facing : the cosine between normals has to be below this
@@ -116,8 +109,6 @@ def find_segments(slave: np.ndarray, master: np.ndarray, reach: np.ndarray, dept
 class _Frame:
     """The slave's facets as affine maps: a point x has barycentric coordinates at + (x − first)·slopes.
 
-    Parameters
-    ----------
     first : (a, 3) a corner; slopes : (a, 3, 3) gradient of each coordinate; normal : (a, 3) unit; area : (a,)
     snap : (a,) below this a coordinate is rounding
     reach, depth : (a,) how far in front of each and behind it masters are sought
@@ -198,14 +189,9 @@ def _clipped(frame: _Frame, master: np.ndarray, normal: np.ndarray, i: np.ndarra
 def _cut(corners: np.ndarray, count: np.ndarray, edge: int) -> tuple[np.ndarray, np.ndarray]:
     """What is left of polygons where a coordinate of theirs is not negative.
 
-    Parameters
-    ----------
     corners : (m, v, 6) coordinates of the corners, the last of each polygon repeated; count : (m,) how many it has
     edge : which of the coordinates
-
-    Returns
-    -------
-    the same for what is left, (m, v + 1, 6)
+    Returns the same for what is left, (m, v + 1, 6)
     """
     m, most, _ = corners.shape
     if m == 0:

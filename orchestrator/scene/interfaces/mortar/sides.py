@@ -31,8 +31,6 @@ MORE, SLANTED = 1.5, 0.05
 class Matter:
     """What the choice of the slave looks at, beside the surfaces.
 
-    Parameters
-    ----------
     young : (m,) modulus of each cell of the mesh; held : (n,) bool, nodes of which some component is prescribed
     """
 
@@ -44,8 +42,6 @@ class Matter:
 class Asked:
     """What is asked of two sides.
 
-    Parameters
-    ----------
     as_one : whether the law makes them deform as one
     slave : 0 or 1 where the user has chosen the first or the second side; None: as they are
     facing : the cosine between normals has to be below this
@@ -60,8 +56,6 @@ def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Seg
                     slave: int | None = None, more: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[int, Surfaces]:
     """Which of two bodies, 0 or 1, is the slave on a patch on which they lie on each other, and the surfaces, the slave's first.
 
-    Parameters
-    ----------
     points : (n, 3) nodes of the mesh
     segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
     slave : where it has been chosen already, for several patches at once
@@ -89,8 +83,6 @@ def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segment
 def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:
     """0: the side that the overlaps have been found from; 1: the other.
 
-    Parameters
-    ----------
     patches : one, or all of two bodies that are cut further: the choice does not depend on the cuts
     """
     if asked.slave is not None:

@@ -14,8 +14,6 @@ from orchestrator.scene.mesh.geometry import area_vectors
 class Surfaces:
     """The facets of either side that overlap the other, and their nodes; the slave first.
 
-    Parameters
-    ----------
     points : (n₁, 3), (n₂, 3) where the nodes are
     nodes : (n₁,), (n₂,) int, their global ids, ascending
     triangles : (k₁, 3 or 6), (k₂, 3 or 6) int, indices into them, outward of the own body
@@ -36,8 +34,6 @@ class Surfaces:
            segments: Segments, more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
         """Of the facets that overlap some other, and no more but for those that are asked for.
 
-        Parameters
-        ----------
         points : (n, 3) all nodes; triangles : global ids of the nodes of the facets of either side; cells : behind them
         segments : in the numbers of these facets
         more : facets of either side that are wanted whether they overlap some other or not
@@ -49,8 +45,7 @@ class Surfaces:
         for number, own in zip(place, met):
             number[own] = np.arange(len(own))
         nodes, local = zip(*(np.unique(t[own], return_inverse=True) for t, own in zip(triangles, met)))
-        return cls(tuple(points[n] for n in nodes), nodes,
-                   tuple(at.reshape(-1, t.shape[1]) for at, t in zip(local, triangles)),
+        return cls(tuple(points[n] for n in nodes), nodes, tuple(at.reshape(-1, t.shape[1]) for at, t in zip(local, triangles)),
                    tuple(c[own] for c, own in zip(cells, met)), segments.numbered(*place))
 
     def moved(self, points: np.ndarray) -> Surfaces:
