@@ -6,6 +6,7 @@ import atexit
 import gc
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Optional
@@ -83,15 +84,17 @@ def _lead(team, config: Path, overrides: list[str], **options: object) -> int:
     """What rank 0 does; errors of the configuration say where in the file they are."""
     from orchestrator.config.load import load_config, located
     from orchestrator.parallel.team import Elsewhere
+    from orchestrator.results.figures.artist import Artist
 
     loaded = load_config(config, overrides)
-    from orchestrator.run import run as solve
+    with Artist() if loaded.config.output.figures else nullcontext() as artist:  # before the run's imports: it has as much to import
+        from orchestrator.run import run as solve
 
-    try:
-        return solve(loaded, team=team, **options)
-    except (InputError, Elsewhere) as error:
-        cause = team.cause(error)
-        raise located(cause, loaded) if isinstance(cause, InputError) else error
+        try:
+            return solve(loaded, team=team, artist=artist, **options)
+        except (InputError, Elsewhere) as error:
+            cause = team.cause(error)
+            raise located(cause, loaded) if isinstance(cause, InputError) else error
 
 
 @command

@@ -32,15 +32,17 @@ from orchestrator.timing import Stopwatch
 
 
 def run(loaded: Loaded, *, output: Path | None = None, resume: bool = False, reference: bool = False,
-        quiet: bool = False, team: Team = ALONE) -> int:
+        quiet: bool = False, team: Team = ALONE, artist: Artist | None = None) -> int:
     """Solve a configuration and write its results folder; on rank 0, while the others ``follow``.
 
+    artist : who draws the figures; None: one that gets ready now, where they are asked for
     Returns exit code: 0 converged, 1 stopped without converging
     InputError, BlackBoxError, InternalError, KeyboardInterrupt : after history, summary and checkpoint have been saved
     """
     config, watch = loaded.config, Stopwatch.since_launch()
     folder = ResultsFolder(output or config.output.directory or os.path.join("results", config.name))
-    with locked(folder), unexpected(folder, team), Artist() if config.output.figures else nullcontext() as artist:
+    drawing = Artist() if config.output.figures and artist is None else nullcontext(artist)
+    with locked(folder), unexpected(folder, team), drawing as artist:
         with Progress(quiet) as progress:
             progress.stage("meshing")
             _make_ready(folder, config, resume)

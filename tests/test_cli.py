@@ -93,9 +93,11 @@ def test_run_hands_over_its_options_and_exit_code(room):
 
     room("orchestrator.run", run=run)
     assert call("run", BEAM, "--set", "method.tolerance.error=1e-8", "--output", "there", "--resume", "--quiet").exit_code == 1
+    artist = seen.pop("artist")
     assert seen == {"error": 1e-8, "figures": True, "output": Path("there"), "resume": True, "reference": False, "quiet": True,
                     "team": ALONE}
-    assert call("run", BEAM, "--set", "output.figures=false").exit_code == 1 and seen["figures"] is False
+    assert call("run", BEAM, "--set", "output.figures=false").exit_code == 1 and (seen["figures"], seen["artist"]) == (False, None)
+    assert gone([artist._process.pid]), "who would have drawn the figures"
 
 
 @pytest.mark.parametrize("error, code, words", [
