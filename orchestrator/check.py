@@ -58,7 +58,7 @@ def _pairs(scene: Scene, config: Config) -> list[str]:
     if not any(entry.found for entry in config.interfaces) and all(i.mortar is None for i in scene.interfaces):
         return []
     from orchestrator.scene.inspection.pairs import pairs_of_scene
-    from orchestrator.scene.inspection.tables import pair_table
+    from orchestrator.scene.inspection.content import pair_table
 
     return pair_table(pairs_of_scene(scene), PAIRS)
 

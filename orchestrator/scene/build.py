@@ -19,7 +19,7 @@ from orchestrator.scene.conditions.sides import check_sides
 from orchestrator.scene.interfaces.axial import join_bolts, straighten
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.freedom import leave_free
-from orchestrator.scene.interfaces.joins import joins
+from orchestrator.scene.conditions.loose import joins
 from orchestrator.scene.interfaces.mortar.sides import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.interfaces.search import Search

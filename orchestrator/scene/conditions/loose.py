@@ -1,12 +1,17 @@
-"""Bodies that nothing but contact could hold: boundary conditions leave them a rigid motion."""
+"""What holds bodies: interfaces that join them wholly, or in single points; and those that nothing but contact could hold."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from orchestrator.scene.conditions.rigid import left_over
+from orchestrator.scene.conditions.rigid import Hinge, left_over
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.model import Scene
+from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.model import Interface, Scene
+from orchestrator.scene.partition.partition import Partition
 
 
 def loose_bodies(scene: Scene) -> np.ndarray:
@@ -27,3 +32,30 @@ def loose_bodies(scene: Scene) -> np.ndarray:
         np.logical_or.at(fixed, place, np.concatenate([s.fixed for s in pieces]))
         loose[b] = left_over(scene.mesh.nodes[nodes], fixed).shape[1] > 0
     return loose[body]
+
+
+SHARED = "an edge that bodies share is a hinge, and a corner less"
+
+
+def joins(mesh: Mesh, partition: Partition, interfaces: Sequence[Interface]) -> tuple[list[np.ndarray], list[Hinge]]:
+    """Cells (k, 2) on both sides of interfaces that join wholly, and the others.
+
+    Under laws that press the sides are taken to hold each other: what they carry depends on the load.
+    """
+    first = np.unique(partition.subdomain, return_index=True)[1]
+    whole, hinges = [], []
+    for i in interfaces:
+        points, cure = mesh.nodes[i.global_nodes], SHARED
+        if len(i.triangles):
+            if i.mortar is None or i.law.presses or not len(i.mortar):  # sides without any point are told of elsewhere
+                whole.append(i.cells)
+                continue
+            points = (i.mortar.first @ points.ravel()).reshape(-1, 3)
+            if not left_over(points, np.ones(points.shape, dtype=bool)).shape[1]:
+                whole.append(i.cells)
+                continue
+            many = "one point carries" if len(points) == 1 else f"{len(points)} points in a line carry"
+            cure = (f"{i.name} have so little in common beside the size of their facets that {many}, at "
+                    f"{format_point(points.mean(axis=0))}: mesh both finer there")
+        hinges.append(Hinge(tuple(int(first[e]) for e in i.subdomains), points, cure))
+    return whole, hinges

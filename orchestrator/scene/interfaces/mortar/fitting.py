@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.scene.interfaces.mortar.duals import multipliers
-from orchestrator.scene.interfaces.mortar.points import COVERED
+from orchestrator.scene.interfaces.mortar.assembly import COVERED
 from orchestrator.scene.interfaces.mortar.segments import find_segments
 from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.mesh.geometry import area_vectors, local_size, tet_volumes
