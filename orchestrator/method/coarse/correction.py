@@ -22,14 +22,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orchestrator.method.coarse.dense_fields import DenseFields
 from orchestrator.compiled import in_parts
 from orchestrator.method.coarse.kernels import carried_along
 from orchestrator.method.coarse.problem import CoarseProblem, of_all
 from orchestrator.method.local.stage import LawStage
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.history import History
-from orchestrator.method.coarse.pair_fields import AFFINE, MONOMIALS, PairFields
+from orchestrator.method.coarse.pair_fields import AFFINE, MONOMIALS, DenseFields, PairFields
 from orchestrator.method.interface.pairs import Pairs
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
@@ -132,7 +131,7 @@ class CoarseCorrection:
         L, ends = self._seen(pairs)
         return DenseFields(pairs, np.ascontiguousarray(T.transpose(2, 1, 0)), L, ends)
 
-    def _problem(self, at_pairs: PairFields | DenseFields) -> CoarseProblem:
+    def _problem(self, at_pairs: PairFields) -> CoarseProblem:
         return CoarseProblem(self.stage.space.team, self.bodies, self.stage.space.subdomains, at_pairs, self.K0,
                              [np.ascontiguousarray(self.response.W[:, part].T) for part in self.parts])
 
