@@ -20,7 +20,7 @@ from orchestrator.scene.interfaces.axial import join_bolts, straighten
 from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.freedom import leave_free
 from orchestrator.scene.conditions.loose import joins
-from orchestrator.scene.interfaces.mortar.sides import Matter
+from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.patches import make_interfaces
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.loads.base import InVolumes, Strain

@@ -11,8 +11,7 @@ from orchestrator.scene.interfaces.distances import surface_gap
 from orchestrator.scene.interfaces.facing import Facing, facing
 from orchestrator.scene.interfaces.mortar.moving import whole_faces
 from orchestrator.scene.interfaces.mortar.segments import FACING
-from orchestrator.scene.interfaces.mortar.sides import Asked, facing_surfaces, slave_of, surfaces_of
-from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
+from orchestrator.scene.interfaces.mortar.surfaces import Asked, Surfaces, facing_surfaces, slave_of, surfaces_of
 from orchestrator.scene.interfaces.pairing import COINCIDE, Body, Patch
 from orchestrator.scene.interfaces.proximity import may_face
 from orchestrator.scene.interfaces.search import Search

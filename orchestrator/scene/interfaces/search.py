@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import Laws
-from orchestrator.scene.interfaces.mortar.sides import Matter
+from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.pairing import Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.mesh import Mesh

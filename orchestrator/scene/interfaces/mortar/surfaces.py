@@ -1,12 +1,20 @@
-"""Two surfaces that face each other, each with its own facets, and how these overlap."""
+"""Two surfaces that face each other, each with its own facets, how these overlap, and which of the two is the slave.
+
+The slave is, in this order: the side that the user names; the one that has free nodes at all; under a law by which the sides
+deform as one, the softer where moduli differ much (a stiff slave with coarse facets leaves a soft master's waves free); the one
+that is covered, where the other is not (no point then has its pressure on half its area); else the coarser, which has fewer
+points and smoother pressures; of equal sides the first.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orchestrator.scene.interfaces.mortar.segments import Segments
+from orchestrator.scene.interfaces.mortar.segments import FACING, Segments, find_segments
+from orchestrator.scene.interfaces.pairing import Body
 from orchestrator.scene.mesh.geometry import area_vectors
 
 
@@ -84,3 +92,101 @@ class Surfaces:
             across[own[first]] = self.cells[other][opposite[first]]
             found.append(np.stack((self.cells[side], across)[:: 1 - 2 * side], axis=1))
         return tuple(found)
+
+
+# Moduli that differ by more than this count as soft and stiff.
+CONTRAST = 10.0
+# A side is covered where the other overlaps this share of its facets: chords of curved faces leave slits.
+FULL = 0.99
+# Sides whose facets' mean areas differ by less than this are equally fine: rounding, or the same size asked for twice.
+ALIKE = 0.05
+# Seen from the other side, along its own normals, the same facets are a little farther apart, and more so on an incline.
+MORE, SLANTED = 1.5, 0.05
+
+
+@dataclass(frozen=True)
+class Matter:
+    """What the choice of the slave looks at, beside the surfaces.
+
+    young : (m,) modulus of each cell of the mesh; held : (n,) bool, nodes of which some component is prescribed
+    """
+
+    young: np.ndarray
+    held: np.ndarray
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of two sides.
+
+    as_one : whether the law makes them deform as one
+    slave : 0 or 1 where the user has chosen the first or the second side; None: as they are
+    facing : the cosine between normals has to be below this
+    """
+
+    as_one: bool
+    slave: int | None = None
+    facing: float = FACING
+
+
+def facing_surfaces(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments, matter: Matter, asked: Asked,
+                    slave: int | None = None, more: tuple[np.ndarray, np.ndarray] | None = None) -> tuple[int, Surfaces]:
+    """Which of two bodies, 0 or 1, is the slave on a patch on which they lie on each other, and the surfaces, the slave's first.
+
+    points : (n, 3) nodes of the mesh
+    segments : what they have in common there, found with the first as slave, in the numbers of the bodies' facets
+    slave : where it has been chosen already, for several patches at once
+    more : facets of either body that belong to the surfaces although they need not overlap
+    """
+    segments = segments.nearest(_area(bodies[0].corners))
+    found = surfaces_of(points, bodies, segments, more)
+    if (slave_of([found], matter, asked) if slave is None else slave) == 0:
+        return 0, found
+    # the same facets, seen from the other side, as far apart as they are
+    turned = found.turned()
+    slave, master = (x[t[:, :3]] for x, t in zip(turned.points, turned.triangles))
+    far = MORE * np.abs(segments.distance).max() + SLANTED * np.sqrt(2 * _area(slave))
+    back = find_segments(slave, master, far, far, asked.facing).nearest(_area(slave))
+    everywhere = tuple(n[t] for n, t in zip(turned.nodes, turned.triangles))
+    return 1, Surfaces.of(points, everywhere, turned.cells, back, None if more is None else tuple(map(np.arange, map(len, everywhere))))
+
+
+def surfaces_of(points: np.ndarray, bodies: tuple[Body, Body], segments: Segments,
+                more: tuple[np.ndarray, np.ndarray] | None = None) -> Surfaces:
+    """The facets that overlap, the first body's as the slave's; parameters as above."""
+    return Surfaces.of(points, tuple(b.triangles for b in bodies), tuple(b.cells for b in bodies), segments, more)
+
+
+def slave_of(patches: Sequence[Surfaces], matter: Matter, asked: Asked) -> int:
+    """0: the side that the overlaps have been found from; 1: the other.
+
+    patches : one, or all of two bodies that are cut further: the choice does not depend on the cuts
+    """
+    if asked.slave is not None:
+        return asked.slave
+    held = [all(matter.held[p.nodes[side]].all() for p in patches) for side in (0, 1)]
+    if held[0] != held[1]:
+        return int(held[0])
+    facets = [np.unique(np.concatenate([np.column_stack([p.cells[side], _areas(p.points[side], p.triangles[side]),
+                                                         np.sort(p.nodes[side][p.triangles[side][:, :3]], axis=1)])
+                                        for p in patches]), axis=0) for side in (0, 1)]
+    if asked.as_one:
+        young = [float(np.mean(matter.young[own[:, 0].astype(int)])) for own in facets]
+        if max(young) > CONTRAST * min(young):
+            return int(young[1] < young[0])
+    area = [own[:, 1] for own in facets]
+    common = sum(p.segments.area.sum() for p in patches)
+    covered = [common >= FULL * a.sum() for a in area]
+    if covered[0] != covered[1]:
+        return int(covered[1])
+    mean = [float(a.mean()) for a in area]
+    return int(mean[1] > (1 + ALIKE) * mean[0])
+
+
+def _areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    return _area(points[triangles[:, :3]])
+
+
+def _area(corners: np.ndarray) -> np.ndarray:
+    """(k,) of triangles (k, 3, 3)."""
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
