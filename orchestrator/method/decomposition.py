@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from functools import partial
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from orchestrator.method.following import Following
 from orchestrator.method.history import History
 from orchestrator.method.interface.traces import TraceSpace
 from orchestrator.method.linear.loading import Loading, RimStiffness
-from orchestrator.method.linear.nonlinear import AtStep, Nonlinear
+from orchestrator.method.linear.nonlinear import Nonlinear
 from orchestrator.method.linear.stage import Admissible, LinearStage
 from orchestrator.method.local.exchange import Exchange
 from orchestrator.method.local.stage import LawStage
@@ -129,7 +130,7 @@ class Decomposition:
     def batch(self, steps: slice | np.ndarray, before: History | None = None) -> Decomposition:
         """The same decomposition for some of the load steps; ``before``: what the step before has left, None at the start."""
         loading = self.loading.batch(steps)
-        one = None if self.nonlinear is None else AtStep(self.nonlinear, range(self.steps)[steps][0])
+        one = None if self.nonlinear is None else partial(self.nonlinear.put, range(self.steps)[steps][0])
         stage = self.stage.under(loading.boundary, loading.known, one)
         local, coarse = copy(self.local), copy(self.coarse)
         if not self.all_perfect:

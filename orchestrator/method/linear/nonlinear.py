@@ -42,47 +42,26 @@ class Nonlinear:
         self.blackbox, self.space, self.own, self.traces, self.dofs, self.reload = blackbox, space, own, traces, dofs, reload
         self.members = [e for e, s in enumerate(own) if s.remembers]
         self.external = {e: own[e].loads.copy() for e in self.members}  # without pseudo-loads
-        self.asked = 0  # answers
 
-    def __call__(self, step: int, robin: np.ndarray) -> dict[int, np.ndarray]:
-        """Subdomain → displacements of its boundary dofs under boundary forces (B,) at a load step, nothing committed."""
-        answers = self._advance(step, robin, commit=False)
-        return {e: answer[0, self.traces[e]] for e, answer in answers.items()}
+    def put(self, step: int, u: np.ndarray, robin: np.ndarray, commit: bool = False) -> None:
+        """Put true answers at a load step into boundary displacements (1, B), given the boundary forces (1, B) behind them.
 
-    def commit(self, step: int, robin: np.ndarray) -> dict[int, np.ndarray]:
-        """The same at the end of a load step; pseudo-loads are added to the subdomains' loads."""
-        answers = self._advance(step, robin, commit=True)
-        for e, (_, pseudo) in answers.items():
-            s = self.own[e]
-            s.loads[step] = self.external[e][step] + pseudo[: s.loads[step].size].reshape(-1, 3)
-        return {e: answer[0, self.traces[e]] for e, answer in answers.items()}
+        commit : the step ends with them, and pseudo-loads are added to the subdomains' loads
+        """
+        given = {}
+        for e in self.members:
+            s, forces = self.own[e], np.zeros(self.dofs[e])
+            forces[: 3 * len(s.nodes)] = np.where(s.fixed, s.prescribed[step], self.external[e][step]).ravel()
+            forces[self.traces[e]] += robin[0, self.space.boundary[e]]
+            given[e] = forces
+        for e, answer in self.blackbox.advance(given, commit).items():
+            u[0, self.space.boundary[e]] = answer[0, self.traces[e]]
+            if commit:
+                s = self.own[e]
+                s.loads[step] = self.external[e][step] + answer[1, : s.loads[step].size].reshape(-1, 3)
 
     def foresee(self, step: int) -> None:
         """Give a load step the pseudo-loads of the one before: what has flown stays."""
         for e in self.members:
             before = self.own[e].loads[step - 1] - self.external[e][step - 1] if step else 0.0
             self.own[e].loads[step] = self.external[e][step] + before
-
-    def _advance(self, step: int, robin: np.ndarray, commit: bool) -> dict[int, np.ndarray]:
-        given = {}
-        for e in self.members:
-            s, forces = self.own[e], np.zeros(self.dofs[e])
-            size = 3 * len(s.nodes)
-            forces[:size] = np.where(s.fixed, s.prescribed[step], self.external[e][step]).ravel()
-            forces[self.traces[e]] += robin[self.space.boundary[e]]
-            given[e] = forces
-        self.asked += len(given)
-        return self.blackbox.advance(given, commit)
-
-
-class AtStep:
-    """The nonlinear subdomains at one load step."""
-
-    def __init__(self, nonlinear: Nonlinear, step: int):
-        self.nonlinear, self.step = nonlinear, step
-
-    def put(self, u: np.ndarray, robin: np.ndarray, commit: bool = False) -> None:
-        """Put true answers into boundary displacements (1, B), given the boundary forces (1, B) behind them."""
-        answered = (self.nonlinear.commit if commit else self.nonlinear)(self.step, robin[0])
-        for e, own in answered.items():
-            u[0, self.nonlinear.space.boundary[e]] = own

@@ -12,7 +12,7 @@ so that affine combinations of its results are its results for the combined stat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,7 +21,6 @@ import numpy as np
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.method.linear.macro import Macro
 from orchestrator.method.linear.macro_blocks import MacroAnswers
-from orchestrator.method.linear.nonlinear import AtStep
 from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.interface.rows import times
 from orchestrator.method.interface.traces import TraceSpace
@@ -75,15 +74,15 @@ class LinearStage:
     loaded : (T, B) boundary values of M⁻¹f_d, computed once
     known : (T, D) prescribed traces, None where there are none
     blackbox : the solver, its answers judged
-    nonlinear : the subdomains that are, at the load step; None where none is
+    nonlinear : puts in what nonlinear subdomains truly do at the load step; None where none is
     """
 
     def __init__(self, space: TraceSpace, direction: SearchDirection, macro: Macro | None,
-                 loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces, nonlinear: AtStep | None = None):
+                 loaded: np.ndarray, known: np.ndarray | None, blackbox: GuardedTraces, nonlinear: Callable | None = None):
         self.space, self.direction, self.macro = space, direction, macro
         self.loaded, self.known, self.blackbox, self.nonlinear = loaded, known, blackbox, nonlinear
 
-    def under(self, loaded: np.ndarray, known: np.ndarray | None, nonlinear: AtStep | None = None) -> LinearStage:
+    def under(self, loaded: np.ndarray, known: np.ndarray | None, nonlinear: Callable | None = None) -> LinearStage:
         """The same for other load steps."""
         return LinearStage(self.space, self.direction, self.macro, loaded, known, self.blackbox, nonlinear)
 
@@ -95,7 +94,7 @@ class LinearStage:
         if self.nonlinear is not None:
             robin = self.space.loads(s)
             u = self.blackbox.answered(robin)[0] + self.loaded if s.any() else self.loaded.copy()
-            self.nonlinear.put(u, robin)
+            self.nonlinear(u, robin)
             w = self.trace(u)
             return self._with_macro(s, u, w, self.direction.times(w))
         if s.any():
@@ -127,7 +126,7 @@ class LinearStage:
         if self.nonlinear is None:
             return fields
         u = fields.u.copy()
-        self.nonlinear.put(u, self.space.loads(self.robin_force(fields.s, fields.alpha)), commit=True)
+        self.nonlinear(u, self.space.loads(self.robin_force(fields.s, fields.alpha)), commit=True)
         return self.complete(fields.s, u, fields.alpha)
 
     def complete(self, s: np.ndarray, u: np.ndarray, alpha: np.ndarray) -> Admissible:
