@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from functools import partial
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
