@@ -141,6 +141,7 @@ def test_sigterm_interrupts_in_order(room):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.long
 def test_report(tmp_path):
     """Words and pictures beside the results; a folder without results is bad input."""
     folder = ResultsFolder(tmp_path / "results")

@@ -66,6 +66,7 @@ MIXED = [{"code": "freefem"}, {"code": "calculix", "on": "block 1-*"}, {"code": 
          {"code": "freefem", "transport": "file", "on": "block 0-1-1"}]
 
 
+@pytest.mark.long
 def test_codes_and_transports_are_mixed_freely():
     """Four ways at once in one structure: the same iterations and displacements as with FreeFEM alone."""
     changes = dict(**CUBES, boundary=[{"on": {"plane": "x", "at": 0}, "displacement": [0, 0, 0]},

@@ -146,6 +146,7 @@ def test_answers_of_few_digits(digits, trusted):
 
 
 @pytest.mark.parametrize("modulus, tolerance", [(1e3, 1e-7), (1e4, 1e-6), (1e6, 1e-6)])
+@pytest.mark.long
 def test_rounding_in_stiff_soles_is_part_of_the_bound(modulus, tolerance):
     """f = s − k w cancels: what rounding leaves of w is multiplied by k."""
     stiff = config_from(slices(method={"sole": {"modulus_ratio": modulus, "allow_extreme": True},

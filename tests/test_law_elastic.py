@@ -202,6 +202,7 @@ def test_broken_springs_are_named():
         assert broken == ({name} if name else set())
 
 
+@pytest.mark.long
 def test_from_the_configuration_to_the_report(tmp_path):
     """Columns, residuals, statuses, picture: those of springs, none of contact."""
     out, path = tmp_path / "out", tmp_path / "bars.yaml"

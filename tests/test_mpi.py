@@ -175,6 +175,7 @@ def test_all_ranks_end_with_one(fault, tmp_path, temporary):
     assert saved_iteration(results) >= 5 <= len(read_history(results)["iteration"])
 
 
+@pytest.mark.long
 def test_an_interrupted_run_goes_on(tmp_path, temporary):
     settings, results = tmp_path / "endless.yaml", tmp_path / "results"
     settings.write_text(ENDLESS)
@@ -211,6 +212,7 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
 
 @pytest.mark.parametrize("right, wrong, told", [
     late("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
+@pytest.mark.long
 def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
     settings = tmp_path / "wrong.yaml"
     settings.write_text(ENDLESS.replace(right, wrong))

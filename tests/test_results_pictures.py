@@ -183,6 +183,7 @@ def test_pages_that_turn_need_no_network():
     assert '"name":"one"' in named and '"name":"two"' in named and '"type":"mesh3d"' in named
 
 
+@pytest.mark.long
 def test_codes_in_colours(draw):
     fields = case.fields()
     used = [{"code": "freefem", "transport": "pipe", "subdomains": [0, 2]}, {"code": "mine", "transport": "file", "subdomains": [1]}]

@@ -159,6 +159,7 @@ def test_the_page_says_what_the_text_says(tmp_path):
     assert ["blackbox.code", "freefem"] in page.rows and not any(tag == "pre" for tag, _ in page.texts)
 
 
+@pytest.mark.long
 def test_question_then_answer_then_the_rest(tmp_path):
     """Supports, loads and matter as tables; three numbers; errors that stand out; numbers that are not wrapped, on paper too."""
     config = {"name": "made_up", "mesh": {"box": {"size": [3, 1, 1], "cells": [6, 2, 2]}}, "materials": [{"young": 2e5, "poisson": 0.3}],
