@@ -9,7 +9,7 @@ from method_case import config, solved
 
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
-from orchestrator.laws.base import Law, Stages
+from orchestrator.laws.base import Law, Stages, Written
 from orchestrator.laws.contact import OPEN, SLIP, STICK, Contact
 from orchestrator.laws.elastic import SLACK, SPRUNG, TAUT
 from orchestrator.laws.points import Points
@@ -116,6 +116,77 @@ def test_residuals_are_nothing_where_a_law_holds_and_grow_with_what_it_misses(na
     assert residual(answer.force, d) < 1e-12
     small, large = (residual(answer.force + size * points.normal, d + size * points.normal) for size in (1e-3, 1e-2))
     assert 1e-5 < small < 0.2 * large
+
+
+WRITTEN = {"pressure": [0.0, 2.0, 2.0, 0.0], "opening": [0.3, -0.1, -0.1, 0.0], "shear": [0.0, 1.0, 0.6, 0.0]}  # μ = .5, gap .1
+
+
+@pytest.mark.parametrize("change, broken", [
+    ({}, {}), ({"opening": [0.3, -0.15, -0.1, 0.0]}, {"penetration": 0.05 / 2}),
+    ({"opening": [0.3, -0.1, -0.1, -0.14]}, {"penetration": 0.04 / 2}),
+    ({"pressure": [0.0, 2.0, 2.0, -0.4]}, {"tension": 0.1}), ({"shear": [0.0, 1.2, 0.6, 0.0]}, {"Coulomb's cone": 0.05}),
+    ({"shear": [0.2, 1.0, 0.6, 0.0]}, {"Coulomb's cone": 0.05}),
+    ({"pressure": [0.2, 2.0, 2.0, 0.0]}, {"complementarity": 0.05}), ({"opening": [0.3, 0.1, -0.1, 0.0]}, {"complementarity": 0.1})])
+def test_what_contact_forbids_is_found_node_by_node(change, broken):
+    """Closed forms at four nodes, open, slipping, sticking and touching: lengths over 2, pressures over 4."""
+    given = {name: np.array([values]) for name, values in (WRITTEN | change).items()}
+    shear = given["shear"][..., None] * [0.6, 0.8, 0.0]
+    written = Written(given["opening"], np.zeros((1, 4, 3)), given["pressure"], shear, np.arange(4), np.ones(4))
+    found = Contact(0.5, np.full(4, 0.1)).violations(written, 2.0, 4.0)
+    assert {name: value for name, value in found.items() if value > 1e-15} == pytest.approx(broken)
+
+
+def test_what_is_prescribed_on_both_sides_may_not_close_more_than_the_gap():
+    law, normal = Contact(0.0, np.array([0.5, 0.1, 0.2])), np.array([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]])
+    jump, known = np.array([[0.0, 0.0, -0.3], [9.0, -0.5, -0.5]]), np.array([[True, True, True], [False, True, True]])
+    chosen = np.array([2, 1])
+    assert law.forbids(jump, known, normal, chosen) == pytest.approx([0.1, 0.6])
+    assert not law.forbids(jump, ~known, normal, chosen).any() and not law.forbids(-jump, known, normal, chosen).any()
+
+
+def test_what_contact_says_of_its_keys():
+    """Press fits, gaps that are read, and what does not go with them."""
+    def keys(**given):
+        return Contact.Parameters(law="contact", **given)
+
+    assert keys(gap=-0.2).fit == 0.2 and keys(gap=0.2).fit == keys().fit == keys(gap="geometry").fit == 0.0
+    assert Contact(0.0, np.array([-0.2, 0.1])).imposed == 0.2 and Contact(0.0, np.array([0.1])).imposed == 0.0
+    assert Contact(1.1, np.zeros(1)).caution and not Contact(1.0, np.zeros(1)).caution
+    assert Contact(0.1, np.zeros(1)).has_history and not Contact(0.0, np.zeros(1)).has_history
+
+    def wrong(**raw):
+        return [problem[0] for problem in Contact.Parameters.broken(raw)]
+
+    assert wrong(history="ramp") == wrong(history="ramp", gap=0) == wrong(history="ramp", gap="geometry") == ["history"]
+    assert wrong(history="ramp", gap=0.1) == [] == wrong(within=1, gap="geometry") == wrong(within=1, between="auto")
+    assert wrong(within=1) == wrong(within=1, gap=0.1, between="auto") == ["within"]
+    assert Contact.of(keys(gap=0.1), 3, 1.0, np.full(3, 7.0)).gap.tolist() == [0.1] * 3
+    assert Contact.of(keys(gap="geometry"), 3, 1.0, np.full(3, 7.0)).gap.tolist() == [7.0] * 3
+    assert Contact.of(keys(gap="geometry"), 3, 1.0).gap.tolist() == [0.0] * 3
+
+
+@pytest.mark.parametrize("miss, grown", [("jump", "penetration"), ("tension", "tension"), ("shear", "cone"), ("slip", "slip_direction")])
+def test_each_measure_of_contact_grows_by_what_it_is_named_after(miss, grown):
+    law, points, answer, d, previous = answered("contact", friction=0.3, gap=0.02)
+    at, (slides,) = answer.status == SLIP, np.nonzero(answer.status == SLIP)
+    k, force, jump, told = slides[0], answer.force.copy(), d.copy(), d.copy()
+    shear = points.across(force)[:, k] / np.linalg.norm(points.across(force)[:, k])
+    if miss == "jump":
+        jump[:, k] -= 0.1 * points.normal[:, k]
+    elif miss == "tension":
+        k = np.flatnonzero(answer.status == OPEN)[0]
+        force[:, k] += 0.1 * points.area[k] * points.normal[:, k]
+    elif miss == "shear":
+        force[:, k] += 0.1 * points.area[k] * shear
+    else:
+        told[:, k] -= 2 * (points.across(d - previous)[:, k])
+    pressure, before = law.residuals(points, Stages(answer.force[None], d[None], d[None], previous, answer.status[None]))
+    _, after = law.residuals(points, Stages(force[None], jump[None], told[None], previous, answer.status[None]))
+    assert at.any() and pressure == pytest.approx(-(points.along(answer.force) / points.area).min())
+    increase = {name: float(np.max(after[name] - before[name])) for name in after}
+    wanted = 2 * np.linalg.norm(points.across(force)[:, k]) / points.area[k] * np.linalg.norm(points.across(d - previous)[:, k])
+    assert increase[grown] == pytest.approx(wanted if miss == "slip" else 0.1, abs=1e-9)
+    assert max(abs(value) for name, value in increase.items() if name != grown) < 1e-9
 
 
 @pytest.mark.parametrize("name, keys", ENTRIES.items(), ids=ENTRIES)
