@@ -189,6 +189,22 @@ def test_each_measure_of_contact_grows_by_what_it_is_named_after(miss, grown):
     assert max(abs(value) for name, value in increase.items() if name != grown) < 1e-9
 
 
+def test_contact_is_measured_at_the_worst_load_step_with_the_slip_of_each():
+    law, points, answer, d, previous = answered("contact", friction=0.3, gap=0.02)
+    assert law.follows is False and Contact.Parameters(law="contact", pairing="follow").follows
+    forces, jumps, status = np.stack([answer.force, answer.force]), np.stack([d, d]), np.stack([answer.status] * 2)
+    rests = law.residuals(points, Stages(forces, jumps, jumps, previous, status))[1]  # the second load step slips no more
+    assert max(rests.values()) < 1e-12
+    slides = answer.status == SLIP
+    slip, size = points.across(d - previous), np.linalg.norm(points.across(answer.force) / points.area, axis=0)
+    back = np.stack([d, d - slip])  # slips all the way back, against what friction says
+    pressure, found = law.residuals(points, Stages(forces, jumps, back, previous, status))
+    assert found["slip_direction"] == pytest.approx((2 * size * np.linalg.norm(slip, axis=0))[slides].max())
+    deep = jumps - np.array([0.0, 0.1])[:, None, None] * points.normal
+    worst = law.residuals(points, Stages(forces * [[[1.0]], [[2.0]]], deep, jumps, previous, status))
+    assert worst[0] == pytest.approx(2 * pressure) and worst[1]["penetration"] == pytest.approx(0.1)
+
+
 @pytest.mark.parametrize("name, keys", ENTRIES.items(), ids=ENTRIES)
 def test_force_derivative_and_statuses_belong_together(name, keys):
     assert_consistent(name, keys)
