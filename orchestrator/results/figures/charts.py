@@ -11,7 +11,7 @@ import numpy as np
 from orchestrator.method.events import HISTORY_COLUMNS
 from orchestrator.registry import LAWS
 from orchestrator.results.figures.plotting import (
-    BLUE, BROWN, COLOURS, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, tidy)
+    BLUE, BROWN, COLOURS, GREEN, GREY, OLIVE, ORANGE, PURPLE, RED, SKY, new_figure, powers_of_ten, tidy)
 from orchestrator.results.summary.words import code_label, units_of
 from orchestrator.results.summary.summary import BLACKBOX_STAGES, STAGES, jsonable
 
@@ -61,6 +61,7 @@ def convergence(summary: Mapping[str, object], history: Mapping[str, np.ndarray]
                       xytext=(4, 3), textcoords="offset points", fontsize=8.5, color=GREY)
     axes.set(xlabel="iteration (linear stages after set-up)", ylabel="relative quantity")
     axes.xaxis.get_major_locator().set_params(integer=True)
+    powers_of_ten(axes.yaxis)
     title = f"{summary.get('name') or ''}: " + ("converged" if summary.get("converged") else "not converged")
     axes.set_title(f"{title} after {int(x[-1])} iterations", fontsize=11)
     tidy(axes)
