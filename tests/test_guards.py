@@ -64,7 +64,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", quick(FAULTS, *(FAULTS.keys() - {"shuffled", "too soft"})))
+@pytest.mark.parametrize("fault", quick(FAULTS, "the sign"))
 def test_corrupted_answers(tmp_path, monkeypatch, fault):
     change, message = FAULTS[fault]
     path = tmp_path / "corrupting"

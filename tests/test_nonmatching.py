@@ -126,6 +126,7 @@ TEN = {f"{name}{k}": ([1, 1, 1], [k + 0.4 * row, 0, row]) for row, name in enume
 SHEARED = [[0, 0, -0.005], [0.003, 0, -0.006], [-0.003, 0.001, -0.006], [0.001, 0, -0.003]]
 
 
+@pytest.mark.long
 def test_ten_bodies_are_those_of_one_piece():
     """Between two rows that are pressed and sheared, and between neighbours in a row, they stick and slip."""
     made = pressed(TEN, (1, 2) * 5, {**SLIDES, "friction": 0.1}, path=SHEARED, error=1e-8)

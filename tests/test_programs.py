@@ -331,6 +331,7 @@ open('displacements.txt', 'w').writelines('%d %r %r %r\\n' % row for row in rows
 """
 
 
+@pytest.mark.long
 def test_a_program_that_remembers_load_steps(tmp_path):
     """Bars that flow under a block, replayed from the beginning: against one system of both; what it writes last is its own."""
     run = tmp_path / "bars"

@@ -95,6 +95,7 @@ def test_bars_of_several_codes():
         for name, total in (("freefem (pipe)", 1.3), ("mine (file)", 2.6))]
 
 
+@pytest.mark.long
 def test_files_hold_the_figures(tmp_path):
     """With what is known of a run: no more, no less."""
     folder = ResultsFolder(tmp_path)

@@ -204,6 +204,7 @@ def test_codes_in_colours(draw):
 # --- who draws --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_another_process_draws(tmp_path, draw):
     """It tells what hinders it, and does not outlive its job."""
     folder, job = ResultsFolder(tmp_path), (case.summary(), case.history(), case.fields())

@@ -137,6 +137,7 @@ STEPS = {"boundary": [
     "histories": {"settle": [1.0, 0.0, -2.0, 0.5, 0.0], "pull": [0.0, 0.5, 1.0, -3.0, 0.0]}}
 
 
+@pytest.mark.long
 def test_superposition_of_load_cases():
     """Five steps, two independent ones: the same fields, energies and reactions for all five."""
     tight = {"tolerance": {"error": 1e-10}}
