@@ -71,7 +71,7 @@ class Checkpoint:
         for owner, state in _states(latin, problem).items():
             own = {name: x for name, x in state.items() if isinstance(x, np.ndarray)}
             notes["states"][owner] = {name: x for name, x in state.items() if name not in own}
-            arrays |= {"{}/{}.{}".format(*_split(name, owner)): x for name, x in own.items()}
+            arrays |= {_owned(name, owner): x for name, x in own.items()}
         if ended:
             arrays |= dict(zip(_DELIVERED, now.best.rows))
             notes["event"] = event.content
@@ -100,9 +100,9 @@ def kind_of(name: str) -> str:
     return name.partition("/")[0]
 
 
-def _split(name: str, owner: str) -> tuple[str, str, str]:
-    kind, _, rest = name.partition("/")
-    return kind, owner, rest
+def _owned(name: str, owner: str) -> str:
+    """``kind/name`` of a part of the method as ``kind/owner.name``."""
+    return name.replace("/", f"/{owner}.", 1)
 
 
 def _states(latin: Latin, problem: Decomposition) -> dict[str, dict[str, Any]]:
