@@ -81,14 +81,9 @@ class Loaded:
 def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
     """Reads and validates a configuration.
 
-    Parameters
-    ----------
     path : YAML file; ``mesh.file`` and ``mesh.step`` in it are relative to its folder, or to the current one
     overrides : ``key.key=value`` texts, values in YAML; applied in order
-
-    Raises
-    ------
-    InputError : with all problems, each with file and line
+    Raises InputError: with all problems, each with file and line
 
     Examples
     --------
@@ -136,9 +131,7 @@ def load_config(path: str | Path, overrides: Sequence[str] = ()) -> Loaded:
 def config_from(data: Any) -> Config:
     """Validates plain data, as a YAML file would hold it.
 
-    Raises
-    ------
-    InputError : with all problems
+    Raises InputError: with all problems
 
     Examples
     --------

@@ -24,12 +24,7 @@ _HINTS = {"SIGKILL": ", by hand or by the kernel for want of memory", "SIGSEGV":
 class Code(ABC):
     """A finite element code, found once and then started as often as there are workers.
 
-    Parameters
-    ----------
     settings : its entry in the YAML; none: the defaults
-
-    Attributes
-    ----------
     Settings : the model of its entries: what it can do of ``element`` and ``transport``, and options of its own
 
     translation_invariant, own_matter : what may be relied on, see ``protocol.Traits``; None: its process tells

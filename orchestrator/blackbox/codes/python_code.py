@@ -50,8 +50,6 @@ class PythonCode(MessageCode):
     As it is, the class is the one that ``code`` in the YAML names. A code with a name of its own derives from this one
     and says which class it means; keys that its ``Settings`` add are keyword arguments of that class, as are ``options``.
 
-    Attributes
-    ----------
     solver : ``file.py``, ``file.py:Class`` or ``package.module:Class``; empty: what ``settings.code`` says
     package : the Python package it needs beside itself, if any
     Raises InputError when the file, the module or the package is not there.
