@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from processes import begin, gone
 from ranks_case import CASES, PLACED, found
-from quick import late, quick
+from quick import quick
 
 from orchestrator import folders
 from orchestrator.parallel.launcher import SHARED
@@ -211,7 +211,7 @@ def test_an_interrupted_run_goes_on(tmp_path, temporary):
 
 
 @pytest.mark.parametrize("right, wrong, told", [
-    late("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
+    ("200e3", "-1", "young"), ("count: 8", "count: 2", "3 ranks for 2 subdomains")])
 @pytest.mark.long
 def test_bad_input_is_told_once(right, wrong, told, tmp_path, temporary):
     settings = tmp_path / "wrong.yaml"
