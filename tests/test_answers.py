@@ -16,7 +16,7 @@ from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.mesh import element
+from orchestrator.scene.mesh import quadratic
 
 EXACT = 1e-9  # of quantities of order 1: what iterations to 1e-11 leave of them
 FORCE, MOMENT, LENGTH, YOUNG = 3.0, 2.0, 4.0, 1000.0
@@ -207,7 +207,7 @@ def test_the_element_is_chosen_and_says_why(monkeypatch):
     thin, soft, thick = chosen(), chosen(poisson=0.49), chosen((1, 1, 1), (12, 12, 12))
     assert "stiff in bending" in str(thin.element) and "lock" in str(soft.element) and "more accuracy" in str(thick.element)
     assert all(scene.mesh.cells.shape[1] == 10 for scene in (thin, soft, thick))
-    monkeypatch.setattr(element, "LARGEST", 100)
+    monkeypatch.setattr(quadratic, "LARGEST", 100)
     large, both = chosen(poisson=0.3), chosen(poisson=0.49)
     assert large.mesh.cells.shape[1] == 4 and str(large.element).startswith("P1: ten-node tets would have") and "across a part" in str(large.element)
     assert "element: P2 is better" in str(both.element)

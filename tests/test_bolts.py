@@ -15,7 +15,7 @@ from orchestrator.results.summary.short_form import summary_rows
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.partition.bolts import fitted
+from orchestrator.scene.bolts import fitted
 from benchmarks.kit.calculix_whole import displacements
 
 PULL = 300.0

@@ -13,7 +13,7 @@ from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.files import read
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import session
-from orchestrator.scene.mesh.quality import checked
+from orchestrator.scene.mesh.mesh import checked
 
 
 def name(*groups):

@@ -16,10 +16,9 @@ from orchestrator.config.parts import Move
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.inspection.pairs import pairs_of_mesh
-from orchestrator.scene.interfaces.skins import bulges, smooth_faces
+from orchestrator.scene.interfaces.skins import Skin, bulges, smooth_faces
 from orchestrator.scene.interfaces.facing import facing
 from orchestrator.scene.interfaces.pairing import outer_bodies
-from orchestrator.scene.interfaces.skins import Skin
 from orchestrator.scene.mesh.solids import _arrays
 from orchestrator.scene.mesh.faces import faces_of
 from orchestrator.scene.mesh.gmsh_session import session

@@ -14,7 +14,7 @@ from orchestrator.scene.interfaces.overlap import Solid, contained
 from orchestrator.scene.interfaces.pairing import REACH, Body, close_bodies
 from orchestrator.scene.mesh.structured import bricks
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.soles.difficulty import difficulty
+from orchestrator.scene.soles.overlap import difficulty
 from orchestrator.scene.soles.make import make_soles
 
 HELD = {"on": "lower zmin", "displacement": [0, 0, 0]}

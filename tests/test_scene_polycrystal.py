@@ -11,18 +11,15 @@ from quick import late
 from orchestrator.config.load import config_from
 from orchestrator.errors import InputError
 from orchestrator.scene.build import build_scene
-from orchestrator.scene.grains import polycrystal
-from orchestrator.scene.grains.facets import cut, narrowest
-from orchestrator.scene.grains.grains import Grains, tidied
-from orchestrator.scene.grains.voronoi import centroids, scattered
+from orchestrator.scene.mesh import polycrystal
+from orchestrator.scene.mesh.polyhedra import centroids, cut, narrowest, scattered
+from orchestrator.scene.mesh.grains import Grains, tidied
 from orchestrator.scene.mesh.faces import faces_of, pieces
-from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
+from orchestrator.scene.mesh.geometry import area_vectors, dihedral_range, roundness, tet_volumes
 from orchestrator.scene.mesh.gmsh_session import TET, session
-from orchestrator.scene.mesh.mending import mend
+from orchestrator.scene.mesh.mending import Stars, mend
 from orchestrator.scene.mesh.sources import make_mesh
 from orchestrator.scene.mesh.structured import bricks
-from orchestrator.scene.mesh.mending import Stars
-from orchestrator.scene.mesh.quality import dihedral_range, roundness
 from benchmarks.problems.soundness import is_ball, split_interfaces, unsound
 
 pytestmark = pytest.mark.xdist_group("polycrystals")  # meshes are made once for many tests

@@ -10,7 +10,7 @@ from orchestrator.method.interface.search_direction import assemble_search_direc
 from orchestrator.timing import Savings
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.scene.soles.sole import stiffened
+from orchestrator.scene.soles import stiffened
 
 USUAL = 1.2
 

@@ -12,9 +12,7 @@ from orchestrator.blackbox.protocol import Model
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.mesh.geometry import tet_volumes
 from orchestrator.scene.soles.facets import WALL, Facets, between, facets_of, stiffer
-from orchestrator.scene.soles.make import make_soles, soles_of
-from orchestrator.scene.soles.prisms import prisms
-from orchestrator.scene.soles.sole import merge
+from orchestrator.scene.soles.make import make_soles, merge, prisms, soles_of
 
 YOUNG, POISSON = 200e3, 0.3
 OEDOMETRIC = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))

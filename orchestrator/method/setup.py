@@ -38,8 +38,8 @@ from orchestrator.method.stopping.bound import ROUNDING, ErrorBound
 from orchestrator.timing import Savings, Stopwatch
 from orchestrator.scene.conditions.rigid import rigid_modes
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.difficulty import difficulty
-from orchestrator.scene.soles.sole import Sole
+from orchestrator.scene.soles.overlap import difficulty
+from orchestrator.scene.soles import Sole
 
 
 def prepare(part: Part, soles: Sequence[tuple[Sole, Sole]], method, blackbox: BlackBox, workers: int, watch: Stopwatch,

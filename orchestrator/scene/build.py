@@ -26,15 +26,14 @@ from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.loads.base import InVolumes, Strain
 from orchestrator.scene.mesh.faces import Faces
 from orchestrator.scene.mesh.geometry import node_areas, tet_volumes
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
 from orchestrator.scene.mesh.quadratic import quadratic
 from orchestrator.scene.mesh.size import check_memory
 from orchestrator.scene.mesh.sources import make_mesh, make_parts
 from orchestrator.scene.model import BoundaryEntry, Interface, Material, PlacedBolt, Scene, Subdomain
 from orchestrator.scene.names import look_alike
-from orchestrator.scene.partition.bolts import BoltCut, cut_bolts
-from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
-from orchestrator.scene.partition.partition import Partition, make_partition
+from orchestrator.scene.bolts import BoltCut, cut_bolts
+from orchestrator.scene.partition import Partition, make_partition
 
 # Per node and load step: loads and prescribed displacements, on the whole mesh and on the subdomains.
 STEP_BYTES = 5 * 3 * 8
@@ -141,7 +140,7 @@ def _meshed(config: Config, run_programs: bool, problems: Problems) -> Body:
     mesh, faces = make_mesh(config.mesh) if config.mesh else make_parts(config.parts, run_programs)
     element, choice = config.codes[0].element, None
     if element == "auto":
-        from orchestrator.scene.mesh.element import choose_element
+        from orchestrator.scene.mesh.quadratic import choose_element
 
         choice = choose_element(mesh, *assign_materials(mesh, config.matter, Problems()))
         element = choice.element

@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from orchestrator.scene.mesh.element import LOCKING
+from orchestrator.scene.mesh.quadratic import LOCKING
 from orchestrator.scene.mesh.faces import pack
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.model import BoundaryEntry, Interface, Scene
-from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.errors import some
 
 FLAT = 1e-9  # share of a force, along an axis, that is rounding

@@ -259,7 +259,7 @@ class Scene:
     near : pairs of volumes with faces opposite each other, within reach, that belong to no interface
     bolts : those that are cut
     probes : what is asked for, see ``conditions.probes``; the whole scene has them
-    element : which one was chosen, and why, where that was left open, see ``mesh.element``
+    element : which one was chosen, and why, where that was left open, see ``mesh.quadratic``
     thermal : (steps, m, 4) α ΔT at the corners of every cell, of a whole scene; None where nothing is heated
     overview : of the whole scene, where this is a part of it
     number : (n,) int, ascending, the nodes' numbers in the whole scene, where this is a part of it

@@ -18,8 +18,7 @@ import numpy as np
 from orchestrator.scene.conditions.loose import loose_bodies
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import BoundaryEntry, Interface, Overview, Scene, Subdomain
-from orchestrator.scene.soles.difficulty import difficulty
-from orchestrator.scene.soles.overlap import first_row
+from orchestrator.scene.soles.overlap import difficulty, first_row
 
 
 def overview(scene: Scene) -> Overview:

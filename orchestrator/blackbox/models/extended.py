@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.blackbox.protocol import Model, Origin
 from orchestrator.scene.model import Scene, Subdomain
-from orchestrator.scene.soles.sole import Sole
+from orchestrator.scene.soles import Sole
 
 SolePair = tuple[Sole, Sole]
 

@@ -27,7 +27,7 @@ from orchestrator.method.interface.search_direction import SearchDirection
 from orchestrator.method.linear.answers import GuardedTraces
 from orchestrator.scene.model import Scene
 from orchestrator.scene.soles.facets import between
-from orchestrator.scene.soles.sole import Sole, stiffened
+from orchestrator.scene.soles import Sole, stiffened
 
 # Each costs a back-substitution per body, a load step's share of an iteration. One sees no ends; three and more find single
 # bodies' softest bending, which slows no contact.

@@ -9,7 +9,7 @@ from orchestrator.method.linear.stage import Admissible
 from orchestrator.method.stopping.bound import Bound
 from orchestrator.scene.loads.temperature import strained_energy, thermal_loads
 from orchestrator.scene.model import Scene
-from orchestrator.scene.partition.numbering import split_numbering
+from orchestrator.scene.mesh.mesh import split_numbering
 
 Parts = list[np.ndarray | None]  # per subdomain of the scene (T, n_E, 3); None for other ranks'
 

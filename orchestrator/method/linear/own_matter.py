@@ -24,7 +24,7 @@ from orchestrator.method.linear.loading import RimStiffness
 from orchestrator.method.stopping.semidefinite import is_semidefinite
 from orchestrator.timing import Savings
 from orchestrator.scene.conditions.rigid import motions
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene, Subdomain
 
 # Relative: below any mode that a slender body has, above what assembling leaves. Missing digits show in rigid motions, and

@@ -19,7 +19,7 @@ from orchestrator.scene import stress as recovery
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.geometry import shape_gradients
 from orchestrator.scene.mesh.quadratic import TET_EDGES
-from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
+from orchestrator.scene.mesh.mesh import SplitNumbering, split_numbering
 
 if TYPE_CHECKING:
     from orchestrator.method.delivery.interface_fields import InterfaceFields

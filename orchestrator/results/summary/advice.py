@@ -18,7 +18,7 @@ from orchestrator.method.iterated import Iterated
 from orchestrator.method.monitors.ending import ROUNDING
 from orchestrator.scene.cautions import LOCKING
 from orchestrator.scene.model import Scene
-from orchestrator.scene.soles.difficulty import SLENDER, slenderness
+from orchestrator.scene.soles.overlap import SLENDER, slenderness
 
 PACE = 10  # iterations over which the latest pace is taken
 MOVING = 0.97  # factor per iteration above which nothing moves any more

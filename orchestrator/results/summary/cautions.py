@@ -17,7 +17,7 @@ from orchestrator.scene.interfaces.overlap import DEEP, Solid, overlap
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import Faces, faces_of
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Scene
 
 COARSE = 0.1  # estimated discretisation error, relative, energy norm: the energy itself is off by its square

@@ -16,7 +16,7 @@ from orchestrator.errors import Problems, some
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
 
 DEPENDENT = 1e-6  # singular value, over the largest, of directions that count as dependent: coordinates in files have six digits

@@ -17,10 +17,9 @@ from orchestrator.scene.conditions.frames import Cylindrical
 from orchestrator.scene.conditions.selection import TOLERANCE, select
 from orchestrator.scene.loads.base import OnFaces, Prescribed
 from orchestrator.scene.mesh.faces import Faces, components
-from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.geometry import format_point
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.model import BoundaryEntry, Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
 
 # Two entries agree when their values differ by rounding only.
 SAME = 1e-12

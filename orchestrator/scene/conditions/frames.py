@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 
 ROUNDING = 1e-14  # of the largest value, what sines and cosines leave of zero
 NEAR = 1e-9  # distance from the axis, over the extent of the points, at which there is no radial direction

@@ -16,12 +16,10 @@ from orchestrator.errors import Problems
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.rigid import motions_about
 from orchestrator.scene.mesh.faces import Faces, edge_patches, faces_of
-from orchestrator.scene.mesh.geometry import local_size
-from orchestrator.scene.mesh.quality import format_point
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.geometry import format_point, local_size
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, split_numbering
 from orchestrator.scene.model import BoundaryEntry, Interface
-from orchestrator.scene.partition.numbering import SplitNumbering, split_numbering
-from orchestrator.scene.partition.partition import Partition
+from orchestrator.scene.partition import Partition
 
 THICKNESS = 0.1  # of the layer over the size of its faces: it is geometry alone, and does not deform
 
@@ -34,7 +32,7 @@ def add_grounds(mesh: Mesh, partition: Partition, cell_material: np.ndarray, bou
     Returns mesh, partition, its numbering, material of each cell; the interfaces; per entry, the nodes of its ground
     """
     from orchestrator.scene.soles.facets import Facets  # with it comes SciPy, which checks do without
-    from orchestrator.scene.soles.prisms import prisms
+    from orchestrator.scene.soles.make import prisms
 
     standing = [i for i, entry in enumerate(boundary) if entry.ground and len(entry.triangles)]
     layers, cells, volume, subdomain, material = [mesh.nodes], [mesh.cells], [mesh.volume], [partition.subdomain], [cell_material]

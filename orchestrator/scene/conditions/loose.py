@@ -9,9 +9,9 @@ import numpy as np
 from orchestrator.scene.conditions.rigid import Hinge, left_over
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface, Scene
-from orchestrator.scene.partition.partition import Partition
+from orchestrator.scene.partition import Partition
 
 
 def loose_bodies(scene: Scene) -> np.ndarray:

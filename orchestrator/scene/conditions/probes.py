@@ -12,8 +12,7 @@ from orchestrator.config.output import PointProbe
 from orchestrator.errors import KeyPath, Problems, some
 from orchestrator.scene.conditions.selection import select
 from orchestrator.scene.mesh.faces import Faces, components
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import area_vectors, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import matching, suggestion

@@ -9,7 +9,7 @@ import numpy as np
 
 from orchestrator.errors import Problems, some
 from orchestrator.scene.mesh.faces import Faces, components, pieces
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 
 # Motions that move the prescribed components by less than this share of the body's size count as free.

@@ -8,7 +8,7 @@ import numpy as np
 
 from orchestrator.errors import KeyPath, Problems
 from orchestrator.scene.mesh.faces import Faces
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion
 

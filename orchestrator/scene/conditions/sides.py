@@ -9,8 +9,7 @@ import numpy as np
 from orchestrator.errors import Problems
 from orchestrator.scene.conditions.boundary import Held
 from orchestrator.scene.conditions.selection import TOLERANCE
-from orchestrator.scene.mesh.geometry import area_vectors, node_normals
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import area_vectors, format_point, node_normals
 from orchestrator.scene.model import Interface
 
 CURVED = 0.2  # of a jump, what may point into a curved side: normals at nodes are means of facets

@@ -12,8 +12,7 @@ import numpy as np
 from orchestrator.errors import InputError, KeyPath, Problem
 from orchestrator.scene.conditions.rigid import size_of
 from orchestrator.scene.mesh.faces import components
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import area_vectors, format_point
 
 # Nodes this near one plane, in units of the joint's extent, are on it; normals likewise.
 PLANE = 1e-6

@@ -19,14 +19,12 @@ from orchestrator.errors import InputError, KeyPath, Problem, Problems
 from orchestrator.scene.foreign.joints import Joints, components_held
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.mesh.faces import faces_of
-from orchestrator.scene.mesh.geometry import area_vectors, local_size
-from orchestrator.scene.mesh.mesh import Mesh, StandIn
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import area_vectors, format_point, local_size
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering, StandIn
 from orchestrator.scene.model import Interface
 from orchestrator.scene.names import INSIDE
-from orchestrator.scene.partition.numbering import SplitNumbering
 from orchestrator.scene.soles.facets import Facets
-from orchestrator.scene.soles.prisms import prisms
+from orchestrator.scene.soles.make import prisms
 
 PASSES = 50  # in each of them a triangle takes part in one exchange of diagonals
 

@@ -13,11 +13,10 @@ import numpy as np
 
 from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.entries import govern
-from orchestrator.scene.mesh.geometry import area_vectors
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import area_vectors, format_point
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.model import Interface, PlacedBolt
-from orchestrator.scene.partition.bolts import BoltCut
+from orchestrator.scene.bolts import BoltCut
 
 ALONG = 1e-6  # share of the axis that a prescribed component may have
 

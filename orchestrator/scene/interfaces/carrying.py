@@ -21,7 +21,7 @@ from orchestrator.errors import Problems
 from orchestrator.scene.interfaces.mortar.assembly import corner_vectors, covered_around, make_mortar
 from orchestrator.scene.interfaces.mortar.moving import Moving
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.mesh.mesh import SplitNumbering
 
 # Areas around a node that differ by less than this are alike: the first piece of an interface has the point.
 ALIKE = 1e-6

@@ -14,8 +14,7 @@ from orchestrator.scene.interfaces.mortar.surfaces import Surfaces
 from orchestrator.scene.interfaces.pairing import COINCIDE
 from orchestrator.scene.interfaces.search import Search, side_nodes
 from orchestrator.scene.interfaces.skins import UNSURE, sagittas
-from orchestrator.scene.mesh.geometry import local_size, node_normals, rounding
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point, local_size, node_normals, rounding
 from orchestrator.scene.model import Interface
 
 # Distances below this share of the element size are rounding; from ``TOLD`` of it they are told.

@@ -11,10 +11,9 @@ from orchestrator.registry import LAWS
 from orchestrator.scene.interfaces.search import side_nodes
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.geometry import node_normals
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
+from orchestrator.scene.partition import Partition
 
 
 def leave_free(mesh: Mesh, found: list[Interface], partition: Partition, numbering: SplitNumbering, fixed: np.ndarray,

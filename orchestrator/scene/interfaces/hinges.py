@@ -17,7 +17,7 @@ from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.mesh.faces import components
 from orchestrator.scene.mesh.quadratic import TET_EDGES
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
+from orchestrator.scene.mesh.mesh import SplitNumbering
 
 
 def hinges(search: Search, found: Sequence[Interface]) -> list[Interface]:

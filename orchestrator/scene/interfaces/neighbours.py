@@ -23,7 +23,7 @@ from orchestrator.scene.interfaces.proximity import Near, near
 from orchestrator.scene.interfaces.search import Search, side_nodes
 from orchestrator.scene.interfaces.skins import bulges, sagittas, smooth_faces
 from orchestrator.scene.mesh.faces import components, pack
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
 
 

@@ -16,7 +16,7 @@ from orchestrator.scene.interfaces.pairing import COINCIDE, REACH, close_bodies,
 from orchestrator.scene.interfaces.search import Search
 from orchestrator.scene.interfaces.skins import Skins
 from orchestrator.scene.mesh.faces import Faces, components
-from orchestrator.scene.mesh.quality import format_point
+from orchestrator.scene.mesh.geometry import format_point
 from orchestrator.scene.model import Interface
 
 # Pairs of parts beyond which it is not said how far apart the nearest ones are.

@@ -13,10 +13,9 @@ from orchestrator.scene.interfaces.entries import Laws
 from orchestrator.scene.interfaces.mortar.surfaces import Matter
 from orchestrator.scene.interfaces.pairing import Body, outer_bodies
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, SplitNumbering
 from orchestrator.scene.model import Interface
-from orchestrator.scene.partition.numbering import SplitNumbering
-from orchestrator.scene.partition.partition import Partition
+from orchestrator.scene.partition import Partition
 
 
 @dataclass

@@ -22,10 +22,9 @@ from orchestrator.config.base import Name, Part, Vector, either
 from orchestrator.errors import KeyPath, Problem, Problems
 from orchestrator.scene.elasticity import lame
 from orchestrator.scene.loads.base import InVolumes, Kind, Strain
-from orchestrator.scene.mesh.geometry import shape_gradients, tet_volumes
+from orchestrator.scene.mesh.geometry import format_point, shape_gradients, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.mesh.quadratic import TET_EDGES, quadratic_slopes
-from orchestrator.scene.mesh.quality import format_point
 
 # A row of a file belongs to the node that is that near, over the mesh's diagonal: files have six digits or more. But not where
 # that is more than a share of the shortest edge there: then the row of the next node of a thin part is as near.

@@ -12,8 +12,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem, Problems
 from orchestrator.scene.mesh.gmsh_session import last_complaint
-from orchestrator.scene.mesh.recognised import check_content
-from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
+from orchestrator.scene.mesh.size import DENSITY, check_content, check_size, coarser
 from orchestrator.scene.names import matching, suggestion, unique_names
 
 # Labels that programs write where nobody has named a solid.

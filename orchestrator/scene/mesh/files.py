@@ -19,8 +19,7 @@ import numpy as np
 
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.recognised import HEAD, bad_file, check_content
-from orchestrator.scene.mesh.size import check_memory
+from orchestrator.scene.mesh.size import HEAD, bad_file, check_content, check_memory
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 

@@ -1,8 +1,13 @@
-"""Areas, volumes, gradients; local size, area and normals at the nodes of a patch. Nodes amid edges play no part unless told."""
+"""Areas, volumes, gradients, shapes of tets; local size, area and normals at the nodes of a patch; order. Nodes amid edges play no part unless told."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from orchestrator.scene.mesh.faces import LOCAL_FACES
+
+# Two corners, or the two faces, of each of the six edges.
+PAIRS = [(i, j) for i in range(4) for j in range(i)]
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -96,3 +101,47 @@ def node_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         np.add.at(result, middle, np.pi * normal)
     length = np.linalg.norm(result, axis=1, keepdims=True)
     return result / np.where(length > 0, length, 1.0)
+
+
+# Coordinates that differ by less than this fraction of the points' extent count as equal.
+SAME_POSITION = 1e-9
+
+
+def position_rank(points: np.ndarray) -> np.ndarray:
+    """(n,) int, rank of each point in the order of x, then y, then z, blind to rounding and to units."""
+    low, extent = points.min(axis=0), max(np.ptp(points, axis=0).max(), np.finfo(float).tiny)
+    rank = np.empty(len(points), dtype=int)
+    rank[np.lexsort(np.rint((points - low).T[::-1] / extent / SAME_POSITION))] = np.arange(len(points))
+    return rank
+
+
+def roundness(nodes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """(m,) gmsh's gamma: three radii of the inscribed ball over that of the circumscribed one; 1 is regular, < 0 inverted."""
+    area = sum(np.linalg.norm(area_vectors(nodes, cells[:, face]), axis=1) for face in LOCAL_FACES)
+    volume = tet_volumes(nodes, cells)
+    a, b, c = (nodes[cells[:, i]] - nodes[cells[:, 0]] for i in (1, 2, 3))
+    # From the first corner to the ball's centre, times twelve volumes.
+    centre = sum(np.einsum("ij,ij->i", p, p)[:, None] * cross(q, r) for p, q, r in ((a, b, c), (b, c, a), (c, a, b)))
+    return 108 * volume * np.abs(volume) / (area * np.linalg.norm(centre, axis=1))
+
+
+def dihedral_angles(nodes: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) smallest and (m,) largest angle in degrees between two faces of each tet; nan where a face has no area."""
+    normals = [area_vectors(nodes, cells[:, face]) for face in LOCAL_FACES]
+    with np.errstate(invalid="ignore"):
+        normals = [normal / np.linalg.norm(normal, axis=1)[:, None] for normal in normals]
+    cosines = np.array([np.einsum("ij,ij->i", normals[i], normals[j]) for i, j in PAIRS])
+    # Outward normals make the angle's supplement.
+    sharp, blunt = np.degrees(np.arccos(np.clip([-cosines.min(axis=0), -cosines.max(axis=0)], -1, 1)))
+    return sharp, blunt
+
+
+def dihedral_range(nodes: np.ndarray, cells: np.ndarray) -> tuple[float, float]:
+    """Smallest and largest angle in degrees between two faces of a tet."""
+    sharp, blunt = dihedral_angles(nodes, cells)
+    return float(sharp.min()), float(blunt.max())
+
+
+def format_point(point: np.ndarray) -> str:
+    """Coordinates for a message: (1, 2.5, 0)."""
+    return "(" + ", ".join(f"{float(x) + 0.0:.6g}" for x in point) + ")"

@@ -13,8 +13,7 @@ from orchestrator.errors import InputError, KeyPath, Problem, Problems, visible
 from orchestrator.scene.foreign.joints import check_asked, read_joints
 from orchestrator.scene.mesh.faces import MAX_NODES, Faces, faces_of
 from orchestrator.scene.mesh.geometry import cross
-from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.quality import checked
+from orchestrator.scene.mesh.mesh import Mesh, checked
 from orchestrator.scene.names import INSIDE
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 # key and name of the function → its module in ``orchestrator.scene``
 SOURCES = {"beam": "mesh.structured", "box": "mesh.structured", "file": "mesh.files",
-           "polycrystal": "grains.polycrystal", "step": "mesh.solids"}
+           "polycrystal": "mesh.polycrystal", "step": "mesh.solids"}
 
 
 def make_mesh(mesh: Any) -> tuple[Mesh, Faces]:

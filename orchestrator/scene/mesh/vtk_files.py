@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import meshio
 import numpy as np
 
-from orchestrator.scene.mesh.recognised import bad_file, check_content
-from orchestrator.scene.mesh.size import check_memory
+from orchestrator.scene.mesh.size import bad_file, check_content, check_memory
 
 if TYPE_CHECKING:  # it takes a second to import
     import pyvista

@@ -1,4 +1,4 @@
-"""The soles of all interfaces: which kind each gets, and what is made once for all that are alike."""
+"""The soles of all interfaces: which kind each gets, layers of prisms on facets, and what is made once for all that are alike."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from orchestrator.scene.congruence import first_congruent
+from orchestrator.scene.mesh.geometry import position_rank, tet_volumes
+from orchestrator.scene.mesh.quadratic import lines_of, with_middles
 from orchestrator.scene.model import Difficulty, Interface, Scene
-from orchestrator.scene.soles.difficulty import difficulty
+from orchestrator.scene.soles import Sole
 from orchestrator.scene.soles.facets import Facets, facets_of
-from orchestrator.scene.soles.prisms import prisms
-from orchestrator.scene.soles.overlap import overlap
-from orchestrator.scene.soles.sole import Sole, merge
+from orchestrator.scene.soles.overlap import difficulty, overlap
+
+# Thickness is halved this often where prisms would invert; facets that stay bad get outer
+# nodes of their own, along their own normal, where inversion is impossible.
+HALVINGS = 3
+# A tet thinner than this fraction of its prism's regular share (area × thickness / 3) is bad.
+FLATNESS = 0.1
 
 
 def make_soles(scene: Scene, settings, share: bool = True, wanted: Sequence[bool] | None = None) -> list[tuple[Sole, Sole] | None]:
@@ -80,3 +86,76 @@ def _layers(kinds: list[str], facets: list[list[Facets]], share: bool) -> list[t
         moved = replace(one, points=one.points + shift)
         soles.append((moved, moved if two is one else replace(two, points=two.points + shift)))
     return soles
+
+
+def prisms(facets: Facets, direction: int) -> Sole:
+    """One layer of prisms, each split in three tets along diagonals fixed by the node order.
+
+    facets : the interface
+    direction : +1 outward of the first side, −1 outward of the second
+
+    Neighbouring prisms agree on the diagonal of their common face because both sort its nodes, by
+    position rather than by number: renumbering the mesh then changes nothing. Where the thickness must
+    shrink, the modulus shrinks with it: E/thickness is what counts.
+    """
+    n = len(facets.points)
+    triangles, odd = split(facets.triangles[:, :3], position_rank(facets.points))
+    turn = direction * odd
+    area = np.linalg.norm(facets.area_vectors, axis=1)
+    thickness = facets.thickness.copy()
+    for attempt in range(HALVINGS + 1):
+        points = facets.points + direction * thickness[:, None] * facets.normals
+        bad = ~_sound(facets.points, points, triangles, turn, area * thickness[triangles].mean(1) / 3)
+        if not bad.any() or attempt == HALVINGS:
+            break
+        thickness[np.unique(triangles[bad])] *= 0.5
+    outer_of = triangles + n  # outer vertex behind each corner
+    wanted, achieved = facets.thickness[triangles].mean(axis=1), thickness[triangles].mean(axis=1)
+    if bad.any():  # own outer nodes along the facet's normal
+        lone = np.flatnonzero(bad)
+        step = direction * wanted[lone, None] * facets.area_vectors[lone] / area[lone, None]
+        own = facets.points[triangles[lone]] + step[:, None, :]
+        outer_of[lone] = 2 * n + np.arange(3 * len(lone)).reshape(-1, 3)
+        points = np.vstack([points, own.reshape(-1, 3)])
+        achieved[lone] = wanted[lone]
+    tets = _three_tets(triangles, outer_of)
+    tets[turn < 0] = tets[turn < 0][:, :, [1, 0, 2, 3]]
+    cells = tets.reshape(-1, 4)
+    used, inverse = np.unique(cells[cells >= n], return_inverse=True)
+    cells[cells >= n] = n + inverse
+    points = points[used - n]
+    if facets.triangles.shape[1] == 6:
+        points, cells = with_middles(facets.points, lines_of(facets.triangles), points, cells)
+    return Sole(points=points, cells=cells, young=np.repeat(facets.young * achieved / wanted, 3), poisson=np.repeat(facets.poisson, 3))
+
+
+def split(corners: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(k, 3) corners of facets sorted by the rank (n,) of their nodes, and (k,) −1 where that turns a facet over, else 1."""
+    order = np.argsort(rank[corners], axis=1)
+    # an odd permutation has an inversion count of 1 or 3
+    odd = ((order[:, 0] > order[:, 1]).astype(int) + (order[:, 0] > order[:, 2]) + (order[:, 1] > order[:, 2])) % 2
+    return np.take_along_axis(corners, order, axis=1), np.where(odd == 1, -1.0, 1.0)
+
+
+def _three_tets(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+    """(k, 3, 4) tets of prisms between triangles (k, 3) and those behind them, in the order of the corners."""
+    (a, b, c), (a1, b1, c1) = inner.T, outer.T
+    return np.stack([np.stack([a, b, c, c1], 1), np.stack([a, b, c1, b1], 1), np.stack([a, a1, b1, c1], 1)], 1)
+
+
+def _sound(points: np.ndarray, outer: np.ndarray, triangles: np.ndarray, turn: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """(k,) bool, whether no tet of a prism is flat, or turned over.
+
+    points, outer : (n, 3) nodes of the facets (k, 3), and those behind them
+    turn : (k,) ±1, orientation; share : (k,) regular volume of a tet
+    """
+    tets = _three_tets(triangles, triangles + len(points))
+    volume = tet_volumes(np.vstack([points, outer]), tets.reshape(-1, 4)).reshape(-1, 3)
+    return ~(turn * np.where(turn > 0, volume.min(axis=1), volume.max(axis=1)) < FLATNESS * share)
+
+
+def merge(first: Sole, second: Sole, n: int) -> Sole:
+    """Both soles on the same interface of n nodes, each with its own other nodes."""
+    shifted = np.where(second.cells >= n, second.cells + len(first.points), second.cells)
+    return Sole(np.vstack([first.points, second.points]), np.vstack([first.cells, shifted]),
+                np.r_[first.young, second.young], np.r_[first.poisson, second.poisson])

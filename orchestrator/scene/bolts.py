@@ -14,7 +14,7 @@ from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.geometry import area_vectors, tet_volumes
 from orchestrator.scene.mesh.mesh import Mesh
 from orchestrator.scene.names import matching, suggestion, unique_names
-from orchestrator.scene.partition.partition import Partition
+from orchestrator.scene.partition import Partition
 
 ONE_VOLUME = "the name of one volume: every bolt has a force of its own"
 # Faces of a shank look across its axis: a larger cosine than that belongs to a cone.

@@ -9,13 +9,12 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from orchestrator.errors import InputError, Problem
-from orchestrator.scene.grains.grains import Grains, tidied
-from orchestrator.scene.grains.voronoi import SIDES, area_vector, scattered
-from orchestrator.scene.mesh.geometry import area_vectors
+from orchestrator.scene.mesh.grains import Grains, tidied
+from orchestrator.scene.mesh.polyhedra import SIDES, area_vector, scattered
+from orchestrator.scene.mesh.geometry import area_vectors, dihedral_angles, dihedral_range, roundness
 from orchestrator.scene.mesh.gmsh_session import HXT, TET, TRIANGLE, elements, last_complaint, points, session
 from orchestrator.scene.mesh.mending import mend
 from orchestrator.scene.mesh.size import DENSITY, check_size, coarser
-from orchestrator.scene.mesh.quality import dihedral_angles, dihedral_range, roundness
 from orchestrator.scene.mesh.mesh import Mesh
 
 PATH = ("mesh", "polycrystal")

@@ -12,9 +12,8 @@ from scipy.sparse import coo_array
 from orchestrator.cost import EXPONENT, predicted_cost
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.mesh import Mesh, split_numbering
 from orchestrator.scene.names import unique_names
-from orchestrator.scene.partition.numbering import split_numbering
 
 
 def metis(mesh: Mesh, faces: Faces, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces, pieces
-from orchestrator.scene.mesh.quality import format_point
 from orchestrator.scene.mesh.mesh import Mesh
+from orchestrator.scene.mesh.geometry import format_point
 
 PATH = ("subdomains",)
 AXES = "xyz"
@@ -49,7 +49,7 @@ def grid(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
 
 def parts(mesh: Mesh, faces: Faces, entry: Any) -> Partition:
     """``entry`` connected parts of about equal size, none of them in two volumes."""
-    from orchestrator.scene.partition.metis import metis  # the others need neither METIS nor sparse matrices
+    from orchestrator.scene.metis import metis  # the others need neither METIS nor sparse matrices
 
     index, volume = metis(mesh, faces, _counted(int(entry), len(mesh.cells)))
     if len(mesh.volumes) == 1:
@@ -79,7 +79,7 @@ def make_partition(mesh: Mesh, faces: Faces, subdomains: Any) -> Partition:
     above = getattr(subdomains, "split_above", None)
     if above is None:
         return partition
-    from orchestrator.scene.partition.metis import split  # by METIS, as above
+    from orchestrator.scene.metis import split  # by METIS, as above
 
     return Partition(*split(mesh, faces, partition.names, above))
 

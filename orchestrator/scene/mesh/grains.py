@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from orchestrator.scene.grains.facets import cut, narrowest
-from orchestrator.scene.grains.voronoi import Tessellation, area_vector, without_repeats
+from orchestrator.scene.mesh.polyhedra import Tessellation, area_vector, cut, narrowest, without_repeats
 
 # Edges are removed below 2.2 h, so that they have two elements, but never above a fifth of a grain's size,
 # where grains lose their shape.
@@ -97,7 +96,7 @@ class Grains:
         return True
 
     def _narrowest(self, grains: set[int], changed: dict[int, list | None]) -> dict[int, float] | None:
-        """See ``facets.narrowest``; ``changed`` takes the place of some faces' triangles."""
+        """See ``narrowest``; ``changed`` takes the place of some faces' triangles."""
         triangles, body = [], []
         for grain in sorted(grains):
             for face in sorted(self.faces_of[grain]):
