@@ -4,7 +4,7 @@ import signal
 import sys
 
 from orchestrator.errors import INTERRUPTED
-from orchestrator.interrupts import interrupt
+from orchestrator.guarded import interrupt
 
 
 def main() -> None:

@@ -14,8 +14,7 @@ from typing import Annotated, Optional
 import typer
 
 from orchestrator.errors import BAD_INPUT, CONVERGED, INTERRUPTED, InputError, Problem, visible
-from orchestrator.guarded import guard_streams, guarded, lost_output
-from orchestrator.interrupts import heard
+from orchestrator.guarded import guard_streams, guarded, heard, lost_output
 from orchestrator.registry import CODES
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
@@ -58,7 +57,7 @@ def run(config: ConfigFile, overrides: Overrides = None,
         reference: Annotated[bool, typer.Option("--reference", help="also solve undecomposed; report the true error")] = False,
         quiet: Annotated[bool, typer.Option("--quiet", help="print nothing but errors")] = False) -> int | None:
     """Solve a problem and write its results."""
-    from orchestrator.memory import check_addresses
+    from orchestrator.processes import check_addresses
     from orchestrator.parallel.launcher import join
 
     check_addresses()
@@ -108,7 +107,7 @@ def check(config: ConfigFile, overrides: Overrides = None,
     if syntax_only:
         print("OK")
         return None
-    from orchestrator.check import checked
+    from orchestrator.inspect import checked
 
     try:
         print(visible("\n".join(checked(loaded.config, run_programs))))

@@ -1,4 +1,8 @@
-"""How a command ends: its exit code, errors shown rather than traced, signals and lost streams in good order."""
+"""How a command ends: its exit code, errors shown rather than traced, signals and lost streams in good order.
+
+Ctrl-C and what means the same end a run also while modules are imported: libraries swallow exceptions that are raised then, or stay
+behind half made. Such an interrupt is raised as soon as the import is over.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +12,40 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-
-import typer
+from types import FrameType
 
 from orchestrator.errors import BLACKBOX_FAILED, INTERRUPTED, InputError, InternalError, OrchestratorError, lacks_memory, visible
-from orchestrator.interrupts import interrupt, raise_waiting
+
+_AGAIN = 0.02  # seconds until it is looked again whether an import is over
+_heard = False
+_waits = False
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handler of signals that end a run in good order: raises KeyboardInterrupt, if need be a little later."""
+    global _heard, _waits
+    _heard = _waits = True
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            signal.signal(signal.SIGALRM, interrupt)
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
+        frame = frame.f_back
+    raise_waiting()
+
+
+def raise_waiting() -> None:
+    """Raises KeyboardInterrupt if an interrupt waits for the end of an import, and lets nothing come later."""
+    global _waits
+    if _waits:
+        _waits = False
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        raise KeyboardInterrupt
+
+
+def heard() -> bool:
+    """Whether there has been an interrupt."""
+    return _heard
 
 
 def guarded(action: Callable[[], int]) -> None:
@@ -45,7 +78,7 @@ def guarded(action: Callable[[], int]) -> None:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
-    raise typer.Exit(code)
+    sys.exit(code)
 
 
 def _show(error: OrchestratorError) -> None:

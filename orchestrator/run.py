@@ -21,10 +21,9 @@ from orchestrator.results.checkpoint import begun
 from orchestrator.results.fields.files import write_piece
 from orchestrator.results.figures.artist import Artist
 from orchestrator.results.folder import ResultsFolder, locked, of_parts
-from orchestrator.results.record import Record
+from orchestrator.results.record import Record, unexpected
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.progress import Progress
-from orchestrator.results.subscribers.remains import unexpected
+from orchestrator.results.progress import Progress
 from orchestrator.results.summary.short_form import print_summary
 from orchestrator.scene.build import build_scene
 from orchestrator.solving import Ranks, solve

@@ -11,8 +11,8 @@ import numpy as np
 
 from orchestrator.blackbox.start import make_blackbox, with_layers, with_own_loads
 from orchestrator.config.model import Config
-from orchestrator.cost import predicted_cost
-from orchestrator.memory import trim
+from orchestrator.timing import Savings, Stopwatch, predicted_cost
+from orchestrator.processes import trim
 from orchestrator.method.checkpoint import Start, numbers_of
 from orchestrator.method.decomposition import Decomposition
 from orchestrator.method.delivery.deliver import Delivered, deliver, on_whole
@@ -28,16 +28,14 @@ from orchestrator.parallel.placement import Placement, ranks_of, with_workers
 from orchestrator.parallel.team import ALONE, Team
 from orchestrator.refused import by_keys, check_codes
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.piece import Piece
+from orchestrator.results.ranks import Piece, whole_states
 from orchestrator.results.solution import Solution, fields_of
-from orchestrator.results.subscribers.whole_states import whole_states
 from orchestrator.results.summary.content import summarise
 from orchestrator.results.summary.workload import Spent, Workload
 from orchestrator.scene.build import build_scene
 from orchestrator.scene.model import Scene
 from orchestrator.scene.part import set_aside
 from orchestrator.scene.soles.make import make_soles
-from orchestrator.timing import Savings, Stopwatch
 
 
 @dataclass(frozen=True)

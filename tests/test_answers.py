@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from orchestrator.cli import app
 from orchestrator.config.load import config_from
-from orchestrator.results.answers.extremes import extremes
+from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.summary.short_form import summary_rows

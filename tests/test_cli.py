@@ -16,7 +16,7 @@ from orchestrator.cli import app
 from orchestrator.errors import BlackBoxError, InputError, Problem
 from orchestrator.parallel.team import ALONE
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.history import write_history
+from orchestrator.results.history import write_history
 from orchestrator.results.summary.summary import write_summary
 
 ROOT = Path(__file__).parents[1]

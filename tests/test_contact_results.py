@@ -21,7 +21,7 @@ from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.figures.charts import tolerance
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.history import read_history
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution
 from orchestrator.results.summary.short_form import summary_rows

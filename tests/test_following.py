@@ -8,7 +8,7 @@ from mortar_case import POISSON, YOUNG
 from orchestrator.config.load import config_from
 from orchestrator.config.model import Config
 from orchestrator.errors import InputError
-from orchestrator.results.answers.answers import work as work_of
+from orchestrator.results.answers import work as work_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.checkpoint import CheckpointWriter, load_checkpoint
 from orchestrator.run import solve

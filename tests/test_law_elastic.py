@@ -16,9 +16,9 @@ from test_laws import assert_consistent
 from orchestrator.config.load import config_from, load_config
 from orchestrator.errors import InputError
 from orchestrator.laws.base import Written
-from orchestrator.results.figures.interfaces import interfaces
+from orchestrator.results.figures.pictures import interfaces
 from orchestrator.results.report.report import report
-from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.history import read_history
 from orchestrator.results.summary.summary import read_summary
 from orchestrator.run import run, solve
 from orchestrator.scene.build import build_scene

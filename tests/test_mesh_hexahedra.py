@@ -7,7 +7,7 @@ import pytest
 import pyvista
 
 from orchestrator.errors import InputError
-from orchestrator.results.fields.vtu import write_vtu
+from orchestrator.results.fields.files import write_vtu
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.mesh.faces import edge_patches
 from orchestrator.scene.mesh.files import read

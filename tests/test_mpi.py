@@ -21,7 +21,7 @@ from orchestrator.parallel.launcher import SHARED
 from orchestrator.parallel.launcher import launched, without_launcher
 from orchestrator.parallel.placement import owners
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.history import read_history
+from orchestrator.results.history import read_history
 from orchestrator.results.checkpoint import read_file
 from orchestrator.results.summary.summary import read_summary
 

@@ -11,10 +11,10 @@ from threads import among
 
 from orchestrator.config.load import config_from
 from orchestrator.method.stopping.discretisation import Estimator
-from orchestrator.results.answers.extremes import extremes
+from orchestrator.results.extremes import extremes
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields, write_piece
-from orchestrator.results.fields.piece import Piece
+from orchestrator.results.ranks import Piece
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.scene.build import build_scene
 

@@ -17,7 +17,7 @@ from quick import late, quick
 from orchestrator.blackbox.models.extended import extended_model
 from orchestrator.blackbox.start import make_blackbox
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.deformed import deformed
+from orchestrator.results.figures.pictures import deformed
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.fields.npz import read_npz

@@ -17,7 +17,7 @@ from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import DIRECTORY_KEY, ResultsFolder
 from orchestrator.results.figures.interactive import write_sealed
 from orchestrator.results.checkpoint import begun
-from orchestrator.results.subscribers.history import HistoryWriter, read_history, write_history
+from orchestrator.results.history import HistoryWriter, read_history, write_history
 from orchestrator.results.summary.summary import write_summary
 
 

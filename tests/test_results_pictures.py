@@ -21,9 +21,8 @@ from orchestrator.results.figures import artist as artists
 from orchestrator.results.figures import surface
 from orchestrator.results.figures.artist import Artist, CannotDraw, drawn
 from orchestrator.results.figures.figures import write_figures
-from orchestrator.results.figures.deformed import PALETTE, codes, deformed, exaggeration
+from orchestrator.results.figures.pictures import PALETTE, codes, deformed, exaggeration, interfaces
 from orchestrator.results.figures.interactive import model_page, result_page
-from orchestrator.results.figures.interfaces import interfaces
 from orchestrator.results.figures.view import Camera, DPI, Look, View
 from orchestrator.results.figures.sheet import compose
 from orchestrator.results.figures.surface import skin

@@ -22,7 +22,7 @@ from orchestrator.errors import BAD_INPUT, InputError
 from orchestrator.method.events import Finished
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.progress import Progress, fraction_done
+from orchestrator.results.progress import Progress, fraction_done
 from orchestrator.results.report import document
 from orchestrator.results.report.report import report
 from orchestrator.results.solution import Solution

@@ -7,7 +7,7 @@ import pytest
 import results_case as case
 
 from orchestrator.results.figures import surface
-from orchestrator.results.figures.deformed import deformed, exaggeration
+from orchestrator.results.figures.pictures import deformed, exaggeration
 from orchestrator.results.figures.view import colour_limits
 from orchestrator.scene.mesh.geometry import area_vectors
 

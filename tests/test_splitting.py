@@ -7,7 +7,7 @@ from quick import late
 from in_process import FREEFEM, IN_PROCESS
 
 from orchestrator.config.model import Config
-from orchestrator.cost import predicted_cost
+from orchestrator.timing import predicted_cost
 from orchestrator.errors import InputError
 from orchestrator.run import solve
 from orchestrator.scene.build import build_scene

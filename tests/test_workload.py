@@ -13,7 +13,7 @@ from orchestrator.blackbox.start import make_blackbox
 from orchestrator.config.load import config_from
 from orchestrator.parallel.team import Team
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.history import write_history
+from orchestrator.results.history import write_history
 from orchestrator.results.report.report import report
 from orchestrator.results.summary.short_form import print_summary
 from orchestrator.results.summary.summary import write_summary

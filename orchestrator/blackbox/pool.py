@@ -21,7 +21,7 @@ from orchestrator.blackbox.protocol import Model, Traits
 from orchestrator.blackbox.transport import messages
 from orchestrator.blackbox.transport.worker import Ended, Worker
 from orchestrator.blackbox.usage import Usage
-from orchestrator.cost import predicted_cost
+from orchestrator.timing import predicted_cost
 from orchestrator.errors import BlackBoxError
 
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from orchestrator.blackbox.models.assembly import representatives
 from orchestrator.blackbox.protocol import BlackBox, Layer, Model
-from orchestrator.cost import STAGES
+from orchestrator.timing import STAGES, Savings
 from orchestrator.errors import BlackBoxError
-from orchestrator.timing import Savings
 
 ALIKE = 1e-8  # relative: stiffnesses of the same tets at other places, whose coordinates are rounded
 # Back-substitutions that cost as much as assembling and factorising; measured 50 to 150 for 5,000 to 60,000 dofs.

@@ -10,7 +10,7 @@ import numpy as np
 import pymetis
 import scipy.sparse as sp
 
-from orchestrator.cost import predicted_cost
+from orchestrator.timing import predicted_cost
 from orchestrator.errors import InputError, Problem
 from orchestrator.parallel.team import Team
 

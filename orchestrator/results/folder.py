@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import json
 import os
 import platform
 import re
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -95,6 +97,12 @@ class ResultsFolder:
         with self.replacing(name) as temporary:
             temporary.write_bytes(content.encode() if isinstance(content, str) else content)
         return self.path / name
+
+    def write_table(self, name: str, rows: Iterable[Sequence[object]]) -> Path:
+        """Writes rows, the head first, as a table of comma-separated values."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(rows)
+        return self.write(name, text.getvalue())
 
     def remove(self, *patterns: str) -> None:
         """Removes those of this program's files that match the shell patterns; those that are missing are no error."""

@@ -4,37 +4,42 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from types import TracebackType
 
 from orchestrator.blackbox.codes.foreign.results import OwnFields
 from orchestrator.config.model import Config
+from orchestrator.errors import InputError, InternalError, OrchestratorError, lacks_memory
 from orchestrator.method.checkpoint import Start
-from orchestrator.results.checkpoint import NAME as CHECKPOINT
-from orchestrator.results.checkpoint import PROBLEM, CheckpointWriter, begun, load_checkpoint
+from orchestrator.method.events import Iteration, Subscriber
+from orchestrator.parallel.team import Elsewhere, Team
+from orchestrator.results.checkpoint import CheckpointWriter, NAME as CHECKPOINT, PROBLEM, begun, load_checkpoint, saved
 from orchestrator.results.fields.files import write_fields
 from orchestrator.results.figures.artist import Artist, CannotDraw
 from orchestrator.results.figures.figures import write_figures
 from orchestrator.results.fingerprint import digest_of, problem_of
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.solution import Solution
-from orchestrator.results.subscribers.history import HistoryWriter, read_history
-from orchestrator.results.subscribers.remains import Remains
-from orchestrator.results.summary.content import note_time
-from orchestrator.results.summary.summary import write_summary
+from orchestrator.results.history import HistoryWriter, read_history
+from orchestrator.results.summary.content import note_time, problem_size
+from orchestrator.results.summary.summary import versions, write_summary
 from orchestrator.scene.model import Scene
 from orchestrator.timing import Stopwatch
 
+TRACEBACK = "traceback.txt"
 
-class Record:
+
+class Record(Subscriber):
     """What a run leaves in its folder while it lasts; as a context manager it is closed on leaving.
 
     folder : cleared of an earlier run's results, unless this one goes on from there
     resume : go on from the checkpoint in the folder
     start : where the run goes on from; None at the beginning
     scene, watch : as given
-    subscribers : history, checkpoint, and what remains if the run dies
+    subscribers : history, checkpoint, and this, which writes a summary if the run dies
     Raises InputError: nothing to resume from, folder not writable, disk full
     """
 
@@ -48,12 +53,12 @@ class Record:
             folder.clear()
             begun(folder)
             folder.write(f"{CHECKPOINT}/{PROBLEM}", json.dumps(problem, indent=1))
-        self.scene, self.watch, self._folder, self._key = scene, watch, folder, key
+        self.scene, self.watch, self._config, self._folder, self._key = scene, watch, config, folder, key
+        self._last: Iteration | None = None
         self._checkpoint = CheckpointWriter(folder, key, self.start)
         self._history = HistoryWriter(folder, self.start and self.start.iteration)
-        self._remains = Remains(folder, config, scene, watch)
         # the history first: of what the checkpoint has, no line may be missing; a line too many is cut off on resuming
-        self.subscribers = [self._history, self._checkpoint, self._remains]
+        self.subscribers = [self._history, self._checkpoint, self]
 
     def finish(self, solution: Solution, fields: bool, artist: Artist | None, beside: Sequence[OwnFields] = ()) -> None:
         """Fields, summary and figures of a finished run; if it has converged, the checkpoint goes once the former are there.
@@ -80,7 +85,7 @@ class Record:
                     solution.answers.write(self._folder)
             self._summarise(summary)
         except BaseException as error:
-            self._remains.unwritten(error, solution)
+            self._left_off(f"{solution.stop_reason}, results not written: {_first_line(error)}; --resume writes them")
             raise
         if solution.converged:
             self._checkpoint.remove()
@@ -113,3 +118,43 @@ class Record:
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._history.close()
+
+    def iteration(self, event: Iteration) -> None:
+        self._last = event
+
+    def failed(self, error: BaseException) -> None:
+        self._left_off("interrupted" if isinstance(error, KeyboardInterrupt) else f"failed: {_first_line(error)}")
+
+    def _left_off(self, reason: str) -> None:
+        """Write the summary of a run that dies: where it stood, and why it went no further."""
+        last = self._last
+        content = {"name": self._config.name, "converged": False, "stop_reason": reason,
+            "iterations": last.iteration if last else 0, "indicator": last.indicator if last else None,
+            "error_bound": last.error_bound if last else None, **problem_size(self.scene),
+            "timing": {"total": self.watch.total, **self.watch.seconds}, "versions": versions(), "config": self._config.complete()}
+        with suppress(InputError):  # a full disk; the error itself is told
+            write_summary(self._folder, content)
+
+
+def _first_line(error: BaseException) -> str:
+    return "interrupted" if isinstance(error, KeyboardInterrupt) else (str(error).splitlines() or [type(error).__name__])[0]
+
+@contextmanager
+def unexpected(folder: ResultsFolder, team: Team) -> Iterator[None]:
+    """Turns what is no error of the user's into an ``InternalError``, its traceback into a file of the folder.
+
+    Memory that is exhausted is a want of memory, not a bug: it is said so.
+    """
+    try:
+        yield
+    except (Exception, Elsewhere) as error:
+        cause = team.cause(error)
+        if isinstance(cause, OrchestratorError) or not isinstance(cause, Exception):
+            raise
+        text, where = "".join(traceback.format_exception(cause)), "standard error"
+        try:
+            where = str(folder.write(TRACEBACK, text))
+        except InputError:
+            traceback.print_exception(cause)
+        what = f"{type(cause).__name__}: {cause}".rstrip(": ")
+        raise InternalError(what, where, saved(folder), lacks_memory(cause)) from error

@@ -15,12 +15,12 @@ from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.reference import Reference
 from orchestrator.method.iterated import Iterated
-from orchestrator.results.answers.answers import Answers
+from orchestrator.results.answers import Answers
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.npz import read_npz, write_npz
-from orchestrator.results.fields.piece import Piece
+from orchestrator.results.ranks import Piece
 from orchestrator.results.folder import ResultsFolder
-from orchestrator.results.subscribers.history import columns, read_history, write_history
+from orchestrator.results.history import columns, read_history, write_history
 from orchestrator.results.summary.summary import read_summary, write_summary
 from orchestrator.results.summary.workload import Spent, codes_of_all
 from orchestrator.scene.model import Scene

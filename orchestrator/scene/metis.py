@@ -9,7 +9,7 @@ import numpy as np
 import pymetis
 from scipy.sparse import coo_array
 
-from orchestrator.cost import EXPONENT, predicted_cost
+from orchestrator.timing import EXPONENT, predicted_cost
 from orchestrator.errors import InputError, Problem
 from orchestrator.scene.mesh.faces import Faces, pieces
 from orchestrator.scene.mesh.mesh import Mesh, split_numbering

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orchestrator.cost import STAGES
+from orchestrator.timing import STAGES
 from orchestrator.method.evaluation import Evaluation, Verdict
 from orchestrator.method.monitors.monitor import Case, Monitor
 from orchestrator.parallel.team import Team

@@ -9,8 +9,7 @@ import numpy as np
 
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.figures.charts import convergence, probes_over_steps, time_per_stage
-from orchestrator.results.figures.deformed import codes, deformed
-from orchestrator.results.figures.interfaces import interfaces
+from orchestrator.results.figures.pictures import codes, deformed, interfaces
 from orchestrator.results.figures.plotting import new_figure, png
 from orchestrator.results.figures.sheet import compose, draw
 from orchestrator.results.figures.surface import edges, outer_faces

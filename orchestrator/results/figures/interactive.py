@@ -15,7 +15,7 @@ import numpy as np
 
 from orchestrator.errors import InputError, Problem
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.figures.deformed import exaggeration, most_deformed, stress_limits
+from orchestrator.results.figures.pictures import exaggeration, most_deformed, stress_limits
 from orchestrator.results.figures.plotting import COLOURS
 from orchestrator.results.figures.surface import Skin, drawn_cells, skin
 from orchestrator.results.figures.view import Look, toward_eye

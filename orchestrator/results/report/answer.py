@@ -8,8 +8,8 @@ from pathlib import Path
 
 from orchestrator.method.stopping.law_residuals import FIXED_POINT, STABILISATION
 from orchestrator.registry import LAWS
-from orchestrator.results.answers.extremes import NAME as EXTREMES
-from orchestrator.results.answers.answers import INTERFACES
+from orchestrator.results.extremes import NAME as EXTREMES
+from orchestrator.results.answers import INTERFACES
 from orchestrator.results.report.document import Marked, by_step, heading, number, plain, section, sentences, table
 from orchestrator.results.summary.words import units_of
 from orchestrator.results.summary.short_form import (answer_rows, hold_sentences, place_sentences,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,19 +12,17 @@ from orchestrator.config.model import Config
 from orchestrator.method.delivery.deliver import Delivered
 from orchestrator.method.delivery.interface_fields import InterfaceFields
 from orchestrator.method.delivery.resultants import Resultants
-from orchestrator.results.answers import extremes as largest
-from orchestrator.results.answers import probes as asked
-from orchestrator.results.answers.extremes import Extremes, extremes, write_extremes
+from orchestrator.results.extremes import Extremes, extremes, write_extremes
 from orchestrator.results.fields.fields import Fields
-from orchestrator.results.fields.piece import Piece
 from orchestrator.results.folder import ResultsFolder
+from orchestrator.results.probes import read_probes, write_probes
+from orchestrator.results.ranks import Piece
 from orchestrator.results.summary.words import place_text
 from orchestrator.scene.model import Scene
 
 INTERFACES = "interfaces.csv"
 COLUMNS = ("interface", "side_1", "side_2", "law", "load_step", "fx", "fy", "fz", "mx", "my", "mz", "x", "y", "z",
            "pressure_x", "pressure_y", "pressure_z", "pressure_max", "area", "work", "dissipation")
-FILES = (largest.NAME, INTERFACES, asked.NAME)
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,7 @@ class Answers:
         if any(detached) or any(s.foreign for s in scene.subdomains):  # of a mesh that is not ours what is inside means nothing
             lost = np.array([[s.foreign or s.body in names for s in scene.subdomains] for names in detached or [[]] * scene.steps])
         ends = extremes(fields.nodal, lost) if piece is None else piece.extremes(fields.believed, lost)
-        found = asked.read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
+        found = read_probes(scene, fields.nodal, delivered.parts) if scene.probes else []
         return cls(ends, InterfaceTable.of(scene, delivered.resultants, delivered.interfaces), found, scene.steps)
 
     def summary(self, config: Config, delivered: Delivered) -> dict[str, object]:
@@ -73,7 +69,7 @@ class Answers:
         if self.interfaces.names:
             self.interfaces.write(folder)
         if self.probes:
-            asked.write_probes(folder, self.probes, self.steps)
+            write_probes(folder, self.probes, self.steps)
 
 
 def reaction_names(config: Config) -> list[str]:
@@ -114,16 +110,12 @@ class InterfaceTable:
 
     def write(self, folder: ResultsFolder) -> Path:
         """Writes the file; places without a centre of pressure are empty."""
-        r, text = self.resultants, io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(COLUMNS)
-        steps = len(self.work)
+        r, steps = self.resultants, len(self.work)
         numbers = np.concatenate([r.force, r.moment, np.broadcast_to(r.centre, r.force.shape), r.pressure_centre, self.pressure[:, :, None],
             np.broadcast_to(r.area[:, None], (steps, len(self.names), 1)), self.work[:, :, None], self.dissipation[:, :, None]], axis=2)
-        for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)):
-            writer.writerows([name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
-                             for step, row in enumerate(numbers[:, k].tolist()))
-        return folder.write(INTERFACES, text.getvalue())
+        return folder.write_table(INTERFACES, [COLUMNS, *(
+            [name, *sides, law, step + 1, *("" if x != x else f"{x:.12g}" for x in row)]
+            for k, (name, sides, law) in enumerate(zip(self.names, self.sides, self.laws)) for step, row in enumerate(numbers[:, k].tolist()))])
 
 
 def work(interfaces: InterfaceFields, rubs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,6 @@ extremes.csv has a line for each: displacement of the nodes, stress as in ``noda
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,11 +116,5 @@ def _ends(values: np.ndarray, part: np.ndarray, count: int) -> tuple[np.ndarray,
 
 def write_extremes(folder: ResultsFolder, found: Extremes) -> Path:
     """Writes extremes.csv."""
-    import csv
-
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([part, quantity, extreme, *(f"{x:.9g}" for x in (value, *at)), step]
-                     for part, quantity, extreme, value, *at, step in found.rows)
-    return folder.write(NAME, text.getvalue())
+    return folder.write_table(NAME, [COLUMNS, *([part, quantity, extreme, *(f"{x:.9g}" for x in (value, *at)), step]
+                                                for part, quantity, extreme, value, *at, step in found.rows)])

@@ -12,15 +12,13 @@ the reactions.
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from orchestrator.blackbox.models.matter import Matter
-from orchestrator.results.answers.extremes import (DISPLACEMENT, STRESS, components_of_displacement, components_of_stress)
+from orchestrator.results.extremes import (DISPLACEMENT, STRESS, components_of_displacement, components_of_stress)
 from orchestrator.results.fields.fields import Fields
 from orchestrator.results.fields.nodal import Nodal
 from orchestrator.results.folder import ResultsFolder
@@ -156,8 +154,5 @@ def columns(probes: Sequence[Mapping[str, object]]) -> Iterator[tuple[str, list[
 def write_probes(folder: ResultsFolder, probes: Sequence[Mapping[str, object]], steps: int) -> Path:
     """Writes probes.csv: a line per load step, a column per component; empty where there is no number."""
     found = list(columns(probes))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["load_step", *(name for name, _ in found)])
-    writer.writerows([step + 1, *("" if values is None else repr(values[step]) for _, values in found)] for step in range(steps))
-    return folder.write(NAME, text.getvalue())
+    rows = [[step + 1, *("" if values is None else repr(values[step]) for _, values in found)] for step in range(steps)]
+    return folder.write_table(NAME, [["load_step", *(name for name, _ in found)], *rows])

@@ -1,1 +1,0 @@
-"""What is asked of a solution: extremes, probes, resultants, work."""

@@ -1,1 +1,0 @@
-"""What listens to the loop: history, progress, checkpoint."""
