@@ -292,7 +292,21 @@ def summary_of(folder):
     return json.loads((folder / "summary.json").read_text())
 
 
-def test_a_converged_run_outlives_its_writing(tmp_path):
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """Displacements and numbers of the iterations of a run that nothing disturbs."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    assert run(loaded(folder), output=folder / "out", quiet=True) == 0
+    return np.load(folder / "out" / "fields.npz")["displacement"], read_history(folder / "out")["iteration"]
+
+
+def same_result(folder, undisturbed):
+    displacement, iterations = undisturbed
+    np.testing.assert_allclose(np.load(folder / "fields.npz")["displacement"], displacement, rtol=0, atol=1e-15)
+    assert np.array_equal(read_history(folder)["iteration"], iterations)
+
+
+def test_a_converged_run_outlives_its_writing(tmp_path, undisturbed):
     """Fields that cannot be written: told, the checkpoint stays, and ``resume`` does nothing but write."""
     out, case = tmp_path / "out", loaded(tmp_path)
 
@@ -313,9 +327,7 @@ def test_a_converged_run_outlives_its_writing(tmp_path):
     assert summary_of(out)["converged"] and not (out / "checkpoint").exists()
     after = read_history(out)
     assert all(np.array_equal(before[name], after[name], equal_nan=True) for name in before), "no iteration more"
-    run(case, output=tmp_path / "other", quiet=True)
-    one, other = (np.load(folder / "fields.npz") for folder in (out, tmp_path / "other"))
-    np.testing.assert_allclose(one["displacement"], other["displacement"], rtol=0, atol=1e-15)
+    same_result(out, undisturbed)
 
 
 @pytest.mark.parametrize("name", ["fields", "figures", "checkpoint"])
@@ -348,7 +360,7 @@ def disk(tmp_path):
 
 
 @pytest.mark.parametrize("left", quick([16, 60, 120, 200, 300, 450, 700], 16, 120, 300, 700))
-def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, capsys):
+def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, undisturbed):
     """However many kB are left: the run iterates to its end, and with room again ``resume`` has the same result."""
     place, fill = disk
     case = loaded(tmp_path)
@@ -362,11 +374,8 @@ def test_a_full_disk_loses_nothing_that_has_converged(tmp_path, disk, left, caps
     (place / "ballast").unlink()
     if code:
         assert run(case, output=place / "out", resume=True, quiet=True) == 0
-    run(case, output=tmp_path / "other", quiet=True)
-    one, other = (np.load(folder / "fields.npz") for folder in (place / "out", tmp_path / "other"))
-    np.testing.assert_allclose(one["displacement"], other["displacement"], rtol=0, atol=1e-15)
+    same_result(place / "out", undisturbed)
     assert summary_of(place / "out")["converged"] and not (place / "out" / "checkpoint").exists()
-    assert np.array_equal(read_history(place / "out")["iteration"], read_history(tmp_path / "other")["iteration"])
 
 
 @pytest.mark.parametrize("after", [False, True], ids=["before", "after"])

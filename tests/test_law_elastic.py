@@ -57,8 +57,8 @@ def elongation(found) -> np.ndarray:
 # --- closed forms -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stiffness", [1.0, 250.0, 1e5, 1e9])
-@pytest.mark.parametrize("element, unit", [("P1", 1.0), ("P2", 1.0), ("P1", 1e-3), ("P1", 1e3)])
+@pytest.mark.parametrize("stiffness, element, unit", [
+    (1.0, "P1", 1.0), (1.0, "P2", 1e3), (250.0, "P1", 1e-3), (250.0, "P1", 1e3), (1e9, "P1", 1e3), (1e9, "P2", 1e-3)])
 def test_two_bars_and_a_spring_between(stiffness, element, unit):
     """δ = σ (2L/E + 1/k), whether the spring is soft or as good as rigid, in any unit of length."""
     found = converged(bars(springs(stiffness), element=element, unit=unit))

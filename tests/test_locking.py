@@ -1,6 +1,7 @@
 """Four-node tets of nearly incompressible matter lock: the estimated error says so, and so do warnings."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -53,6 +54,7 @@ def exactly_solved(case, n, poisson, element="P1"):
     return scene, u.reshape(1, -1, 3), float(u @ (stiffness @ u))
 
 
+@cache
 def estimated(case, n, poisson, element="P1"):
     """The estimate, and ‖u‖²."""
     scene, u, energy = exactly_solved(case, n, poisson, element)

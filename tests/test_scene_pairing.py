@@ -54,8 +54,8 @@ LAWS = {"perfect": {"law": "perfect"}, "friction": {"law": "contact", "friction"
         "press fit": {"law": "contact", "friction": 0.3, "gap": -0.001}, "jump": {"law": "jump", "jump": [0.001, 0, 0.002]}}
 
 
-@pytest.mark.parametrize("kind", ["springs", "symmetric"])
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name, kind", [("perfect", "symmetric"), ("friction", "springs"), ("friction", "symmetric"),
+                                        ("press fit", "springs"), ("jump", "springs")])
 def test_coincident_nodes_are_as_good_as_shared_ones(name, kind, tmp_path):
     """Whatever the law and the sole: the same displacement of either part, the same forces."""
     sole = {"sole": {"kind": "layer" if kind == "springs" else kind, "contact": kind}}
