@@ -27,7 +27,7 @@ from orchestrator.errors import InputError
 from orchestrator.results.fields.npz import read_npz
 from orchestrator.results.folder import ResultsFolder
 from orchestrator.results.report.document import page
-from orchestrator.scene.mesh import gmsh_child
+from orchestrator.scene.mesh import child
 from orchestrator.scene.mesh.files import read
 from orchestrator.scene.mesh.gmsh_session import session
 
@@ -149,12 +149,12 @@ def test_options_beside_a_file_are_not_gmshs(tmp_path, sound, ending):
         assert call("run", tmp_path / "scene.yaml").exit_code == 0
 
 
-@pytest.mark.skipif(sys.platform != "linux" or os.uname().machine not in gmsh_child.MACHINES, reason="no such filter here")
+@pytest.mark.skipif(sys.platform != "linux" or os.uname().machine not in child.MACHINES, reason="no such filter here")
 def test_gmshs_process_starts_no_other(tmp_path):
     """Whatever it may take for a script one day."""
     (tmp_path / "plain.geo").write_text(SCRIPT + 'SystemCall "/usr/bin/touch ' + MARK + '";\nPoint(1) = {0, 0, 0};\n')
     (tmp_path / "plain.geo.opt").write_text(SCRIPT)
-    done = subprocess.run([sys.executable, "-P", gmsh_child.__file__, "plain.geo", "out.msh"], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-P", child.__file__, str(1 << 31), "plain.geo", "out.msh"], capture_output=True, text=True)
     assert "aborting system call" in done.stdout, done  # it came as far as that
 
 
@@ -363,15 +363,15 @@ def test_numbers_of_xdmf_are_beside_it(tmp_path, named):
     ("points.vtu", VTU.format("", "", '<Piece NumberOfPoints="1000000000000" NumberOfCells="1"/>', "")),
     ("cells.vtu", VTU.format("", "", "<Piece NumberOfPoints='4' NumberOfCells='900000000000'/>", "")),
     ("points.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 1000000000000 double\n0 0 0\n")])
-def test_sizes_that_files_declare_are_asked_before_they_are_taken(tmp_path, name, content):
+def test_sizes_that_files_declare_are_not_taken_where_there_is_no_room(tmp_path, name, content):
     (tmp_path / name).write_text(content)
-    with pytest.raises(InputError, match="GB of memory"):
+    with pytest.raises(InputError, match="(?s)cannot be read.*GB of memory"):
         read(tmp_path / name)
 
 
 @pytest.mark.parametrize("mode, coded", [("Appended", False), ("Appended", True), ("Binary", True)])
 def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mode, coded):
-    """Lengths, and blocks of compressed arrays: VTK itself would end the program."""
+    """Blocks of compressed arrays: VTK ends the process that reads. Lengths of others it does not ask."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
     name, points = tmp_path / "tet.vtu", np.vstack([np.zeros(3), np.eye(3)])
@@ -391,11 +391,11 @@ def test_arrays_of_vtk_are_no_larger_than_their_file_or_the_memory(tmp_path, mod
         assert len(read(name).cells) == 1
         sound, start = name.read_bytes(), rb"<AppendedData[^>]*>\s*_" if mode == "Appended" else rb"<DataArray[^>]*>\s*"
         at = re.search(start, sound).end()
-        for words in [(2**60, 1 << 15, 0), (1, 2**60, 0), (1, 1 << 15, 2**60), (2**33, 2**33, 0)] if compressed else [(2**60,)]:
+        for words in [(2**60, 1 << 15, 0), (1, 2**60, 0), (1, 1 << 15, 2**60), (2**33, 2**33, 0)] if compressed else []:
             head = struct.pack(f"<{len(words)}Q", *words)
             head = base64.b64encode(head)[: None if compressed else 10] if coded else head  # what follows is in the same text
             name.write_bytes(sound[:at] + head + sound[at + len(head):])
-            with pytest.raises(InputError, match="declares more than the file has|GB of memory"):
+            with pytest.raises(InputError, match="(?s)cannot be read.*GB of memory"):
                 read(name)
 
 

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import io
 import re
-import subprocess
-import sys
 import tempfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -17,9 +15,10 @@ from typing import Any
 import meshio
 import numpy as np
 
+from orchestrator.scene.mesh.child import apart
 from orchestrator.scene.mesh.inp import read_inp
 from orchestrator.scene.mesh.mesh import Mesh
-from orchestrator.scene.mesh.size import HEAD, bad_file, check_content, check_memory
+from orchestrator.scene.mesh.size import HEAD, bad_file, check_content, check_memory, memory_left
 from orchestrator.scene.mesh.splitting import in_tets, straightened
 from orchestrator.scene.mesh.vtk_files import read_vtk
 
@@ -29,8 +28,6 @@ TAGS = ("gmsh:physical", "medit:ref", "gmsh:geometrical", "avsucd:material", "fl
 ROOM = 2.0  # bytes that reading takes per byte of the file, at least
 BY_VTK = {".vtu", ".pvtu", ".vtk"}  # meshio knows no text and no fields of theirs
 BY_GMSH = {".unv", ".med", ".bdf", ".nas"}  # gmsh reads more of these than meshio does
-CHILD = Path(__file__).with_name("gmsh_child.py")
-SHOWN = 200  # letters of a complaint of gmsh's
 FLAT_CELLS = {"vertex", "line", "line3", "triangle", "quad"}
 
 
@@ -196,12 +193,8 @@ def _read_by_gmsh(path: Path) -> meshio.Mesh:
     with tempfile.TemporaryDirectory(prefix="orchestrator-mesh-") as folder:
         source, target = Path(folder) / f"source{path.suffix.lower()}", Path(folder) / "mesh.msh"
         source.symlink_to(path.resolve())
-        done = subprocess.run([sys.executable, "-P", str(CHILD), source.name, target.name], cwd=folder, stdin=subprocess.DEVNULL,
-                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace", process_group=0)
-        if done.returncode or not target.is_file():
-            said = done.stdout.strip().splitlines()[-1:] if done.returncode == 1 else []
-            reason = said[0].replace(source.name, path.name)[:SHOWN] if said else f"it ended with {done.returncode}"
-            raise bad_file(path, f"cannot be read by gmsh: {reason}", "a mesh file that gmsh reads",
+        if complaint := apart(memory_left(), source, target, folder):
+            raise bad_file(path, f"cannot be read by gmsh: {complaint.replace(source.name, path.name)}", "a mesh file that gmsh reads",
                            "check that the ending fits the content, or save it as .msh")
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):

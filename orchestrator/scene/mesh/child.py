@@ -1,0 +1,149 @@
+"""Reads a file of a stranger by gmsh or VTK in a process of its own, which can start no other and takes no more memory than is free.
+
+    python -P child.py BYTES FILE MESH.msh    by gmsh, which also knows a language with SystemCall: its groups become physical names
+    python -P child.py BYTES FILE GRID.npz    by VTK, which would end this program where a file declares more than there is
+
+It ends with 1 and the reader's complaint on standard output where something is wrong. FILE is for gmsh in a folder of its own: gmsh runs
+the options FILE.opt that it finds beside. Nothing of the orchestrator is imported: that takes longer than to read.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import platform
+import re
+import resource
+import struct
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, FILTER = 38, 22, 2
+LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06  # instructions of the kernel's filter
+NUMBER, ARCHITECTURE, ARGUMENT = 0, 4, 16  # where they find the call's number, the machine's, its first argument's lower half
+ALLOW, REFUSE = 0x7FFF0000, 0x00050000
+THREAD = 0x00010000  # clone's flag: no process of its own
+# machine → its number; calls that start programs, fork, trace others or open connections; clone; clone3
+MACHINES = {"x86_64": (0xC000003E, (59, 322, 57, 58, 101, 310, 311, 41), 56, 435),
+            "aarch64": (0xC00000B7, (221, 281, 117, 270, 271, 198), 220, 435)}
+
+
+SHOWN = 200  # letters of a complaint
+
+
+def apart(room: float, source: Path, target: Path, folder: str) -> str:
+    """Runs this module in a folder; what the reader complains of, empty where it has written the target.
+
+    room : bytes that it may take; source, target : as above
+    """
+    done = subprocess.run([sys.executable, "-P", __file__, str(int(room)), str(source), str(target)], cwd=folder, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, errors="replace", process_group=0)
+    if not done.returncode and target.is_file():
+        return ""
+    said = done.stdout.strip().splitlines()[-1:] if done.returncode == 1 else []
+    return said[0].replace(str(source), source.name)[:SHOWN] if said else f"its reader ended with {done.returncode}"
+
+
+def locked() -> bool:
+    """Takes from this process, for good, the right to start others; False where the system knows no such thing."""
+    if sys.platform != "linux" or platform.machine() not in MACHINES:
+        return False
+    machine, calls, clone, clone3 = MACHINES[platform.machine()]
+    refuse, unknown = REFUSE | errno.EPERM, REFUSE | errno.ENOSYS
+    steps = [(LOAD, 0, 0, ARCHITECTURE), (EQUAL, 1, 0, machine), (RETURN, 0, 0, refuse),
+             (LOAD, 0, 0, NUMBER), (AT_LEAST, 0, 1, 0x40000000), (RETURN, 0, 0, refuse)]  # calls of another width
+    for call in calls:
+        steps += [(EQUAL, 0, 1, call), (RETURN, 0, 0, refuse)]
+    # clone3 hides its flags behind a pointer: the C library then takes clone
+    steps += [(EQUAL, 0, 1, clone3), (RETURN, 0, 0, unknown), (EQUAL, 0, 3, clone),
+              (LOAD, 0, 0, ARGUMENT), (ANY_BIT, 1, 0, THREAD), (RETURN, 0, 0, refuse), (RETURN, 0, 0, ALLOW)]
+    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))  # each: code, jumps if true and if false, value
+    program = struct.pack("HP", len(steps), ctypes.addressof(code))
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+    return not prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) and not prctl(PR_SET_SECCOMP, FILTER, program, 0, 0)
+
+
+def by_gmsh(source: str, target: str) -> None:
+    """Writes a file that gmsh reads as gmsh's own; raises whatever gmsh raises."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("General.NumThreads", 1)
+    try:
+        gmsh.merge(source)
+    except Exception as error:
+        raise RuntimeError(str(error).strip() or gmsh.logger.getLastError()) from None
+    for group in gmsh.model.getPhysicalGroups():
+        name = gmsh.model.getPhysicalName(*group)
+        if name != name.strip():  # MED's have 80 letters
+            gmsh.model.removePhysicalName(name)
+            gmsh.model.setPhysicalName(*group, name.strip())
+    gmsh.option.setNumber("Mesh.SaveAll", 0 if _all_in_groups(gmsh.model) else 1)
+    gmsh.option.setNumber("Mesh.Binary", 1)
+    gmsh.write(target)
+
+
+def _all_in_groups(model: Any) -> bool:
+    """Puts gmsh's volumes that are in no physical group in groups, if anything is in one: without, meshio reads no such file."""
+    groups = model.getPhysicalGroups()
+    if not groups:
+        return False
+    held = [tag for d, number in groups if d == 3 for tag in model.getEntitiesForPhysicalGroup(3, number)]
+    free = [tag for _, tag in model.getEntities(3) if tag not in held]
+    for tags, name in [(free, "volume_0")] if held and free else [([tag], f"volume_{tag}") for tag in free]:
+        number = model.addPhysicalGroup(3, tags)
+        if old := model.getPhysicalName(3, number):  # of a group that is no more
+            model.removePhysicalName(old)
+        model.setPhysicalName(3, number, name)
+    return True
+
+
+def by_vtk(source: str, target: str) -> None:
+    """Writes points, cells, and arrays of one component on the cells and of the file, with their names; raises RuntimeError where VTK complains."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkOutputWindow, vtkStringOutputWindow
+    from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
+    from vtkmodules.vtkIOXML import vtkXMLPUnstructuredGridReader, vtkXMLUnstructuredGridReader
+
+    heard = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(heard)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    ending = source.lower().rpartition(".")[2]
+    reader = {"vtk": vtkUnstructuredGridReader, "pvtu": vtkXMLPUnstructuredGridReader}.get(ending, vtkXMLUnstructuredGridReader)()
+    reader.SetFileName(source)
+    if ending == "vtk":
+        reader.ReadAllScalarsOn()
+        reader.ReadAllFieldsOn()
+    reader.Update()
+    if complaints := heard.GetOutput().strip():  # of a grid half read too: "ERROR: In file, line\nvtkReader (0x…): what is wrong"
+        first = re.search(r"\(0x\w+\): (.+)", complaints)
+        raise RuntimeError(first[1] if first else complaints)
+    grid, found = reader.GetOutput(), {}
+    if grid.GetNumberOfCells():
+        cells = grid.GetCells()
+        found = {"points": vtk_to_numpy(grid.GetPoints().GetData()), "nodes": vtk_to_numpy(cells.GetConnectivityArray()),
+                 "ends": vtk_to_numpy(cells.GetOffsetsArray()), "types": vtk_to_numpy(grid.GetCellTypes())}
+    for what, data in (("cell", grid.GetCellData()), ("field", grid.GetFieldData())):
+        arrays = [data.GetAbstractArray(i) for i in range(data.GetNumberOfArrays())]
+        arrays = [a for a in arrays if a.GetName() and (what == "field" or a.GetNumberOfComponents() == 1)]
+        found[f"{what}_names"] = np.array([a.GetName() for a in arrays], dtype=str)
+        for i, a in enumerate(arrays):
+            text = a.IsA("vtkStringArray")
+            found[f"{what}_{i}"] = np.array([a.GetValue(j) for j in range(a.GetNumberOfValues())], dtype=str) if text else vtk_to_numpy(a).ravel()
+    np.savez(target, **found)
+
+
+if __name__ == "__main__":
+    limit, reader = int(sys.argv[1]) + (1 << 30), by_gmsh if sys.argv[3].endswith(".msh") else by_vtk  # and the readers' own code
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    locked()
+    try:
+        reader(*sys.argv[2:])
+    except Exception as error:
+        print((str(error).strip().splitlines() or [type(error).__name__])[-1])
+        sys.exit(1)
